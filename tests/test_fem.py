@@ -20,8 +20,8 @@ from comparisons.fem.presets import spring as presets
 from comparisons.fem.published import Spring as Configuration
 from comparisons.fem.runs import distribute, run
 from comparisons.fem.statics import Element, Held, solve
-from comparisons.fem.stored import energy_of
 from isorod.errors import InputError, SolveError
+from isorod.fenics.stored import energy_of
 from isorod.material import LinearElastic, NeoHookean
 from meshes.bricks import bricks
 from meshes.template import o_grid
@@ -70,7 +70,7 @@ def test_patch(cylinder, kind, element, law):
 def integral(value) -> float:
     import dolfinx.fem
 
-    from comparisons.fem import compat
+    from isorod.fenics import compat
 
     form = compat.form(value * ufl.dx(metadata={"quadrature_degree": 4}), ("-O2",))
     return dolfinx.fem.assemble_scalar(form)

@@ -17,7 +17,6 @@ import ufl
 from mpi4py import MPI
 from scipy.integrate import trapezoid
 
-from comparisons.fem import compat
 from comparisons.fem.__main__ import BICEPS, _parser
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
@@ -25,8 +24,9 @@ from comparisons.fem.biceps.run import Configuration, belly_bulge, run
 from comparisons.fem.contact.surfaces import Contact
 from comparisons.fem.fields import Sampler
 from comparisons.fem.presets import biceps as biceps_presets
-from comparisons.fem.stored import energy_of
 from isorod.errors import InputError, SolveError
+from isorod.fenics import compat
+from isorod.fenics.stored import energy_of
 from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod

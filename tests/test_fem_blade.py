@@ -93,7 +93,7 @@ def test_modes_file(tmp_path):
 
 @pytest.mark.parametrize("arguments", ["--along 4 --layers 6 --degree 3", "--cells tetrahedra --layers 6"])
 def test_shapes_at_nodes_are_those_of_the_function(arguments):
-    from comparisons.fem import compat
+    from isorod.fenics import compat
 
     chosen = configuration(arguments)
     mesh = chosen.mesh()

@@ -13,20 +13,21 @@ from dataclasses import replace
 
 import dolfinx.fem
 
-from comparisons.fem import compat, modal
+from comparisons.fem import modal
 from comparisons.fem import statics as elements
 from comparisons.fem.domain import Domain
-from comparisons.fem.flags import FAST
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.places import Places, lagrange, on_rod
 from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element, Held
-from comparisons.fem.stored import energy_of
 from isorod import files, statics
 from isorod import modal as rods_modal
 from isorod.errors import InputError, SolveError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import energy_of
 from isorod.geometry.center_line import arc
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean

@@ -9,9 +9,10 @@ pytest.importorskip("dolfinx")
 
 from mpi4py import MPI
 
-from comparisons.fem import compat, runs
+from comparisons.fem import runs
 from comparisons.measure import timing
 from isorod.errors import InputError
+from isorod.fenics import compat
 
 
 def clocked(monkeypatch, *lengths):

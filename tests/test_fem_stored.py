@@ -10,10 +10,10 @@ import dolfinx.mesh
 import ufl
 from mpi4py import MPI
 
-from comparisons.fem import compat
-from comparisons.fem.flags import FAST
-from comparisons.fem.stored import density, energy_of
 from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import density, energy_of
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff

@@ -11,7 +11,7 @@ HOUSE = ROOT / "src" / "isorod"
 
 # From the ground up; what stands before them is a file of its own.
 ROOMS = [
-    *"geometry material petsc space model contact assembly output checks dynamics statics modal".split(),
+    *"geometry material petsc fenics space model contact assembly output checks dynamics statics modal".split(),
     *"scenes files command".split(),
 ]
 GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options", "memory"]
@@ -76,10 +76,17 @@ def test_no_files_import_each_other_in_a_circle(package):
 
 
 def test_the_rod_knows_no_finite_elements_nor_pictures():
-    """pyvista and vtk are loaded where a file is written or a picture drawn; dolfinx, gmsh and the studies never."""
+    """pyvista and vtk are loaded where a file is written or a picture drawn; gmsh and the studies never.
+
+    dolfinx is known in one room, which the others enter where a scene has a finite element body.
+    """
     late = FOREIGN - {"pyvista", "vtk"}
     for file in files(HOUSE):
+        if file.is_relative_to(HOUSE / "fenics"):
+            assert {module.split(".")[0] for module in imports(file)} & FOREIGN <= {"dolfinx", "ufl", "basix"}, file
+            continue
         assert not {module.split(".")[0] for module in imports(file, nested=False)} & FOREIGN, file
+        assert "fenics" not in {room(module) for module in imports(file, nested=False)}, file
         assert not {module.split(".")[0] for module in imports(file)} & late, file
     for file in files(ROOT / "meshes"):
         assert "comparisons" not in {module.split(".")[0] for module in imports(file)}, file

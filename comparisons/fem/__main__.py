@@ -10,11 +10,11 @@ from typing import Any
 
 from comparisons.fem import presets
 from comparisons.fem.arguments import add_options, positive
-from comparisons.fem.flags import FAST
 from isorod import options
 from isorod.command import ending
 from isorod.command.parser import Parser, split
 from isorod.errors import InputError
+from isorod.fenics.flags import FAST
 from isorod.output import results
 from isorod.scenes.biceps import Biceps
 

@@ -8,8 +8,8 @@ from dolfinx.mesh import locate_entities_boundary
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from comparisons.fem import compat
 from isorod.errors import InputError
+from isorod.fenics import compat
 from meshes.mesh import Array, Index, Mesh, match
 
 # Vertices are recognised by position, to this share of the mesh's extent.

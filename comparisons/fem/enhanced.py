@@ -14,7 +14,7 @@ import dolfinx.fem
 import numpy as np
 import ufl
 
-from comparisons.fem import compat
+from isorod.fenics import compat
 from meshes.mesh import Array, gradients
 
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import ufl
 
-from comparisons.fem import compat
-from comparisons.fem.flags import FAST
 from comparisons.fem.statics import Equilibrium
-from comparisons.fem.stored import Energy
 from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import Energy
 from isorod.output.results import write_arrays
 from meshes.mesh import Array, Index
 

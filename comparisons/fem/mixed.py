@@ -16,12 +16,13 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat, quadrature
+from comparisons.fem import quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.flags import FAST
 from comparisons.fem.statics import NEWTON, Held, Newton, Support, variations
-from comparisons.fem.stored import energy_of
 from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import energy_of
 from isorod.material.law import Material
 from isorod.options import defaults
 from meshes.mesh import Array

@@ -15,12 +15,13 @@ import dolfinx.fem
 import numpy as np
 import ufl
 
-from comparisons.fem import compat, mixed, quadrature
+from comparisons.fem import mixed, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.modal import RIGID, Body, Modes, Settings, free_unknowns, lowest
 from comparisons.fem.statics import Held
 from isorod import modal, model, options, statics
 from isorod.command import ending
+from isorod.fenics import compat
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle

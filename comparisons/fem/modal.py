@@ -11,13 +11,14 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat, enhanced, quadrature
+from comparisons.fem import enhanced, quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.flags import FAST
 from comparisons.fem.statics import ALGEBRAIC, Element, rigid_motions
-from comparisons.fem.stored import energy_of
 from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import energy_of
 from isorod.material import LinearElastic
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.pencil import Pencil

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from comparisons.fem import compat
-from comparisons.fem.flags import FAST
 from comparisons.fem.modal import Modes
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
 from isorod.output.results import write_arrays
 from meshes.mesh import Array, Mesh
 

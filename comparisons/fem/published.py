@@ -13,8 +13,8 @@ from comparisons.fem import fields, modal, mode_shapes, runs, statics
 from comparisons.fem.arguments import option
 from comparisons.fem.domain import Domain
 from comparisons.fem.statics import Equilibrium, Held
-from comparisons.fem.stored import energy_of
 from isorod.errors import InputError
+from isorod.fenics.stored import energy_of
 from isorod.material import NeoHookean
 from isorod.scenes import blade as scene_of_blade
 from isorod.scenes import spring as scene_of_spring

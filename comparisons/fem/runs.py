@@ -9,13 +9,13 @@ from typing import Any, ClassVar, TypeVar
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat
 from comparisons.fem.arguments import option, positive, rule
 from comparisons.fem.domain import Domain
-from comparisons.fem.flags import FAST
 from comparisons.fem.statics import Element
 from comparisons.measure import timing
 from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
 from isorod.output import results
 from meshes.mesh import Mesh
 

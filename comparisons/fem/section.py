@@ -21,10 +21,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import isorod
-from comparisons.fem import compat, runs
-from comparisons.fem.flags import FAST
+from comparisons.fem import runs
 from isorod import files
 from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
 from isorod.geometry.quadrature import ring_of
 from isorod.material.law import Isotropic
 from isorod.model.body import Body

@@ -11,12 +11,13 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat, enhanced, quadrature
+from comparisons.fem import enhanced, quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.flags import FAST
-from comparisons.fem.stored import Energy
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import SolveError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import Energy
 from isorod.options import defaults
 from meshes.mesh import Array, Index
 

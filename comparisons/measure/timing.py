@@ -70,7 +70,7 @@ def find_dolfinx(program: str) -> tuple[str, str]:
     # Not what links lead to: a virtual environment is known by the name it is started with.
     interpreter = os.path.abspath(interpreter)
     # Wheels of dolfinx find MPI where mpi4py has loaded it.
-    script = "import mpi4py.MPI, comparisons.fem.published; print(comparisons.fem.compat.version)"
+    script = "import mpi4py.MPI, comparisons.fem.published, dolfinx; print(dolfinx.__version__)"
     done = subprocess.run(
         [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
     )

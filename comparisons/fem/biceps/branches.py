@@ -11,10 +11,11 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from comparisons.fem import compat, quadrature
-from comparisons.fem.flags import FAST
+from comparisons.fem import quadrature
 from comparisons.fem.numbering import Numbered
-from comparisons.fem.stored import Energy, energy_of
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
+from isorod.fenics.stored import Energy, energy_of
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.scenes.biceps import Biceps

@@ -11,12 +11,12 @@ import ufl
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
-from comparisons.fem import compat
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.contact.surfaces import Contact, Pressing
-from comparisons.fem.flags import FAST
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import InputError, SolveError
+from isorod.fenics import compat
+from isorod.fenics.flags import FAST
 from meshes.mesh import Array
 
 # The same forces to 14 digits, a sixth faster.

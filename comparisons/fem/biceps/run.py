@@ -15,9 +15,9 @@ from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.contact.facets import surface_points
 from comparisons.fem.contact.surfaces import Contact
-from comparisons.fem.flags import FAST
 from comparisons.fem.statics import DIRECT, Element
 from isorod.errors import InputError
+from isorod.fenics.flags import FAST
 from isorod.model.body import FORMULATIONS
 from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps

@@ -8,9 +8,9 @@ import dolfinx.fem
 import numpy as np
 from mpi4py import MPI
 
-from comparisons.fem import compat
 from comparisons.fem.numbering import Numbered
 from isorod.errors import InputError
+from isorod.fenics import compat
 from isorod.geometry.rod import Rod
 from meshes.mesh import Array, Index, Mesh, match
 

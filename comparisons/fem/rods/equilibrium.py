@@ -7,7 +7,6 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from comparisons.fem import compat
 from comparisons.fem.continuation import lead
 from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.contacts import Contacts
@@ -20,6 +19,7 @@ from comparisons.fem.statics import DIRECT, NEWTON
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.checks.rigid_motions import refuse_free
 from isorod.errors import SolveError
+from isorod.fenics import compat
 from isorod.model.model import Model
 from isorod.options import defaults
 from meshes.mesh import Array, Mesh

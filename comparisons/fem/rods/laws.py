@@ -7,10 +7,11 @@ import dolfinx.mesh
 import numpy as np
 import ufl
 
-from comparisons.fem import compat, quadrature
+from comparisons.fem import quadrature
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.places import lagrange, on_rod
-from comparisons.fem.stored import constants_of, density
+from isorod.fenics import compat
+from isorod.fenics.stored import constants_of, density
 from isorod.material import symbols
 from isorod.material.law import Material
 from isorod.model.model import Model

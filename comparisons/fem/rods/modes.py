@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.fem import compat, modal
+from comparisons.fem import modal
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
 from isorod.errors import InputError
+from isorod.fenics import compat
 from isorod.model.model import Model
 from meshes.mesh import Array, Mesh
 

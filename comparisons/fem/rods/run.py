@@ -11,11 +11,11 @@ from mpi4py import MPI
 
 from comparisons.fem import runs
 from comparisons.fem.arguments import option, positive
-from comparisons.fem.flags import FAST
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
 from isorod.errors import InputError
+from isorod.fenics.flags import FAST
 from isorod.geometry.rod import Rod
 from isorod.model.load import SectionLoad
 from isorod.model.model import Model

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-from comparisons.fem.flags import FAST
 from comparisons.fem.rods import equilibrium
 from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.statics import Element
 from isorod.errors import InputError
+from isorod.fenics.flags import FAST
 from isorod.model.model import Model
 from meshes.mesh import Mesh
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import dolfinx.fem
 import numpy as np
 
-from comparisons.fem import compat
 from comparisons.fem.rods.elements import Elements
 from isorod.errors import InputError
+from isorod.fenics import compat
 from isorod.model.model import Model
 from isorod.model.support import Support, SupportMotion
 from isorod.space.space import Space

@@ -19,8 +19,8 @@ from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from isorod.arrays import Array, Index
 from isorod.errors import InputError, SolveError
-from meshes.mesh import Array, Index
 
 __all__ = [
     "assemble_array",
@@ -32,11 +32,15 @@ __all__ = [
     "create_mesh",
     "element",
     "expression",
+    "exterior_facets",
     "form",
     "function_space",
     "geometry_dofs",
+    "geometry_element",
+    "impose",
     "interpolation_points",
     "lift",
+    "links",
     "mixed_element",
     "original_cells",
     "petsc_vector",
@@ -212,3 +216,36 @@ def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc
     """Add the tangent's columns of supported degrees of freedom, times what they are still short of, to ``vector``."""
     # By position: the last argument is called scale up to 0.8 and alpha since.
     petsc.apply_lifting(vector, [bilinear], [list(supports)], [state], -1.0)
+
+
+def geometry_element(mesh: Any) -> Any:
+    """Return basix' element of a mesh's geometry, scalar."""
+    kinds = mesh.geometry.cmaps if hasattr(mesh.geometry, "cmaps") else [mesh.geometry.cmap]
+    kind = (kinds() if callable(kinds) else kinds)[0]
+    # 0.5.2 does not tell; its own meshes are of these nodes, and there is but one kind up to degree 2.
+    variant = basix.LagrangeVariant(getattr(kind, "variant", basix.LagrangeVariant.equispaced))
+    cell = getattr(basix.CellType, mesh.topology.cell_name())
+    return basix.create_element(basix.ElementFamily.P, cell, kind.degree, variant)
+
+
+def links(mesh: Any, low: int, high: int) -> tuple[Index, Index]:
+    """Return of each entity of a dimension the entities of another that it touches, and where each one's begin."""
+    mesh.topology.create_entities(min(low, high))
+    mesh.topology.create_connectivity(low, high)
+    found = mesh.topology.connectivity(low, high)
+    return np.asarray(found.array, dtype=np.int64), np.asarray(found.offsets, dtype=np.int64)
+
+
+def exterior_facets(mesh: Any) -> Index:
+    """Return this rank's own facets that have one cell on all ranks together, sorted."""
+    for low, high in ((2, 3), (3, 2)):
+        links(mesh, low, high)
+    return np.sort(np.asarray(dolfinx.mesh.exterior_facet_indices(mesh.topology), dtype=np.int64))
+
+
+def impose(condition: Any, array: Array) -> None:
+    """Write a condition's values into an array as long as a function's ``x.array``."""
+    if hasattr(condition, "set"):
+        condition.set(array)
+    else:
+        fem.set_bc(array, [condition])

@@ -1,0 +1,113 @@
+"""The cells of a dolfinx mesh as maps of the reference cell, and shape functions on them, at many points at once."""
+
+from typing import Any
+
+import basix
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.fenics import compat
+from isorod.tensors import inverse
+
+# Points outside the reference cell by so much count as within.
+SLACK = 1e-9
+
+# Where a cell's map is so flat, in the cube of its size, gradients are taken a hundredth nearer to its middle: two
+# edges of a cell of a round cross-section may be tangent to each other at the corner.
+_FLAT, _INWARD = 1e-6, 0.01
+
+
+class Cells:
+    """A rank's own cells.
+
+    Parameters
+    ----------
+    space
+        The dolfinx space.
+
+    Attributes
+    ----------
+    x
+        Nodes of their geometry, shape ``(cells, n, 3)``.
+    nodes
+        Global numbers of the nodes of displacement, shape ``(cells, m)``.
+    corners
+        Vertices of the reference cell, shape ``(v, 3)``.
+    faces
+        Vertices of each of its facets, shape ``(facets, 3 or 4)``.
+    affine
+        Whether all maps are.
+    """
+
+    def __init__(self, space: Any) -> None:
+        mesh = space.mesh
+        count = mesh.topology.index_map(3).size_local
+        self.element, self.geometry = space.element.basix_element, compat.geometry_element(mesh)
+        self.x: Array = mesh.geometry.x[compat.geometry_dofs(mesh, count)]
+        local = compat.cell_dofs(space, count)
+        numbers = space.dofmap.index_map.local_to_global(local.ravel().astype(np.int32))
+        self.nodes: Index = np.asarray(numbers, dtype=np.int64).reshape(local.shape)
+        kind = self.element.cell_type
+        self.corners: Array = np.asarray(basix.geometry(kind), dtype=float)
+        self.faces: Index = np.array(basix.topology(kind)[2], dtype=np.int64)
+        self.simplex = len(self.corners) == 4
+        self.affine = self.simplex and self.geometry.degree == 1
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the reference cell, shape ``(3,)``."""
+        return np.asarray(self.corners.mean(axis=0))
+
+    def on_faces(self, face: Index, s: Array) -> Array:
+        """Return the reference points of points ``s`` ``(k, 2)`` of reference facets, each on one of its own."""
+        corner = self.corners[self.faces[face]]
+        return np.asarray(corner[:, 0] + np.einsum("kd,kda->ka", s, corner[:, 1:3] - corner[:, :1]))
+
+    def outside(self, X: Array) -> Array:
+        """Return how far reference points ``(k, 3)`` are outside the reference cell, negative within."""
+        least = -X.min(axis=1)
+        return np.asarray(np.maximum(least, (X.sum(axis=1) if self.simplex else X.max(axis=1)) - 1.0))
+
+    def at(self, cells: Index, X: Array, derivatives: int = 1) -> list[Array]:
+        """Return positions ``(k, 3)`` of reference points ``(k, 3)``, and derivatives ``(k, 3, 3)`` and so on."""
+        table, x = tabulated(self.geometry, derivatives, X), self.x[cells]
+        found = np.einsum("dkn,kna->kad", table, x)
+        parts = [found[..., 0]]
+        if derivatives > 0:
+            parts.append(found[..., 1:4])
+        if derivatives > 1:
+            # 200, 110, 101, 020, 011, 002.
+            parts.append(found[..., 4 + np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])])
+        return parts
+
+    def pulled_back(self, cells: Index, points: Array) -> Array:
+        """Return the reference points of points ``(k, 3)`` in a cell each; NaN where there is none near the cell."""
+        X = np.tile(self.middle, (len(cells), 1))
+        active = np.arange(len(cells))
+        for _ in range(1 if self.affine else 25):
+            x, J = self.at(cells[active], X[active])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.einsum("kab,kb->ka", inverse(J)[0], points[active] - x)
+            X[active] += step if self.affine else np.clip(step, -0.5, 0.5)
+            active = active[(np.abs(step).max(axis=1) > 1e-12) & (self.outside(X[active]) < 2.0)]
+        if not self.affine:
+            X[active] = np.nan
+        return X
+
+    def extrapolated(self, cells: Index, X: Array, points: Array) -> Array:
+        """Return the shape functions ``(k, m)`` at points by linear extrapolation from reference points of cells."""
+        x, J = self.at(cells, X)
+        flat = np.abs(np.linalg.det(J)) < _FLAT * np.linalg.norm(J, axis=(1, 2)) ** 3
+        if flat.any():
+            X = np.where(flat[:, None], X + _INWARD * (self.middle - X), X)
+            x, J = self.at(cells, X)
+        table = tabulated(self.element, 1, X)
+        away = np.einsum("kab,kb->ka", inverse(J)[0], points - x)
+        return np.asarray(table[0] + np.einsum("dkm,kd->km", table[1:4], away))
+
+
+def tabulated(element: Any, derivatives: int, X: Array) -> Array:
+    """Return a scalar element's functions and their derivatives, in basix' order, shape ``(derivatives, k, m)``."""
+    # basix of dolfinx 0.5.2 aborts where there are no points.
+    count = len(X)
+    return np.asarray(element.tabulate(derivatives, X if count else np.zeros((1, 3)))[:, :count, :, 0])

@@ -1,0 +1,69 @@
+"""The forms of a body: of a law's stored energy, or of a user's residual, split into inner and outer work."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import dolfinx.fem
+import ufl
+from ufl.algorithms import extract_coefficients
+from ufl.classes import Sum
+
+from isorod.errors import InputError
+from isorod.fenics import stored
+from isorod.material.law import Material
+
+
+def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, Any]:
+    """Return the stored energy of a body and its first variation, UFL forms.
+
+    Parameters
+    ----------
+    law
+        The law.
+    unknown
+        The displacement, a dolfinx Function.
+    factor
+        The load factor, a dolfinx Constant, which activation grows with.
+    degree
+        Of quadrature.
+
+    Raises
+    ------
+    InputError
+        If the law is incompressible, or its fibres follow a rod.
+    """
+    if law.follows:
+        raise InputError("law: its fibres follow a rod; on a finite element body give them as a vector")
+    directions = law.fibres(()).reshape(-1, 3)
+    fibres = tuple(ufl.as_vector([float(one) for one in direction]) for direction in directions)
+    F = ufl.Identity(3) + ufl.grad(unknown)
+    dx = ufl.dx(domain=unknown.function_space.mesh, metadata={"quadrature_degree": degree})
+    energy = stored.energy_of(law, factor, fibres)(F) * dx
+    test = ufl.TestFunction(unknown.function_space)
+    residual = ufl.derivative(energy, unknown, test)
+    if law.logarithmic:
+        # Else stress without a logarithm, as where nu = 0, has a value where there is no volume.
+        nothing = dolfinx.fem.Constant(unknown.function_space.mesh, 0.0)
+        residual += nothing * ufl.ln(ufl.det(F)) * ufl.div(test) * dx
+    return energy, residual
+
+
+def split(form: Any, unknown: Any) -> tuple[Any, Any]:
+    """Return the terms of a residual in which the unknown stands, and the others with their sign changed: the loads."""
+    inner, outer = ufl.Form([]), ufl.Form([])
+    for integral in form.integrals():
+        for term in _terms(integral.integrand()):
+            part = ufl.Form([integral.reconstruct(term)])
+            if unknown in extract_coefficients(term):
+                inner += part
+            else:
+                outer -= part
+    return inner, outer
+
+
+def _terms(integrand: Any) -> Iterator[Any]:
+    if isinstance(integrand, Sum):
+        for operand in integrand.ufl_operands:
+            yield from _terms(operand)
+    else:
+        yield integrand

@@ -1,0 +1,277 @@
+"""A finite element body of dolfinx: its forces, tangent and masses in the numbering of its space, and its surface."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import dolfinx.fem
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Index, Numbers
+from isorod.errors import InputError, numbers
+from isorod.fenics import compat, forms
+from isorod.fenics.flags import FAST
+from isorod.fenics.surface import Rows, Surface, Trace
+from isorod.material.law import Material
+
+__all__ = ["Rows", "Solid", "Trace"]
+
+
+class Solid:
+    """A finite element body: a dolfinx space with a stored energy or a UFL residual, Dirichlet conditions and loads.
+
+    Unknowns are displacements, units of length; number ``3 node + component``, with dolfinx' global numbers of nodes,
+    of which each rank owns a range.  All methods are collective over the mesh's communicator.
+
+    Parameters
+    ----------
+    space
+        dolfinx space of vectors ``(3,)``, Lagrange, of a mesh of tetrahedra or hexahedra.
+    law
+        The law; its fibres, if any, are vectors.  Activation grows with the load factor.  Its energy is integrated by
+        rules of degree ``2 p`` on hexahedra and ``2 p - 2``, at least 1, on tetrahedra, ``p`` the space's degree.
+    density
+        Mass per reference volume; asked for where masses are.
+    conditions
+        Dirichlet conditions of dolfinx on the space or its components: their values are those at load factor 1.
+    load
+        UFL linear form: external virtual work at load factor 1.
+    form
+        UFL residual instead of a law: virtual work of the stresses less that of the loads at load factor 1.  Summands
+        in which ``unknown`` does not stand are loads; quadrature is as the form says.
+    unknown
+        The Function that stands for the displacement in ``form`` and ``load``; it is overwritten.
+
+    Raises
+    ------
+    InputError
+        If the mesh is not one of solid cells in space, the space no vector Lagrange space, or not both geometry and
+        displacement can be rotated rigidly; law and form are both given, or neither.
+    SolveError
+        If the C compiler fails.
+    """
+
+    def __init__(
+        self,
+        space: Any,
+        law: Material | None = None,
+        density: float = 0.0,
+        conditions: Sequence[Any] = (),
+        load: Any = None,
+        form: Any = None,
+        unknown: Any = None,
+    ) -> None:
+        _check(space, law, form, unknown)
+        self.space, self.law, self.density, self.conditions = space, law, float(density), tuple(conditions)
+        mesh = space.mesh
+        self.comm: MPI.Comm = mesh.comm
+        index_map = space.dofmap.index_map
+        self.nodes = int(index_map.size_global)
+        self.owned: tuple[int, int] = tuple(int(k) for k in index_map.local_range)  # type: ignore[assignment]
+        self._count = self.owned[1] - self.owned[0]
+        self._unknown = unknown if unknown is not None else dolfinx.fem.Function(space)
+        self._force = dolfinx.fem.Function(space)
+        self._factor = dolfinx.fem.Constant(mesh, 1.0)
+        self._energy = None
+        if law is not None:
+            energy, inner = forms.of_law(law, self._unknown, self._factor, self._degree)
+            self._energy = compat.form(energy, FAST)
+            outer = ufl.Form([])
+        else:
+            inner, outer = forms.split(form, self._unknown)
+        if load is not None:
+            outer += load
+        self._load = None if outer.empty() else compat.form(outer, FAST)
+        whole = inner if outer.empty() else inner - self._factor * outer
+        self._residual = compat.form(whole, FAST)
+        tangent = ufl.derivative(whole, self._unknown, ufl.TrialFunction(space))
+        self._tangent = compat.form(tangent, FAST)
+
+    @property
+    def _degree(self) -> int:
+        """Degree of quadrature."""
+        degree = int(self.space.element.basix_element.degree)
+        return 2 * degree if self._bricks else max(1, 2 * degree - 2)
+
+    @property
+    def _bricks(self) -> bool:
+        return str(self.space.mesh.topology.cell_name()) == "hexahedron"
+
+    @cached_property
+    def positions(self) -> Array:
+        """Where this rank's nodes are at rest, shape ``(nodes, 3)``."""
+        return np.array(self.space.tabulate_dof_coordinates()[: self._count], dtype=float)
+
+    @property
+    def held(self) -> tuple[Index, Array]:
+        """What conditions hold here: global numbers of unknowns ``(n,)`` ascending, and values at load factor 1."""
+        values = dolfinx.fem.Function(self.space)
+        mine = [np.empty(0, dtype=np.int64)]
+        for one in self.conditions:
+            dofs, count = one.dof_indices()
+            mine.append(np.asarray(dofs[:count], dtype=np.int64))
+            compat.impose(one, values.x.array)
+        local = np.unique(np.concatenate(mine))
+        return local + 3 * self.owned[0], values.x.array[local].astype(float)
+
+    def residual(self, u: Array, factor: float) -> Array:
+        """Return this rank's entries ``(3 nodes,)`` of internal forces less ``factor`` times the external ones.
+
+        NaN where a nonlinear law meets ``det F <= 0``.
+
+        Parameters
+        ----------
+        u
+            This rank's displacements, shape ``(3 nodes,)``.
+        factor
+            Load factor.
+        """
+        self._set(u, factor)
+        return self._assembled(self._residual)
+
+    def tangent(self, u: Array, factor: float) -> PETSc.Mat:
+        """Return the derivative of `residual` (AIJ), the same matrix in every call."""
+        self._set(u, factor)
+        compat.assemble_matrix(self._matrix, self._tangent, ())
+        return self._matrix
+
+    @cached_property
+    def _matrix(self) -> PETSc.Mat:
+        return compat.create_matrix(self._tangent, "aij")
+
+    def mass(self) -> PETSc.Mat:
+        """Return the consistent mass matrix (AIJ), the same in every call.
+
+        Raises
+        ------
+        InputError
+            If there is no density.
+        """
+        if not 0.0 < self.density < np.inf:
+            raise InputError(f"density of the solid: got {self.density:g}, need a positive mass per volume")
+        return self._mass
+
+    @cached_property
+    def _mass(self) -> PETSc.Mat:
+        u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        degree, geometry = self.space.element.basix_element.degree, compat.geometry_element(self.space.mesh).degree
+        # With the determinant of the map's gradient.
+        exact = 2 * degree + (3 * geometry - 1 if self._bricks else 3 * (geometry - 1))
+        dx = ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": exact})
+        bilinear = compat.form(self.density * ufl.inner(u, v) * dx, FAST)
+        matrix = compat.create_matrix(bilinear, "aij")
+        compat.assemble_matrix(matrix, bilinear, ())
+        return matrix
+
+    def energy(self, u: Array, factor: float) -> float:
+        """Return the stored energy of all ranks.
+
+        Raises
+        ------
+        InputError
+            If the body has no law.
+        """
+        if self._energy is None:
+            raise InputError("energy of the solid: it was given as a form, which stores none; give a law")
+        self._set(u, factor)
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
+
+    def external(self) -> Array:
+        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1, where these follow the body at rest."""
+        self._set(np.zeros(3 * self._count), 1.0)
+        return np.zeros(3 * self._count) if self._load is None else self._assembled(self._load)
+
+    def function(self, u: Array) -> Any:
+        """Return this rank's displacements ``(3 nodes,)`` as a new dolfinx Function."""
+        found = dolfinx.fem.Function(self.space)
+        _fill(found, u)
+        return found
+
+    def rows(self, points: Numbers, facets: Index | None = None) -> Rows:
+        """Return shape functions at points, by linear extrapolation from the nearest point of the body.
+
+        Every rank passes the same points and gets the same answer.
+
+        Parameters
+        ----------
+        points
+            Shape ``(q, 3)``.
+        facets
+            This rank's numbers of exterior facets: only cells that have one are looked at, and points outside of these
+            are projected on the facets.  All cells and exterior facets if None.
+
+        Raises
+        ------
+        InputError
+            If points are not finite positions, facets are none on all ranks, or not all exterior.
+        """
+        where = numbers("points", points)
+        if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
+            raise InputError(f"points: got shape {where.shape}, need finite positions, shape (q, 3)")
+        return self._surface.rows(where, facets)
+
+    def trace(self, facets: Index) -> Trace:
+        """Return points of quadrature on exterior facets, of all ranks on each.
+
+        Parameters
+        ----------
+        facets
+            This rank's numbers of them.
+
+        Raises
+        ------
+        InputError
+            If there are none on all ranks, or not all are exterior.
+        """
+        return self._surface.trace(facets)
+
+    @cached_property
+    def _surface(self) -> Surface:
+        return Surface(self.space)
+
+    def _set(self, u: Array, factor: float) -> None:
+        _fill(self._unknown, u)
+        self._factor.value = factor
+
+    def _assembled(self, form: Any) -> Array:
+        vector = compat.petsc_vector(self._force)
+        compat.assemble_vector(vector, form)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return np.array(self._force.x.array[: 3 * self._count], dtype=float)
+
+
+def _fill(function: Any, u: Array) -> None:
+    function.x.array[: len(u)] = u
+    function.x.scatter_forward()
+
+
+def _check(space: Any, law: Material | None, form: Any, unknown: Any) -> None:
+    """Raise `InputError` if a body cannot be made of these."""
+    mesh = getattr(space, "mesh", None)
+    if mesh is None or not hasattr(space, "dofmap"):
+        raise InputError(f"space of the solid: got {type(space).__name__}, need a dolfinx function space")
+    cell = str(mesh.topology.cell_name())
+    if mesh.geometry.dim != 3 or cell not in ("tetrahedron", "hexahedron"):
+        raise InputError(
+            f"mesh of the solid: got {cell} cells in {mesh.geometry.dim}-D, need tetrahedra or hexahedra in 3-D"
+        )
+    size = space.dofmap.index_map_bs
+    if size != 3:
+        raise InputError(f"space of the solid: got block size {size}, need a vector space of 3 components")
+    element = space.element.basix_element
+    if element.family.name != "P" or element.discontinuous or not space.element.interpolation_ident:
+        raise InputError(f"space of the solid: got {space.ufl_element()}, need Lagrange elements")
+    if (law is None) == (form is None):
+        raise InputError(
+            f"solid: got {'neither a law nor' if law is None else 'both a law and'} a form, need one of them"
+        )
+    if form is not None:
+        if unknown is None:
+            raise InputError("solid: got a form without its unknown, the dolfinx Function of displacement in it")
+        if len(form.arguments()) != 1:
+            raise InputError(f"form of the solid: got {len(form.arguments())} arguments, need one test function")
+    if unknown is not None and unknown.function_space != space:
+        raise InputError("unknown of the solid: it is of another space than the one given")

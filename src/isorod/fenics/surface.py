@@ -1,0 +1,136 @@
+"""Rows of shape functions at points, and quadrature on facets, of bodies that are distributed over ranks."""
+
+from typing import Any, NamedTuple
+
+import basix
+import numpy as np
+from mpi4py import MPI
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.fenics import compat
+from isorod.fenics.cells import Cells, tabulated
+from isorod.fenics.nearest import Nearest
+from isorod.tensors import inverse
+
+
+class Rows(NamedTuple):
+    """Shape functions at points, by linear extrapolation from the nearest point of the body.
+
+    They reproduce linear fields, rigid motions among these, also across a gap.
+
+    Attributes
+    ----------
+    nodes
+        Global numbers of nodes, shape ``(q, m)``.
+    values
+        The shape functions, shape ``(q, m)``.
+    gap
+        Distance from the body, 0 within, shape ``(q,)``.
+    """
+
+    nodes: Index
+    values: Array
+    gap: Array
+
+
+class Trace(NamedTuple):
+    """Points of quadrature on a surface of the body.
+
+    Attributes
+    ----------
+    points, normals
+        Positions and outward unit normals at rest, shape ``(q, 3)``.
+    weights
+        Area of each, shape ``(q,)``.
+    nodes
+        Global numbers of the nodes whose shape functions do not vanish on the facet, shape ``(q, m)``.
+    values
+        These shape functions, shape ``(q, m)``.
+    """
+
+    points: Array
+    normals: Array
+    weights: Array
+    nodes: Index
+    values: Array
+
+
+class Surface:
+    """Where a body of a space is, and its surface."""
+
+    def __init__(self, space: Any) -> None:
+        self._space, self._comm = space, space.mesh.comm
+        self._cells = Cells(space)
+        self._exterior = compat.exterior_facets(space.mesh)
+
+    def rows(self, points: Array, facets: Index | None) -> Rows:
+        """Return `Rows` at points that all ranks know."""
+        own = self._exterior if facets is None else self._own(facets)
+        carrier, face = self._places(own)
+        some = np.arange(len(self._cells.x)) if facets is None else np.unique(carrier)
+        place = Nearest(self._cells, some, carrier, face)(points)
+        # The nearest rank answers, of several the first.
+        gap, least = place.distance, np.empty_like(place.distance)
+        self._comm.Allreduce(gap, least, op=MPI.MIN)
+        rank = np.where(gap <= least, self._comm.rank, self._comm.size).astype(np.int64)
+        first = np.empty_like(rank)
+        self._comm.Allreduce(rank, first, op=MPI.MIN)
+        mine = np.flatnonzero((first == self._comm.rank) & (place.cell >= 0))
+        count = self._cells.nodes.shape[1]
+        nodes, values = np.zeros((len(points), count), dtype=np.int64), np.zeros((len(points), count))
+        nodes[mine] = self._cells.nodes[place.cell[mine]]
+        values[mine] = self._cells.extrapolated(place.cell[mine], place.X[mine], points[mine])
+        self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
+        self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
+        return Rows(nodes, values, least)
+
+    def trace(self, facets: Index) -> Trace:
+        """Return the `Trace` of exterior facets."""
+        cells = self._cells
+        carrier, face = self._places(self._own(facets))
+        kind = basix.CellType.triangle if cells.simplex else basix.CellType.quadrilateral
+        s, w = basix.make_quadrature(kind, 2 * cells.element.degree + 2 * cells.geometry.degree)[:2]
+        parts = []
+        layout = self._space.dofmap.dof_layout
+        normals = basix.cell.facet_outward_normals(cells.element.cell_type)
+        for f in range(len(cells.faces)):
+            own = carrier[face == f]
+            on = np.asarray(layout.entity_closure_dofs(2, f), dtype=np.int64)
+            X = cells.on_faces(np.full(len(s), f), s)
+            values = tabulated(cells.element, 0, X)[0][:, on]
+            of, X = np.repeat(own, len(s)), np.tile(X, (len(own), 1))
+            x, J = cells.at(of, X)
+            # Nanson's formula.
+            corner = cells.corners[cells.faces[f]]
+            area = np.cross(J @ (corner[1] - corner[0]), J @ (corner[2] - corner[0]))
+            size = np.linalg.norm(area, axis=1)
+            outward = np.einsum("kba,b->ka", inverse(J)[0], normals[f])
+            area *= np.sign(np.einsum("ka,ka->k", area, outward))[:, None] / size[:, None]
+            nodes = np.repeat(cells.nodes[own][:, on], len(s), axis=0)
+            parts.append(Trace(x, area, np.tile(w, len(own)) * size, nodes, np.tile(values, (len(own), 1))))
+        mine = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        return Trace(*(np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)))
+
+    def _own(self, facets: Index) -> Index:
+        """Return the given facets that are this rank's own."""
+        mesh = self._space.mesh
+        facets = np.unique(np.asarray(facets, dtype=np.int64))
+        own = facets[facets < mesh.topology.index_map(2).size_local]
+        inner = np.setdiff1d(own, self._exterior)
+        total, wrong = self._comm.allreduce(np.array([len(own), len(inner)]), op=MPI.SUM)
+        if total == 0:
+            raise InputError("facets of the solid: there is none on any rank; name facets of its surface")
+        if wrong:
+            raise InputError(
+                f"facets of the solid: {wrong} of {total} are inside of the mesh, need those of its surface"
+            )
+        return own
+
+    def _places(self, facets: Index) -> tuple[Index, Index]:
+        """Return the cells of exterior facets, and which of their facets they are."""
+        mesh = self._space.mesh
+        cells, first = compat.links(mesh, 2, 3)
+        carrier = cells[first[facets]]
+        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[carrier]
+        return carrier, (table == facets[:, None]).argmax(axis=1)
