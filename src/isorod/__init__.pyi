@@ -45,13 +45,17 @@ from isorod.model import Body as Body
 from isorod.model import BodyForce as BodyForce
 from isorod.model import Contact as Contact
 from isorod.model import Cylinder as Cylinder
+from isorod.model import EndFace as EndFace
+from isorod.model import LateralSurface as LateralSurface
 from isorod.model import Model as Model
 from isorod.model import Plane as Plane
 from isorod.model import Pressure as Pressure
 from isorod.model import SectionLoad as SectionLoad
+from isorod.model import SolidSurface as SolidSurface
 from isorod.model import Sphere as Sphere
 from isorod.model import Spin as Spin
 from isorod.model import Support as Support
+from isorod.model import Tie as Tie
 from isorod.model import TriangleMesh as TriangleMesh
 from isorod.output.matrices import Matrices as Matrices
 from isorod.output.matrices import matrices as matrices

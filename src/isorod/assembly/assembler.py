@@ -1,25 +1,20 @@
 """Residual, tangent and energy of a model as PETSc vectors and matrices; elements and rows split along the axis."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import memory
 from isorod.arrays import Array, Index
 from isorod.assembly.extrapolation import pays
-from isorod.assembly.mass import masses
 from isorod.assembly.part import Part
+from isorod.assembly.parts import Parts
 from isorod.assembly.pattern import Pattern, add
-from isorod.assembly.split import Share
-from isorod.assembly.unknowns import Unknowns
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
-from isorod.petsc.matrix import componentwise, create_matrix, fits, keep_symmetric, preallocate, set_values, zeros
+from isorod.petsc.matrix import fits, keep_symmetric, preallocate, set_values, zeros
 
 if TYPE_CHECKING:
     from isorod.assembly.pressing import Pressing
@@ -28,60 +23,25 @@ if TYPE_CHECKING:
 # Attribute of a tangent: the pattern of the parts' entries.
 _PATTERN = "isorod_pattern"
 
-# Bytes that an entry of the tangent takes at least: number, column, what is added up on the way, and the factor.
-_TO_AN_ENTRY = 40.0
 
-
-class Assembler(Unknowns):
+class Assembler(Parts):
     """Assembles a model over a communicator.
 
     Attributes
     ----------
     contact
         Contact of the bodies (`isorod.contact.operator.ContactOperator`), or None.
-    seconds
-        Wall time spent in assembly so far.
-    built
-        Names of the operators that were built.
-    parts
-        The elements of each body on this rank.
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
-        self.seconds = 0.0
-        self.built: list[str] = []
-        # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
-        PETSc.garbage_cleanup()
-        self._stage = PETSc.Log.Stage("assembly")
         # What the elements had in the last tangent, kept where there is contact.
         self._elements: Array | None = None
         # The displacement of the whole model that the last local state is of, where there is contact.
         self._everywhere: Array = np.empty(0)
+        super().__init__(model, comm)
         with self._timed():
-            super().__init__(model, comm)
-            memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
-            self.parts = [self._part(share) for share in self.shares]
             self.contact = self._contact()
             self._pressing = self._followers()
-
-    def _part(self, share: Share) -> Part:
-        """Return the elements of a body that this rank has."""
-        return Part(share, self._exchange)
-
-    @contextmanager
-    def _timed(self) -> Iterator[None]:
-        start = perf_counter()
-        self._stage.push()
-        try:
-            yield
-        finally:
-            self._stage.pop()
-            self.seconds += perf_counter() - start
-
-    def note(self, operator: str) -> None:
-        """Add to the names of the operators that were built."""
-        if operator not in self.built:
-            self.built.append(operator)
 
     def _contact(self) -> "ContactOperator | None":
         if not self.model.contacts:
@@ -138,18 +98,6 @@ class Assembler(Unknowns):
         """Forces of the loads at load factor 1."""
         return self._once(self.model.external) if self.model.loads else np.zeros(self._exchange.size)
 
-    def _matrix(
-        self, indices: Callable[[], tuple[Index, Index]], pattern: Pattern | None = None, components: int = 1
-    ) -> PETSc.Mat:
-        """Return a new matrix of one of several components, with room for entries."""
-        rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
-        known = (None, 0) if pattern is None else (pattern.layout, pattern.total)
-        return create_matrix(self.comm, (rows, unknowns), block, indices, *known)
-
-    def _ranks(self, components: int = 1) -> tuple[PETSc.Comm, int] | None:
-        """Return what a pattern, such as one component's, is told of ranks where the matrix may have its layout."""
-        return None if PETSc.Options().hasName("mat_type") else (self.comm, self.rows // components)
-
     def matrix(self) -> PETSc.Mat:
         """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
         rods = self._own_matrix()
@@ -179,13 +127,6 @@ class Assembler(Unknowns):
             found.append((self.unknown_of[self.contact.rows], self.unknown_of[self.contact.columns]))
         rows, columns = zip(*found, strict=True)
         return (rows[0], columns[0]) if len(found) == 1 else (np.concatenate(rows), np.concatenate(columns))
-
-    def _sums(self, shares: Iterable[Array]) -> Array:
-        """Return the sums over this rank's degrees of freedom of what its parts have, shape of `Part.dofs` each."""
-        total = np.zeros(self._exchange.size)
-        for part, share in zip(self.parts, shares, strict=True):
-            part.add(share, total)
-        return total
 
     def _internal(self, local: Array, factor: float) -> Array:
         """Return the internal forces on this rank's degrees of freedom."""
@@ -237,7 +178,7 @@ class Assembler(Unknowns):
             return self._bound(self._forces(self._state(x, factor), factor))
 
     def system_forces(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return the internal less the external forces on all degrees of freedom, of rods and of solids, on every rank."""
+        """Return the internal less the external forces on all degrees of freedom, solids' too, on every rank."""
         assert self.coupling is not None
         with self._timed():
             rods = self.everywhere(self._forces(self._state(x, factor), factor))
@@ -255,9 +196,9 @@ class Assembler(Unknowns):
             moved, slots = self._exchange.moved
             loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
             total = self._forces(self._state(x, factor), factor)[slots]
-            own = np.bincount(moved[loose] % 3, total[loose], 3)
+            own: Array = np.bincount(moved[loose] % 3, total[loose], 3).astype(float)
             if self.coupling is not None:
-                own += self.coupling.unheld(self.coupling.solid_forces(x, factor))
+                own = own + self.coupling.unheld(self.coupling.solid_forces(x, factor))
             return np.asarray(self.comm.tompi4py().allreduce(own))
 
     def inside(self, x: PETSc.Vec, factor: float) -> float:
@@ -363,39 +304,6 @@ class Assembler(Unknowns):
             part.add(-step * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
             part.add_activation(local, step, total)
-
-    def mass(self, lumped: bool = False) -> PETSc.Mat:
-        """Return the mass matrix of the unknowns, consistent or lumped.
-
-        Lumped, the carriers (`Space.is_carrier`) get their row sums over each other, so that the total mass is right;
-        the others get their diagonal entries.  Pressures of the mixed formulation have none.
-        """
-        with self._timed():
-            rods = self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
-            if self.coupling is None:
-                return rods
-            return self.coupling.matrix(rods, [solid.mass() for solid in self.model.solids], True)
-
-    def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
-        """Return the mass matrix to multiply with.
-
-        Where none of a node's components is held without the others, it is that of one component (PETSc's MAIJ).
-        """
-        if self.block == 1 or PETSc.Options().hasName("mat_type"):
-            return self.mass(lumped)
-        with self._timed():
-            one = self._mass(lumped, [self.model.free[::3] // 3])
-            matrix = keep_symmetric(componentwise(one, 3))
-            one.destroy()
-            return matrix
-
-    def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:
-        """Return the mass matrix of the components of which each node's numbers are given, all three or one."""
-        found = masses(self.parts, numbers, lumped, self._ranks(3))
-        matrix = keep_symmetric(self._matrix(found.indices, found.pattern, 3 // len(numbers)))
-        set_values(matrix, np.tile(found.entries, len(numbers)))
-        self.note("lumped mass" if lumped else "mass")
-        return matrix
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""

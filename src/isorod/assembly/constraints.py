@@ -4,7 +4,7 @@ Of a tie, ``integral of t_i (u_slave - u_master) = 0`` over the slave's surface,
 functions that no support holds, is solved for the slave's coefficients (`isorod.model.tie.Tie`).
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, diags, vstack
@@ -30,18 +30,6 @@ _SAME = 1e-9
 
 # The largest gap by default, in sizes of the slave.
 _GAP = 0.1
-
-
-class SolidBody(Protocol):
-    """What constraints ask of a finite element body (`isorod.fenics.solid.Solid`)."""
-
-    nodes: int
-
-    def rows(self, points: Array, facets: Index | None = None) -> Rows:
-        """Return its functions at points."""
-
-    def trace(self, facets: Index | None) -> Trace:
-        """Return its functions on facets."""
 
 
 class Tied(NamedTuple):
@@ -129,7 +117,10 @@ class Constraints:
 
     def _trace(self, surface: Surface, finer: int = 1) -> Trace:
         if isinstance(surface, SolidSurface):
-            return self._model.solids[surface.solid].trace(surface.facets)
+            if surface.facets is None:
+                raise InputError(f"the slave is solid {surface.solid}: name its facets")
+            found = self._model.solids[surface.solid].trace(surface.facets)
+            return Trace(*found, independent=np.unique(found.nodes))
         space = self._model.bodies[surface.body].space
         if isinstance(surface, EndFace):
             return end_trace(space, surface.which, finer)
@@ -137,7 +128,7 @@ class Constraints:
 
     def _rows(self, surface: Surface, points: Array) -> Rows:
         if isinstance(surface, SolidSurface):
-            return self._model.solids[surface.solid].rows(points, surface.facets)
+            return Rows(*self._model.solids[surface.solid].rows(points, surface.facets))
         return rows_at(self._model.bodies[surface.body].space, points)
 
     def _on_nodes(self, surface: Surface, nodes: Index, values: Array) -> csr_array:
@@ -198,7 +189,7 @@ class Constraints:
     def _tests(
         self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, candidates: Index
     ) -> tuple[Array, csr_array | None]:
-        """Return the multipliers, times weights, at the points ``(q, k)``, and what is to be added to the master's part.
+        """Return the multipliers, times weights, at the points ``(q, k)``, and what to add to the master's part.
 
         They are the traces and, of end faces, as much of linear fields as makes their moments those of the rule of
         the elements.  The other, on nodes, does so for the master's: of the slave's coefficients ``c`` of linear fields

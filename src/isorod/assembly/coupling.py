@@ -74,6 +74,7 @@ class Coupling:
             3 * first + np.arange(3 * solid.owned[0], 3 * solid.owned[1])
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
+        self._of_solids = [of_dofs[own] for own in self._own_dofs]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
@@ -173,9 +174,8 @@ class Coupling:
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
         """Return the solids' own tangents."""
-        return [
-            solid.tangent(moved, factor) for solid, moved in zip(self._model.solids, self.solids(x, factor), strict=True)
-        ]
+        pairs = zip(self._model.solids, self.solids(x, factor), strict=True)
+        return [solid.tangent(moved, factor) for solid, moved in pairs]
 
     def state(self, rods: Array, solids: Sequence[Array] | float) -> PETSc.Vec:
         """Return the vector of the system of the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
@@ -187,13 +187,9 @@ class Coupling:
         first, last = x.getOwnershipRange()
         here = known & (self._of_rods >= first) & (self._of_rods < last)
         x.array_w[self._of_rods[here] - first] = rods[here]
-        values = [solids] * len(self._solids) if isinstance(solids, int | float) else solids
-        for value, transformation in zip(values, self._solids, strict=True):
-            start, column, _ = transformation.getValuesCSR()
-            single = np.flatnonzero(np.diff(start) == 1)
-            mine = column[start[single]] - first
-            there = (mine >= 0) & (mine < self.rows)
-            x.array_w[mine[there]] = np.broadcast_to(value, start.size - 1)[single][there]
+        values = [np.array(solids)] * len(self._solids) if isinstance(solids, float) else solids
+        for value, number in zip(values, self._of_solids, strict=True):
+            x.array_w[number[number >= 0] - first] = np.broadcast_to(value, number.shape)[number >= 0]
         return x
 
     def matrix(self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool) -> PETSc.Mat:
@@ -219,7 +215,7 @@ class Coupling:
         for one, transformation, added in pairs:
             one.PtAP(transformation, result=added)
             matrix.axpy(1.0, added, _SUBSET)
-    
+
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:
     """Return rows with columns at a ``number`` of each, those that have none left out, ``(s, count)``."""

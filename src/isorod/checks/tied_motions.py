@@ -47,11 +47,12 @@ def _ranges(bodies: int, total: int) -> list[tuple[tuple[int, int], int]]:
 
 def free_motions(model: Model, group: Group, displacement: Array | None = None) -> list[tuple[int, Array]]:
     """Return the rigid motions that nothing holds, of a group as those of its first rod's nodes ``(nodes, 3)``."""
-    rows, shapes, center = [], {}, None
+    rows, shapes = [], {}
+    space = model.bodies[group.bodies[0]].space
+    center = space.positions[space.is_carrier].mean(axis=0)
     for b in group.bodies:
         space = model.bodies[b].space
         places = space.positions if displacement is None else space.positions + model.nodal(displacement, b)
-        center = places[space.is_carrier].mean(axis=0) if center is None else center
         arms = (places - space.is_carrier[:, None] * center) / model.size
         shapes[b] = _motions(arms, space.is_carrier)
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]

@@ -1,10 +1,11 @@
-"""Model definition: bodies, supports (boundary conditions), loads and contacts."""
+"""Model definition: bodies, supports (boundary conditions), loads, contacts and ties."""
 
 from isorod.model.body import Body
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from isorod.model.support import Support
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 from isorod.model.triangle_mesh import TriangleMesh
 
 __all__ = [
@@ -12,12 +13,16 @@ __all__ = [
     "BodyForce",
     "Contact",
     "Cylinder",
+    "EndFace",
+    "LateralSurface",
     "Model",
     "Plane",
     "Pressure",
     "SectionLoad",
+    "SolidSurface",
     "Sphere",
     "Spin",
     "Support",
+    "Tie",
     "TriangleMesh",
 ]

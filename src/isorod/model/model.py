@@ -28,7 +28,7 @@ _PARTS = ("bodies", "solids", "supports", "loads", "contacts", "ties")
 
 @dataclass(frozen=True, eq=False)
 class Model(Checked):
-    """Bodies, supports, loads, contacts and ties; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
+    """Bodies, supports, loads, contacts, ties; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
 
     Attributes
     ----------

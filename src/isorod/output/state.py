@@ -292,10 +292,18 @@ class State(Deformation):
     pressures
         Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty
         if no body is mixed.
+    solids
+        Displacement of each solid's degrees of freedom on this rank (`function`).
     """
 
     factor: float = field(default=1.0, kw_only=True)
     pressures: Sequence[Array | None] = field(default=(), kw_only=True)
+    solids: Sequence[Array] = field(default=(), kw_only=True)
+
+    def function(self, solid: int = 0) -> Any:
+        """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
+        number = whole_number("solid", solid, 0, len(self.model.solids) - 1)
+        return self.model.solids[number].function(self.solids[number])
 
     def deformation_gradient(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the deformation gradient at points of a body, shape ``(..., 3, 3)``."""

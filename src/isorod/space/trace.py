@@ -142,7 +142,7 @@ def _elements(space: Space, along: tuple[float, float] | None) -> Index:
         inner = 0 < k < axis.elements
         if abs(ends[k] - value) > _ROUNDED * length.total or (inner and axis.multiplicities[k] < axis.degree):
             raise InputError(
-                f"lateral surface: {value:g} along the rod is no joint of elements where the space is continuous alone; "
+                f"lateral surface: {value:g} along the rod is no joint of elements at which the space is C0; "
                 f"give it the knot {np.interp(value, length.length, length.u):.9g} twice"
             )
     low, high = along

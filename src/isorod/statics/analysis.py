@@ -79,8 +79,6 @@ class Equilibrium(State, Animated):
         with friction (`isorod.statics.stability`).
     ties
         What each tie of the model carries.
-    solids
-        Displacement of each solid's degrees of freedom on this rank.
     """
 
     reactions: Array
@@ -101,7 +99,6 @@ class Equilibrium(State, Animated):
     path: Sequence[Step] = ()
     negative_eigenvalues: int | None = None
     ties: Sequence[TieResult] = ()
-    solids: Sequence[Array] = ()
     _counted: ClassVar[str] = "load factor"
 
     def __repr__(self) -> str:

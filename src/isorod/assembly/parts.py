@@ -1,0 +1,117 @@
+"""The elements of a model that a rank has, with room for matrices of theirs, and their masses."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from time import perf_counter
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod import memory
+from isorod.arrays import Array, Index
+from isorod.assembly.mass import masses
+from isorod.assembly.part import Part
+from isorod.assembly.pattern import Pattern
+from isorod.assembly.split import Share
+from isorod.assembly.unknowns import Unknowns
+from isorod.model.model import Model
+from isorod.petsc.matrix import componentwise, create_matrix, keep_symmetric, set_values
+
+# Bytes that an entry of the tangent takes at least: number, column, what is added up on the way, and the factor.
+_TO_AN_ENTRY = 40.0
+
+
+class Parts(Unknowns):
+    """The elements of a model's rods over a communicator.
+
+    Attributes
+    ----------
+    seconds
+        Wall time spent in assembly so far.
+    built
+        Names of the operators that were built.
+    parts
+        The elements of each body on this rank.
+    """
+
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+        self.seconds = 0.0
+        self.built: list[str] = []
+        # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
+        PETSc.garbage_cleanup()
+        self._stage = PETSc.Log.Stage("assembly")
+        with self._timed():
+            super().__init__(model, comm)
+            memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
+            self.parts = [self._part(share) for share in self.shares]
+
+    def _part(self, share: Share) -> Part:
+        """Return the elements of a body that this rank has."""
+        return Part(share, self._exchange)
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        start = perf_counter()
+        self._stage.push()
+        try:
+            yield
+        finally:
+            self._stage.pop()
+            self.seconds += perf_counter() - start
+
+    def note(self, operator: str) -> None:
+        """Add to the names of the operators that were built."""
+        if operator not in self.built:
+            self.built.append(operator)
+
+    def _matrix(
+        self, indices: Callable[[], tuple[Index, Index]], pattern: Pattern | None = None, components: int = 1
+    ) -> PETSc.Mat:
+        """Return a new matrix of one of several components, with room for entries."""
+        rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
+        known = (None, 0) if pattern is None else (pattern.layout, pattern.total)
+        return create_matrix(self.comm, (rows, unknowns), block, indices, *known)
+
+    def _ranks(self, components: int = 1) -> tuple[PETSc.Comm, int] | None:
+        """Return what a pattern, such as one component's, is told of ranks where the matrix may have its layout."""
+        return None if PETSc.Options().hasName("mat_type") else (self.comm, self.rows // components)
+
+    def _sums(self, shares: Iterable[Array]) -> Array:
+        """Return the sums over this rank's degrees of freedom of what its parts have, shape of `Part.dofs` each."""
+        total = np.zeros(self._exchange.size)
+        for part, share in zip(self.parts, shares, strict=True):
+            part.add(share, total)
+        return total
+
+    def mass(self, lumped: bool = False) -> PETSc.Mat:
+        """Return the mass matrix of the unknowns, consistent or lumped.
+
+        Lumped, the carriers (`Space.is_carrier`) get their row sums over each other, so that the total mass is right;
+        the others get their diagonal entries.  Pressures of the mixed formulation have none.
+        """
+        with self._timed():
+            rods = self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
+            if self.coupling is None:
+                return rods
+            return self.coupling.matrix(rods, [solid.mass() for solid in self.model.solids], True)
+
+    def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
+        """Return the mass matrix to multiply with.
+
+        Where none of a node's components is held without the others, it is that of one component (PETSc's MAIJ).
+        """
+        if self.block == 1 or PETSc.Options().hasName("mat_type"):
+            return self.mass(lumped)
+        with self._timed():
+            one = self._mass(lumped, [self.model.free[::3] // 3])
+            matrix = keep_symmetric(componentwise(one, 3))
+            one.destroy()
+            return matrix
+
+    def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:
+        """Return the mass matrix of the components of which each node's numbers are given, all three or one."""
+        found = masses(self.parts, numbers, lumped, self._ranks(3))
+        matrix = keep_symmetric(self._matrix(found.indices, found.pattern, 3 // len(numbers)))
+        set_values(matrix, np.tile(found.entries, len(numbers)))
+        self.note("lumped mass" if lumped else "mass")
+        return matrix
