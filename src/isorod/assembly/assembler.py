@@ -174,6 +174,8 @@ class Assembler(Parts):
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the forces of the supports on the model, one a degree of freedom in `Model.bound`, on every rank."""
+        if self.coupling is not None:
+            return self.coupling.passed_on(self.system_forces(x, factor))[self.model.bound]
         with self._timed():
             return self._bound(self._forces(self._state(x, factor), factor))
 

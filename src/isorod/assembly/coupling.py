@@ -117,6 +117,15 @@ class Coupling:
         result[self.constraints.slaves] = self.constraints.rows @ result
         return result
 
+    def passed_on(self, forces: Array) -> Array:
+        """Return forces on all degrees of freedom, maybe of rods alone, with those on slaves on their masters."""
+        constraints = self.constraints
+        everywhere = np.zeros(constraints.held.size)
+        everywhere[: forces.size] = forces
+        carried = everywhere[constraints.slaves]
+        everywhere[constraints.slaves] = 0.0
+        return (everywhere + constraints.rows.T @ carried)[: forces.size]
+
     def solids(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the displacement of each solid's degrees of freedom on this rank."""
         if not self._solids:

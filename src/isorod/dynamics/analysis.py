@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.factorisation import is_mixed
 from isorod.checks import overlap, small
 from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
@@ -266,6 +267,12 @@ def _check_loads(model: Model, integrator: str) -> None:
     """Raise `InputError` if the model has loads that the steps do not know."""
     if model.loads and integrator == "explicit":
         raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
+    if model.ties and integrator == "explicit":
+        raise InputError("ties: not supported by explicit steps, whose masses they would couple; use 'implicit'")
+    if model.ties and is_mixed(model):
+        raise InputError("ties: not supported in dynamics with the mixed formulation; use 'displacement'")
+    if model.solids:
+        raise InputError("solids: finite element bodies are not supported in dynamics; use statics or modes")
     if model.following:
         raise InputError("loads: follower pressure is not supported in dynamics")
 

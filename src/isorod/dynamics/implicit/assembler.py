@@ -155,6 +155,27 @@ class StepAssembler(Assembler):
         """Return the unknowns from which a step's iterations begin, given a change of all degrees of freedom."""
         return self.state(change)
 
+    def onto_unknowns(self, forces: Array) -> PETSc.Vec:
+        """Return forces on all degrees of freedom, the same on every rank, as those on the unknowns."""
+        if self.coupling is None:
+            return self.state(forces)
+        out = self.vector()
+        self._store(self._once(forces), out)
+        return out
+
+    def onto_masters(self, forces: Array) -> Array:
+        """Return forces on all degrees of freedom with those on slaves of ties on their masters."""
+        return forces if self.coupling is None else self.coupling.passed_on(forces)
+
+    def tied(self, displacement: Array) -> Array:
+        """Return a displacement of all degrees of freedom, or a velocity, whose slaves of ties move as they must."""
+        if self.coupling is None:
+            return displacement
+        result = displacement.copy()
+        slaves = self.coupling.constraints.slaves
+        result[slaves] = self.coupling.constraints.rows @ displacement
+        return result
+
     def accept(self, x: PETSc.Vec) -> None:
         """Keep what the next step begins with beside the state."""
 

@@ -44,8 +44,8 @@ class Inertia:
         self._matrix.destroy()
 
     def prepare(self, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
-        """Return the state nearest to one from which steps may begin: itself."""
-        return displacement, velocity
+        """Return the state nearest to one from which steps may begin: itself, with what ties make of it."""
+        return self.assembler.tied(displacement), self.assembler.tied(velocity)
 
     def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
         """Return the forces that supports alone carry, shape ``(dofs,)``, and all pressures.
@@ -58,8 +58,9 @@ class Inertia:
             The state, and the time step.
         """
         solution = self.assembler.vector()
-        self._ksp.solve(self.assembler.state(balance), solution)
-        return balance - self.assembler.momenta(self.assembler.change(solution)), np.empty(0)
+        self._ksp.solve(self.assembler.onto_unknowns(balance), solution)
+        held = balance - self.assembler.momenta(self.assembler.change(solution))
+        return self.assembler.onto_masters(held), np.empty(0)
 
     def stored(self, displacement: Array) -> float:
         """Return the energy of pressures."""
