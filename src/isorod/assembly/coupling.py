@@ -13,12 +13,10 @@ from scipy.sparse import csr_array
 from isorod.arrays import Array, Index
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
-from isorod.petsc.matrix import keep_symmetric
+from isorod.petsc.matrix import keep_symmetric, renewed, set_sum
 
 # Attributes of a matrix of the system: the rods' own, and what rods and solids add to it.
 _RODS, _ADDED = "isorod_rods", "isorod_added"
-
-_SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 
 class Coupling:
@@ -205,9 +203,10 @@ class Coupling:
         """Return a new matrix of the system with room for the products of these."""
         pairs = zip((rods, *solids), (self._rods, *self._solids), strict=True)
         added = [one.PtAP(transformation, fill=2.0) for one, transformation in pairs]
-        made = added[0].copy()
-        for one in added[1:]:
-            made.axpy(1.0, one, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        made = added[0].duplicate()
+        set_sum(made, added, wider=True)
+        renewed(made)
+        renewed(rods)
         made.setAttr(_RODS, rods)
         made.setAttr(_ADDED, added)
         return keep_symmetric(made) if symmetric else made
@@ -219,11 +218,16 @@ class Coupling:
 
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat]) -> None:
         """Fill a matrix of the system from the rods' own, which is filled, and the solids'."""
-        matrix.zeroEntries()
-        pairs = zip((self.of_rods(matrix), *solids), (self._rods, *self._solids), matrix.getAttr(_ADDED), strict=True)
-        for one, transformation, added in pairs:
-            one.PtAP(transformation, result=added)
-            matrix.axpy(1.0, added, _SUBSET)
+        rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
+        wider = renewed(rods)
+        if wider:
+            # Contact has come where there was none.
+            added[0].destroy()
+            added[0] = rods.PtAP(self._rods, fill=2.0)
+        pairs = list(zip((rods, *solids), (self._rods, *self._solids), added, strict=True))
+        for one, transformation, product in pairs[int(wider) :]:
+            one.PtAP(transformation, result=product)
+        set_sum(matrix, added, wider)
 
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:

@@ -69,7 +69,12 @@ class Finer:
 
     @classmethod
     def of(cls, model: Model, direction: str) -> "Finer | None":
-        """Return the model on spaces finer in one of `DIRECTIONS`, without contacts; None if a support does not fit."""
+        """Return the model on spaces finer in one of `DIRECTIONS`, without contacts.
+
+        None if a support does not fit, or there are solids: their meshes, which no one knows how to refine, err too.
+        """
+        if model.solids:
+            return None
         spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
         supports = []
@@ -84,7 +89,7 @@ class Finer:
             warnings.simplefilter("ignore")
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
             left = max(map(_left, (body.space for body in model.bodies), spaces))
-            return cls(model, Model(bodies, supports, model.spin, loads=loads), across, left)
+            return cls(model, Model(bodies, supports, model.spin, loads=loads, ties=model.ties), across, left)
 
     @property
     def wider(self) -> bool:

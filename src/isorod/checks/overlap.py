@@ -130,6 +130,7 @@ def deepest(model: Model, displacement: Array | None = None, pressed: float = _D
     sections = _sections(model, places)
     first, second = _near(sections)
     declared, left_out = sections.stretches.declared(model.contacts, first, second)
+    left_out |= sections.stretches.tied(model.ties, first, second)
     first, second, declared = first[~left_out], second[~left_out], declared[~left_out]
     if not first.size:
         return None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.model.contact import Contact
+from isorod.model.tie import Tie
 
 Mask = NDArray[np.bool_]
 
@@ -67,3 +68,12 @@ class Stretches(NamedTuple):
                 bodies |= between
                 there |= between & part[first] & part[second]
         return there, bodies & ~there
+
+    def tied(self, ties: Sequence[Tie], first: Index, second: Index) -> Mask:
+        """Return whether ties weld the bodies of each pair together: a rod's end may then be within another rod."""
+        found = np.zeros(first.size, dtype=bool)
+        for tie in ties:
+            one, other = (getattr(side, "body", -1) for side in (tie.slave, tie.master))
+            found |= (self.body[first] == one) & (self.body[second] == other)
+            found |= (self.body[first] == other) & (self.body[second] == one)
+        return found
