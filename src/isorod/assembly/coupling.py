@@ -5,6 +5,7 @@ The rods' assembler and the solids keep unknowns of their own, of which those of
 """
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from petsc4py import PETSc
@@ -13,7 +14,8 @@ from scipy.sparse import csr_array
 from isorod.arrays import Array, Index
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
-from isorod.petsc.matrix import keep_symmetric, renewed, set_sum
+from isorod.petsc.matrix import create_matrix, keep_symmetric, preallocate, renewed, set_values
+from isorod.petsc.rows import local_rows
 
 # Attributes of a matrix of the system: the rods' own, and what rods and solids add to it.
 _RODS, _ADDED = "isorod_rods", "isorod_added"
@@ -73,7 +75,12 @@ class Coupling:
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
         self._of_solids = [of_dofs[own] for own in self._own_dofs]
+        # Of each solid, the number of all its degrees of freedom, and whether some of them are slaves.
+        starts = 3 * constraints.first_node[len(model.bodies) :]
+        self._of_solid = [of_dofs[begin:end] for begin, end in pairwise(starts)]
+        self._depends = [bool((slave_of[begin:end] >= 0).any()) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
+        self._transformations = [self._rods, *self._solids]
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
         """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
@@ -96,6 +103,18 @@ class Coupling:
         vector.setFromOptions()
         vector.zeroEntries()
         return vector
+
+    def fields(self) -> tuple[PETSc.IS, PETSc.IS]:
+        """Return the unknowns of the system on this rank that are rods', and those that are solids'."""
+        first = self.vector().getOwnershipRange()[0]
+        numbers = [number[number >= 0] for number in self._of_solids]
+        solids = np.zeros(self.rows, dtype=bool)
+        solids[np.concatenate([np.empty(0, dtype=np.int64), *numbers]) - first] = True
+        rods, others = (
+            PETSc.IS().createGeneral((first + np.flatnonzero(some)).astype(PETSc.IntType), self._comm)
+            for some in (~solids, solids)
+        )
+        return rods, others
 
     def to_rods(self, x: PETSc.Vec) -> PETSc.Vec:
         """Return ``T x`` of the rods, until this is called again."""
@@ -200,12 +219,9 @@ class Coupling:
         return x
 
     def matrix(self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool) -> PETSc.Mat:
-        """Return a new matrix of the system with room for the products of these."""
-        pairs = zip((rods, *solids), (self._rods, *self._solids), strict=True)
-        added = [one.PtAP(transformation, fill=2.0) for one, transformation in pairs]
-        made = added[0].duplicate()
-        set_sum(made, added, wider=True)
-        renewed(made)
+        """Return a new matrix of the system with room for ``T^T K T`` of these."""
+        added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
+        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
         renewed(rods)
         made.setAttr(_RODS, rods)
         made.setAttr(_ADDED, added)
@@ -219,15 +235,34 @@ class Coupling:
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat]) -> None:
         """Fill a matrix of the system from the rods' own, which is filled, and the solids'."""
         rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
-        wider = renewed(rods)
-        if wider:
+        if renewed(rods):
             # Contact has come where there was none.
             added[0].destroy()
-            added[0] = rods.PtAP(self._rods, fill=2.0)
-        pairs = list(zip((rods, *solids), (self._rods, *self._solids), added, strict=True))
-        for one, transformation, product in pairs[int(wider) :]:
-            one.PtAP(transformation, result=product)
-        set_sum(matrix, added, wider)
+            added[0] = self._added(0, rods)
+            preallocate(matrix, *self._places(added))
+        values = []
+        for k, (one, product) in enumerate(zip((rods, *solids), added, strict=True)):
+            if product is not one:
+                one.PtAP(self._transformations[k], result=product)
+            values += [local_rows(product).own.values, local_rows(product).others.values]
+        set_values(matrix, np.concatenate(values))
+
+    def _added(self, k: int, own: PETSc.Mat) -> PETSc.Mat:
+        """Return what a part's own matrix, rods' or a solid's, adds: a product, or itself where it has no slaves."""
+        return own if k and not self._depends[k - 1] else own.PtAP(self._transformations[k], fill=2.0)
+
+    def _places(self, added: Sequence[PETSc.Mat]) -> tuple[Index, Index]:
+        """Return row and column in the system of all entries of what parts add, negative where they are held."""
+        rows, columns = [], []
+        for k, product in enumerate(added):
+            own, others, ghosts = local_rows(product)
+            first = product.getOwnershipRange()[0]
+            for part, column in ((own, first + own.column), (others, ghosts[others.column])):
+                row = first + np.repeat(np.arange(part.start.size - 1), np.diff(part.start))
+                plain = k and not self._depends[k - 1]
+                rows.append(self._of_solid[k - 1][row] if plain else row)
+                columns.append(self._of_solid[k - 1][column] if plain else column)
+        return np.concatenate(rows), np.concatenate(columns)
 
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:

@@ -93,7 +93,10 @@ class Parts(Unknowns):
             rods = self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
             if self.coupling is None:
                 return rods
-            return self.coupling.matrix(rods, [solid.mass() for solid in self.model.solids], True)
+            solids = [solid.mass() for solid in self.model.solids]
+            made = self.coupling.matrix(rods, solids, True)
+            self.coupling.fill(made, solids)
+            return made
 
     def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix to multiply with.

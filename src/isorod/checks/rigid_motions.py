@@ -112,9 +112,13 @@ def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Ite
 
 def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
     """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
-    moved = (
-        (b, motion.reshape(-1, 3)) for b, body in enumerate(assembler.model.bodies) for motion in motions(body.space).T
-    )
+    model = assembler.model
+    alone = list(range(len(model.bodies)))
+    if assembler.coupling is not None:
+        from isorod.checks.tied_motions import groups
+
+        alone = [group.bodies[0] for group in groups(model)]
+    moved = ((b, motion.reshape(-1, 3)) for b in alone for motion in motions(model.bodies[b].space).T)
     vectors = orthonormalise(on_unknowns(assembler, moved))
     assembler.note("near-null space")
     return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)

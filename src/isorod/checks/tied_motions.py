@@ -54,7 +54,7 @@ def free_motions(model: Model, group: Group, displacement: Array | None = None) 
         space = model.bodies[b].space
         places = space.positions if displacement is None else space.positions + model.nodal(displacement, b)
         arms = (places - space.is_carrier[:, None] * center) / model.size
-        shapes[b] = _motions(arms, space.is_carrier)
+        shapes[b] = motions(arms, space.is_carrier)
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
         rows.append(shapes[b][free < 0])
         # What tied components move apart.
@@ -63,7 +63,7 @@ def free_motions(model: Model, group: Group, displacement: Array | None = None) 
         rows.append((shapes[b] - shapes[b][first[unknown]])[apart])
     for k in group.solids:
         solid = model.solids[k]
-        own = _motions((solid.positions - center) / model.size, np.ones(len(solid.positions), dtype=bool))
+        own = motions((solid.positions - center) / model.size, np.ones(len(solid.positions), dtype=bool))
         held = own[solid.held[0] - 3 * solid.owned[0]]
         rows.append(np.concatenate(solid.comm.allgather(held)))
     kept = np.concatenate(rows)
@@ -86,20 +86,20 @@ def spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]:
     """
     group = next(one for one in groups(model) if body in one.bodies)
     space = model.bodies[body].space
-    of_body = _motions(space.positions, space.is_carrier)
+    of_body = motions(space.positions, space.is_carrier)
     amounts = np.linalg.lstsq(of_body, motion.ravel(), rcond=None)[0]
     rods = np.zeros(model.dofs)
     for b in group.bodies:
         space = model.bodies[b].space
-        model.nodal(rods, b)[:] = (_motions(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
+        model.nodal(rods, b)[:] = (motions(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
     solids = []
     for k, solid in enumerate(model.solids):
-        moved = _motions(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
+        moved = motions(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
         solids.append(moved if k in group.solids else 0.0 * moved)
     return rods, solids
 
 
-def _motions(places: Array, carriers: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> Array:
+def motions(places: Array, carriers: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> Array:
     """Return the six infinitesimal rigid motions of nodes at places ``(nodes, 3)``, shape ``(3 nodes, 6)``."""
     columns = np.zeros((len(places), 3, 6))
     for a in range(3):

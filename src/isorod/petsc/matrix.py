@@ -1,7 +1,7 @@
 """Sparse matrices from entries: room once, values for each assembly."""
 
 import ctypes
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -111,16 +111,6 @@ def renewed(matrix: PETSc.Mat) -> bool:
     found = bool(matrix.getAttr(_RENEWED))
     matrix.setAttr(_RENEWED, None)
     return found
-
-
-def set_sum(matrix: PETSc.Mat, parts: Sequence[PETSc.Mat], wider: bool) -> None:
-    """Set a matrix to the sum of others, which have no entries where it has none, unless it becomes ``wider``."""
-    how = PETSc.Mat.Structure
-    matrix.zeroEntries()
-    for one in parts:
-        matrix.axpy(1.0, one, how.DIFFERENT_NONZERO_PATTERN if wider else how.SUBSET_NONZERO_PATTERN)
-    if wider:
-        matrix.setAttr(_RENEWED, True)
 
 
 def fits(matrix: PETSc.Mat, count: int, rows: NDArray[Any], columns: NDArray[Any]) -> bool:

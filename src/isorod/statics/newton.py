@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed, unscaled
-from isorod.checks import hourglass, rigid_motions
+from isorod.checks import hourglass
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.inertia import TELLING
@@ -19,14 +19,12 @@ from isorod.petsc.snes import create_snes
 from isorod.statics.contact_policy import ContactPolicy
 from isorod.statics.convergence import Convergence, worst_place
 from isorod.statics.line_search import LineSearch
+from isorod.statics.preconditioner import prepare
 from isorod.statics.proximal import FEW, NEARLY
 from isorod.statics.steps import Diverged, Steps
 
 if TYPE_CHECKING:
     from isorod.statics.proximal import Proximal
-
-# Preconditioners that ask for the rigid motions.
-MULTIGRID = ("gamg", "ml", "hypre")
 
 # Share of a load step by which the residual is differentiated where supports turn.
 _DELTA = 1e-6
@@ -125,8 +123,7 @@ class Newton:
             self.steps.watched = True
             self._line_search = LineSearch(self.snes, self._residual, self._signs(), self._free)
         self.snes.setMonitor(self._monitor)
-        if self.snes.getKSP().getPC().getType() in MULTIGRID:
-            self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
+        prepare(assembler, self._matrix, self.snes.getKSP().getPC())
         if loose:
             from isorod.statics import stabilisation
 

@@ -1,0 +1,39 @@
+"""What preconditioners that options name are told of a model: rigid motions, and which unknowns are whose."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.coupling import Coupling
+from isorod.checks.rigid_motions import near_null_space
+from isorod.checks.tied_motions import motions
+from isorod.petsc.matrix import orthonormalise
+
+_MULTIGRID = ("gamg", "ml", "hypre")
+
+
+def prepare(assembler: Assembler, matrix: PETSc.Mat, pc: PETSc.PC) -> None:
+    """Give multigrid the rigid motions of a model, and ``fieldsplit`` its fields, ``rods`` and ``solids``.
+
+    That of the solids has their rigid motions for a multigrid of its own.
+    """
+    if pc.getType() in _MULTIGRID:
+        matrix.setNearNullSpace(near_null_space(assembler))
+    if pc.getType() == "fieldsplit" and assembler.coupling is not None:
+        rods, solids = assembler.coupling.fields()
+        solids.compose("nearnullspace", _rigid_motions(assembler, assembler.coupling, solids))
+        pc.setFieldSplitIS(("rods", rods), ("solids", solids))
+
+
+def _rigid_motions(assembler: Assembler, coupling: Coupling, field: PETSc.IS) -> PETSc.NullSpace:
+    """Return the rigid motions of all solids on their unknowns."""
+    vectors, nothing = [], np.zeros(assembler.model.dofs)
+    for k, solid in enumerate(assembler.model.solids):
+        for motion in motions(solid.positions, np.ones(len(solid.positions), dtype=bool)).T:
+            others = [np.zeros(3 * len(one.positions)) for one in assembler.model.solids]
+            others[k] = motion
+            everywhere = assembler.state(nothing, (), others)
+            part = everywhere.getSubVector(field)
+            vectors.append(part.copy())
+            everywhere.restoreSubVector(field, part)
+    return PETSc.NullSpace().create(vectors=orthonormalise(vectors), comm=assembler.comm)
