@@ -222,7 +222,8 @@ class Coupling:
         """Return a new matrix of the system with room for ``T^T K T`` of these."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
         made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
-        renewed(rods)
+        # Both are new, and nothing was factorised yet.
+        renewed(rods), renewed(made)
         made.setAttr(_RODS, rods)
         made.setAttr(_ADDED, added)
         return keep_symmetric(made) if symmetric else made
