@@ -196,3 +196,59 @@ def test_a_face_that_is_held_has_no_tie_left():
 def test_a_body_is_not_tied_to_itself():
     with pytest.raises(InputError, match="tie: body 0 with itself"):
         Tie(EndFace(0, "start"), EndFace(0, "end"))
+
+
+def hollow_pair():
+    return bar(4.0, order=2, elements=2, degree=3), bar(
+        4.0, radius=2.0, rings=(0.5, 1.0), section_degree=4, elements=3, degree=4
+    )
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_what_slides_carries_the_pressure_of_a_core_that_is_shortened(inside):
+    core, sleeve = hollow_pair()
+    law, strain = LinearElastic(10.0, 0.3), -1e-3
+    surfaces = LateralSurface(0), LateralSurface(1, surface="inner")
+    tie = Tie(*(surfaces if inside else surfaces[::-1]), kind="slide")
+    supports = [Support.end(core, "start", "z"), Support.end(core, "end", "z", (0.0, 0.0, 4.0 * strain))]
+    supports += [Support.end(sleeve, which, "z", body=1) for which in ("start", "end")]
+    # The first functions of the sleeve are 1 and the coordinates: nothing of it moves or turns as a whole.
+    supports += [Support([0], "xy", body=1), Support([1], "y", body=1)]
+    model = Model([Body(core, law), Body(sleeve, law)], supports, ties=[tie])
+    with pytest.raises(SolveError, match=r"body 0 is free to turn about \(.*, 1\)|\(.*, -1\)"):
+        statics.solve(model)
+    # A control point on the x-axis that does not move along y.
+    solved = statics.solve(Model(model.bodies, [*supports, Support([0], "y")], ties=[tie]))
+    inner = (1.0 - 0.3 - 2.0 * 0.3**2) / 10.0
+    outer = 1.3 / 10.0 / 3.0 * (1.0 - 2.0 * 0.3 + 4.0)
+    pressure = -0.3 * strain / (inner + outer)
+    found = solved.ties[0]
+    assert np.sum(found.traction * found.normals, axis=1) == pytest.approx(-pressure, rel=1e-4)
+    assert found.jump < 1e-8
+
+
+@pytest.mark.parametrize("stiffness", [0.1, 10.0])
+def test_a_bond_slips_as_springs_in_series_do(stiffness):
+    lower, upper = pair()
+    law = LinearElastic(10.0, 0.0)
+    tie = Tie(EndFace(1, "start"), EndFace(0, "end"), kind="slide", bond=stiffness)
+    angle = 1e-4
+    supports = [Support.end(lower, "start"), Support.end(upper, "end", turn=(0.0, 0.0, angle), body=1)]
+    solved = statics.solve(Model([Body(lower, law), Body(upper, law)], supports, ties=[tie]))
+    polar = np.pi / 2.0
+    torque = angle / (7.0 / (5.0 * polar) + 1.0 / (stiffness * polar))
+    assert solved.moments[1, 2] == pytest.approx(torque, rel=1e-7)
+    assert solved.ties[0].moment[2] == pytest.approx(-torque, rel=1e-7)
+
+
+def test_a_mean_tie_passes_force_and_moment_and_lets_the_section_breathe():
+    lower, upper = pair()
+    stiff, soft = LinearElastic(1e4, 0.3), LinearElastic(10.0, 0.3)
+    tie = Tie(EndFace(1, "start"), EndFace(0, "end"), kind="mean")
+    supports = [Support.end(lower, "start"), moved(upper, "end", 1e-3 * np.diag([-0.3, -0.3, 1.0]), 1)]
+    solved = statics.solve(Model([Body(lower, stiff), Body(upper, soft)], supports, ties=[tie]))
+    # The soft bar's face, welded to a stiff one, would not contract.
+    edge = solved.at(1, "start", (1.0, 0.0)) - solved.at(1, "start")
+    strain = solved.at(1, 0.9)[2] - solved.at(1, 0.1)[2]
+    assert edge[0] == pytest.approx(-0.3 * strain / 2.4, rel=1e-2)
+    assert solved.ties[0].force == pytest.approx(solved.reactions[0], abs=1e-10)

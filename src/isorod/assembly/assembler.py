@@ -166,6 +166,7 @@ class Assembler(Parts):
             if self.coupling is not None:
                 solids = self.coupling.solid_forces(x, factor)
                 self.coupling.add(solids, out)
+                self.coupling.add_bonds(x, self.coupling.given(factor), out)
                 own += self.coupling.carried(solids, factor)
             return float(np.sqrt(self.comm.tompi4py().allreduce(own) + self._push() ** 2))
 
@@ -184,7 +185,10 @@ class Assembler(Parts):
         assert self.coupling is not None
         with self._timed():
             rods = self.everywhere(self._forces(self._state(x, factor), factor))
-            return np.append(rods, self.coupling.everywhere(self.coupling.solid_forces(x, factor)))
+            found = np.append(rods, self.coupling.everywhere(self.coupling.solid_forces(x, factor)))
+            if self.coupling.bonds is None:
+                return found
+            return found + self.coupling.bonds @ self.system_displacement(x, factor)
 
     def carried(self, x: PETSc.Vec) -> float:
         """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
@@ -314,6 +318,9 @@ class Assembler(Parts):
             energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
             for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
                 energy += solid.energy(moved, factor)
+            if self.coupling is not None and self.coupling.bonds is not None:
+                everywhere = self.system_displacement(x, factor)
+                energy += 0.5 * float(everywhere @ (self.coupling.bonds @ everywhere))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:

@@ -7,19 +7,23 @@ functions that no support holds, is solved for the slave's coefficients (`isorod
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse import csr_array, diags, vstack
 
 from isorod.arrays import Array, Index
 from isorod.errors import InputError
 from isorod.model.model import Model
-from isorod.model.tie import EndFace, SolidSurface, Surface, Tie
-from isorod.space.trace import Rows, Trace, end_trace, lateral_trace, rows_at
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
+from isorod.space.trace import Rows, Trace, breaks_on, end_trace, lateral_trace, rows_at
 
 # Coefficients of this share of the largest are rounding: they decay exponentially along the surface.
 _DROPPED = 1e-13
 
 # Condition of the slave's functions on its surface from which they count as dependent.
 _SINGULAR = 1e10
+
+# A degree of freedom of the slave whose part in the multipliers is smaller than this share of others' counts for none.
+_DEPENDENT = 1e-8
 
 # Points of the slave for each node of a solid that is the master, at least, and by how much they are brought closer at
 # most.
@@ -48,6 +52,8 @@ class Tied(NamedTuple):
         The master's less the slave's functions at the points of the trace, on all nodes.
     gap
         Largest distance of the surfaces at rest.
+    bond : (dofs, dofs)
+        Stiffness of what slides, if there is a bond.
     """
 
     trace: Trace
@@ -56,6 +62,7 @@ class Tied(NamedTuple):
     own: csr_array
     jump: csr_array
     gap: float
+    bond: csr_array | None
 
 
 class Constraints:
@@ -115,16 +122,10 @@ class Constraints:
         bodies = len(self._model.bodies)
         return int(self.first_node[bodies + surface.solid if isinstance(surface, SolidSurface) else surface.body])
 
-    def _trace(self, surface: Surface, finer: int = 1) -> Trace:
-        if isinstance(surface, SolidSurface):
-            if surface.facets is None:
-                raise InputError(f"the slave is solid {surface.solid}: name its facets")
-            found = self._model.solids[surface.solid].trace(surface.facets)
-            return Trace(*found, independent=np.unique(found.nodes))
-        space = self._model.bodies[surface.body].space
-        if isinstance(surface, EndFace):
-            return end_trace(space, surface.which, finer)
-        return lateral_trace(space, surface.along, surface.surface, finer)
+    def body_of(self, surface: Surface) -> slice:
+        """Return the degrees of freedom of a surface's body."""
+        k = int(np.searchsorted(self.first_node, self._first(surface), "right")) - 1
+        return slice(3 * int(self.first_node[k]), 3 * int(self.first_node[k + 1]))
 
     def _rows(self, surface: Surface, points: Array) -> Rows:
         if isinstance(surface, SolidSurface):
@@ -146,6 +147,22 @@ class Constraints:
         other = self._on_nodes(tie.master, near.nodes, near.values)
         jump = csr_array(other - own)
         candidates = self._first(tie.slave) + trace.independent
+        found, rows = (
+            self._welded(tie, trace, own, other, candidates)
+            if tie.kind == "weld"
+            else self._condensed(_tested(tie.kind, trace, own[:, candidates]), jump, candidates)
+        )
+        if not found.size:
+            raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
+        self._taken[found] = True
+        bond = _bond(tie.bond, trace, jump) if tie.bond else None
+        return Tied(trace, found, rows, own, jump, float(near.gap.max()), bond)
+
+    def _welded(
+        self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, candidates: Index
+    ) -> tuple[Index, csr_array]:
+        """Return the slaves of a weld, and their rows: of each component the same, where supports hold none."""
+        jump = csr_array(other - own)
         tests, balanced = self._tests(tie, trace, own, other, candidates)
         slaves, rows, known = [], [], {}
         for a in range(3):
@@ -157,17 +174,34 @@ class Constraints:
             if mine.size:
                 slaves.append(3 * mine + a)
                 rows.append(_of_component(known[key], a))
-        if not slaves:
-            raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
-        found = np.concatenate(slaves)
-        self._taken[found] = True
-        return Tied(trace, found, csr_array(vstack(rows, format="csr")), own, jump, float(near.gap.max()))
+        nothing = np.empty(0, dtype=np.int64), csr_array((0, 3 * self._nodes))
+        return (np.concatenate(slaves), csr_array(vstack(rows, format="csr"))) if slaves else nothing
+
+    def _condensed(self, tests: Array, jump: csr_array, candidates: Index) -> tuple[Index, csr_array]:
+        """Return slaves and their rows where multipliers are vectors ``(k, q, 3)``, weights included."""
+        on_dofs = [_of_component(csr_array(csr_array(tests[:, :, a]) @ jump), a) for a in range(3)]
+        whole = csr_array(on_dofs[0] + on_dofs[1] + on_dofs[2])
+        free = (3 * candidates[:, None] + np.arange(3)).ravel()
+        free = free[~self._taken[free]]
+        # Of as many multipliers as there are slaves for, those that these know.
+        basis, triangle, order = qr(whole[:, free].toarray(), mode="economic", pivoting=True)
+        sizes = np.abs(np.diag(triangle))
+        count = int(np.count_nonzero(sizes > _DEPENDENT * sizes.max(initial=0.0)))
+        slaves = free[order[:count]]
+        equations = csr_array(csr_array(basis[:, :count].T) @ whole)
+        left = equations[:, slaves].toarray()
+        drop = np.ones(whole.shape[1])
+        drop[slaves] = 0.0
+        rest = csr_array(equations @ csr_array(diags(drop)))
+        columns = np.unique(rest.indices)
+        found = csr_array(np.linalg.solve(left, -rest[:, columns].toarray()))
+        return slaves, csr_array((found.data, columns[found.indices], found.indptr), shape=(count, whole.shape[1]))
 
     def _met(self, tie: Tie) -> tuple[Trace, Rows]:
         """Return the slave's functions, at points close enough for the master's, and those of the master there."""
         finer = 1
         while True:
-            trace = self._trace(tie.slave, finer)
+            trace = trace_of(self._model, tie.slave, finer, tie.master)
             near = self._rows(tie.master, trace.points)
             if isinstance(tie.slave, SolidSurface) or finer == _FINEST:
                 return trace, near
@@ -256,6 +290,26 @@ class Constraints:
         return rows
 
 
+def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | None = None) -> Trace:
+    """Return the functions of a surface's body on it.
+
+    Points are so many times as close as for itself alone (`isorod.space.trace.end_trace`), and Gauss rules end at the
+    joints of ``other``'s elements, if that is a rod's lateral surface.
+    """
+    if isinstance(surface, SolidSurface):
+        if surface.facets is None:
+            raise InputError(f"the slave is solid {surface.solid}: name its facets")
+        found = model.solids[surface.solid].trace(surface.facets)
+        return Trace(*found, independent=np.unique(found.nodes))
+    space = model.bodies[surface.body].space
+    if isinstance(surface, EndFace):
+        return end_trace(space, surface.which, finer)
+    breaks = None
+    if isinstance(other, LateralSurface):
+        breaks = breaks_on(space, model.bodies[other.body].space)
+    return lateral_trace(space, surface.along, surface.surface, finer, breaks)
+
+
 def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, balanced: csr_array | None) -> csr_array:
     """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
     left = np.asarray((own[:, mine].T @ tests).T)
@@ -282,3 +336,29 @@ def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, bala
 def _of_component(rows: csr_array, a: int) -> csr_array:
     """Return rows on nodes as rows on degrees of freedom, of one component."""
     return csr_array((rows.data, 3 * rows.indices + a, rows.indptr), shape=(rows.shape[0], 3 * rows.shape[1]))
+
+
+def _tested(kind: str, trace: Trace, own: csr_array) -> Array:
+    """Return the multipliers of a tie that is no weld, as vectors times weights, shape ``(k, q, 3)``.
+
+    ``own`` ``(q, m)`` are the slave's independent functions: they act along the normal, where it slides.  Else they are
+    rigid motions.
+    """
+    weights = trace.weights[:, None]
+    if kind == "slide":
+        return np.asarray((weights * own.toarray()).T[:, :, None] * trace.normals)
+    arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
+    shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
+    turns = np.cross(np.eye(3)[:, None], arms[None] / np.abs(arms).max())
+    return np.concatenate([shifts, turns]) * weights
+
+
+def _bond(stiffness: float, trace: Trace, jump: csr_array) -> csr_array:
+    """Return the second derivative by all degrees of freedom of half the stiffness times the square of the slip."""
+    across = np.eye(3) - trace.normals[:, :, None] * trace.normals[:, None]
+    found = csr_array((3 * jump.shape[1], 3 * jump.shape[1]))
+    moved = [_of_component(jump, a) for a in range(3)]
+    for a in range(3):
+        for b in range(3):
+            found = found + moved[a].T @ csr_array(diags(stiffness * trace.weights * across[:, a, b])) @ moved[b]
+    return csr_array(found)

@@ -81,6 +81,21 @@ class Coupling:
         self._depends = [bool((slave_of[begin:end] >= 0).any()) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
         self._transformations = [self._rods, *self._solids]
+        self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
+        if self.bonds is not None:
+            plain = np.flatnonzero(of_dofs >= 0)
+            whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
+            place = csr_array(
+                (np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size)
+            )
+            whole = csr_array(whole + place @ dependent)
+            first = int(np.count_nonzero(rank < comm.getRank()))
+            self._pushed = csr_array((whole.T @ self.bonds)[first : first + self.rows])
+            stiffness = csr_array(self._pushed @ whole)
+            stiffness.sort_indices()
+            arrays = stiffness.indptr.astype(PETSc.IntType), stiffness.indices.astype(PETSc.IntType), stiffness.data
+            self._bonds = PETSc.Mat().createAIJ(((self.rows, self.unknowns),) * 2, csr=arrays, comm=comm)
+            self._bonds.assemble()
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
         """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
@@ -173,6 +188,14 @@ class Coupling:
             row.array_w[:] = force
             transformation.multTransposeAdd(row, out, out)
 
+    def add_bonds(self, x: PETSc.Vec | None, given: Array, out: PETSc.Vec) -> None:
+        """Add the forces of bonds, of unknowns and what is ``given`` (of which a change may stand alone)."""
+        if self.bonds is None:
+            return
+        if x is not None:
+            self._bonds.multAdd(x, out, out)
+        out.array_w[:] += self._pushed @ given
+
     def carried(self, forces: Sequence[Array], factor: float) -> float:
         """Return the sum of the squares of the solids' loads, and of the forces where they are held, on this rank."""
         held = (force[self.constraints.held[own]] for own, force in zip(self._own_dofs, forces, strict=True))
@@ -188,9 +211,8 @@ class Coupling:
 
     def add_load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:
         """Add the linearised change of the solids' residuals when the load factor grows by ``step`` at ``x``."""
-        if not self._solids:
-            return
         change, forces = self.given(factor + step) - self.given(factor), []
+        self.add_bonds(None, change, out)
         for own, solid, tangent in zip(self._own_dofs, self._model.solids, self.tangents(x, factor), strict=True):
             move, force = tangent.createVecs()
             move.array_w[:] = change[own]
@@ -218,9 +240,13 @@ class Coupling:
             x.array_w[number[number >= 0] - first] = np.broadcast_to(value, number.shape)[number >= 0]
         return x
 
-    def matrix(self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool) -> PETSc.Mat:
-        """Return a new matrix of the system with room for ``T^T K T`` of these."""
+    def matrix(
+        self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool, stiffness: bool = True
+    ) -> PETSc.Mat:
+        """Return a new matrix of the system with room for ``T^T K T`` of these and, of a stiffness, for bonds."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
+        if stiffness and self.bonds is not None:
+            added.append(self._bonds)
         made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
         # Both are new, and nothing was factorised yet.
         renewed(rods), renewed(made)
@@ -242,9 +268,10 @@ class Coupling:
             added[0] = self._added(0, rods)
             preallocate(matrix, *self._places(added))
         values = []
-        for k, (one, product) in enumerate(zip((rods, *solids), added, strict=True)):
-            if product is not one:
-                one.PtAP(self._transformations[k], result=product)
+        for k, product in enumerate(added):
+            own = (rods, *solids, product)[min(k, 1 + len(solids))]
+            if product is not own:
+                own.PtAP(self._transformations[k], result=product)
             values += [local_rows(product).own.values, local_rows(product).others.values]
         set_values(matrix, np.concatenate(values))
 
@@ -260,10 +287,18 @@ class Coupling:
             first = product.getOwnershipRange()[0]
             for part, column in ((own, first + own.column), (others, ghosts[others.column])):
                 row = first + np.repeat(np.arange(part.start.size - 1), np.diff(part.start))
-                plain = k and not self._depends[k - 1]
+                plain = 0 < k <= len(self._solids) and not self._depends[k - 1]
                 rows.append(self._of_solid[k - 1][row] if plain else row)
                 columns.append(self._of_solid[k - 1][column] if plain else column)
         return np.concatenate(rows), np.concatenate(columns)
+
+
+def _sum(matrices: Sequence[csr_array]) -> csr_array | None:
+    """Return the sum of matrices, None of none."""
+    total = None
+    for one in matrices:
+        total = one if total is None else csr_array(total + one)
+    return total
 
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:

@@ -94,7 +94,7 @@ class Parts(Unknowns):
             if self.coupling is None:
                 return rods
             solids = [solid.mass() for solid in self.model.solids]
-            made = self.coupling.matrix(rods, solids, True)
+            made = self.coupling.matrix(rods, solids, True, stiffness=False)
             self.coupling.fill(made, solids)
             return made
 

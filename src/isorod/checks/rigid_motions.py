@@ -71,9 +71,7 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
     if model.ties or model.solids:
         from isorod.checks import tied_motions
 
-        for group in tied_motions.groups(model):
-            found += tied_motions.free_motions(model, group, displacement)
-        return found
+        return tied_motions.free_motions(model, displacement)
     for b, body in enumerate(model.bodies):
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
         if _clamped(body.space, free):

@@ -83,6 +83,8 @@ class SolidSurface(Checked):
 
 Surface = EndFace | LateralSurface | SolidSurface
 
+KINDS = ("weld", "slide", "mean")
+
 
 @dataclass(frozen=True, eq=False)
 class Tie(Checked):
@@ -99,6 +101,11 @@ class Tie(Checked):
         The two surfaces.  The finer one, or the one that is covered by the other wholly, is the slave; of a rod's
         surface and the facets of a solid that reach beyond it, the rod's.  Of a master that is a rod, all of the rod
         takes part.
+    kind
+        ``"weld"``; ``"slide"``: displacements along the slave's normal alone are the same; or ``"mean"``: its mean
+        displacement and its mean rotation alone, so that neither surface is stiffened (a distributing coupling).
+    bond
+        Of what slides, stiffness of the bond: tangential traction per slip, force / length^3.
     gap
         The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
         the slave's size, the root of its area over pi.
@@ -112,11 +119,18 @@ class Tie(Checked):
     slave: Surface
     master: Surface
     gap: float | None = None
+    kind: str = "weld"
+    bond: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.gap is not None:
             positive("tie: gap", self.gap)
+        if self.kind not in KINDS:
+            raise InputError(f"tie: got kind {self.kind!r}, need one of {', '.join(KINDS)}")
+        finite("tie: bond", self.bond, "a stiffness, not negative")
+        if self.bond < 0.0 or (self.bond and self.kind != "slide"):
+            raise InputError(f"tie: got bond {self.bond:g} of kind {self.kind!r}, need a positive one of 'slide'")
         first, second = (
             ("solid", one.solid) if isinstance(one, SolidSurface) else ("body", one.body)
             for one in (self.slave, self.master)

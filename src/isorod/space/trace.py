@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError
 from isorod.geometry.disk import circle, harmonic_functions
 from isorod.geometry.fitting import evaluate
-from isorod.geometry.quadrature import Rule, axis_points, circle_points
+from isorod.geometry.quadrature import Rule, circle_points
 from isorod.space.space import Space
 
 # Points where the search for the nearest one begins: so far apart along the rod, in radii, and so many in a section.
@@ -90,15 +90,25 @@ def end_trace(space: Space, which: str, finer: int = 1, own: bool = False) -> Tr
     return Trace(position[0], normal / size[:, None], area * size, np.tile(nodes, (len(xi), 1)), values, nodes)
 
 
-def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str, finer: int = 1) -> Trace:
-    """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`); points as for `end_trace`."""
+def lateral_trace(
+    space: Space, along: tuple[float, float] | None, surface: str, finer: int = 1, breaks: Array | None = None
+) -> Trace:
+    """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`).
+
+    Parameters
+    ----------
+    finer
+        As for `end_trace`.
+    breaks
+        Axis parameters where functions of another body are not smooth: no Gauss rule goes across one.
+    """
     radius = space.rod.rings[0 if surface == "inner" else -1]
     if radius == 0.0:
         raise InputError("inner surface: the rod has no hole")
     chosen = _elements(space, along)
     rule = _closer(space.basis.full(space.axis.degree), finer)
     xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
-    u, length = (one[chosen] for one in axis_points(space.axis, rule.axial))
+    element, u, length = _between(space, chosen, rule.axial, breaks)
     position, jacobian = space.rod.grid(xi, u.ravel())
     around = jacobian[..., 1] * xi[:, :1] - jacobian[..., 0] * xi[:, 1:]
     normal = np.cross(around, jacobian[..., 2]) * (1.0 if surface == "outer" else -1.0)
@@ -110,7 +120,7 @@ def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str,
     own = np.sort(order[: int(np.count_nonzero(pivots > _NEW * pivots[0]))])
     seen = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
     axial = space.axis.local(u.ravel())[1]
-    layers = np.repeat(space.element_layers[chosen], u.shape[1], axis=0)
+    layers = np.repeat(space.element_layers[element], u.shape[1], axis=0)
     values = np.einsum("tj,ql->tqjl", axial, across[:, seen])
     nodes = (layers[:, :, None] * space.layer_nodes + seen).reshape(len(axial), 1, -1)
     count = values.shape[0] * values.shape[1]
@@ -128,6 +138,26 @@ def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str,
 def _closer(rule: Rule, finer: int) -> Rule:
     """Return a rule with so many times as many points in each direction."""
     return Rule(*(min(finer * count, _MOST_POINTS) for count in (rule.radial, rule.angular, rule.axial)))
+
+
+def _between(space: Space, chosen: Index, count: int, breaks: Array | None) -> tuple[Index, Array, Array]:
+    """Return elements ``(i,)``, Gauss points and weights ``(i, count)`` of intervals between breaks of two bodies."""
+    own = space.axis.breaks
+    joints = own if breaks is None else np.unique(np.concatenate([own, breaks]))
+    # What all but coincides does.
+    joints = joints[np.append(True, np.diff(joints) > _ROUNDED * (own[-1] - own[0]))]
+    joints[-1] = own[-1]
+    element = np.searchsorted(own, 0.5 * (joints[1:] + joints[:-1]), "right") - 1
+    mine = np.isin(element, chosen)
+    begin, size = joints[:-1][mine], np.diff(joints)[mine]
+    x, w = np.polynomial.legendre.leggauss(count)
+    return element[mine], begin[:, None] + size[:, None] * 0.5 * (x + 1.0), size[:, None] * 0.5 * w
+
+
+def breaks_on(space: Space, other: Space) -> Array:
+    """Return the axis parameters of a rod beside the joints of another's elements."""
+    centers = other.rod.grid(np.zeros((1, 2)), other.axis.breaks)[0][:, 0]
+    return _nearest(space, centers)[1]
 
 
 def _elements(space: Space, along: tuple[float, float] | None) -> Index:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
     from isorod.assembly.assembler import Assembler
+    from isorod.assembly.constraints import Tied
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +67,21 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
     for k in constraints.order:
         tied, tie = constraints.ties[k], assembler.model.ties[k]
         carried = forces[tied.slaves]
-        # What holds the slave pulls at the master.
+        # What holds the slave pulls at the master; what is the slave's own of that, it pulls at itself.
+        passed = tied.rows.T @ carried
         forces[tied.slaves] = 0.0
-        forces += tied.rows.T @ carried
-        nodal = np.zeros(moved.shape)
-        nodal.ravel()[tied.slaves] = carried
-        trace, own = tied.trace, tied.own
-        nodes = np.unique(tied.slaves // 3)
-        values = own[:, nodes].toarray()
-        weighted = trace.weights[:, None] * values
-        coefficients = np.linalg.lstsq(values.T @ weighted, nodal[nodes], rcond=None)[0]
+        forces += passed
+        own = constraints.body_of(tie.slave)
+        nodal = np.zeros(3 * len(moved))
+        nodal[tied.slaves] = carried
+        nodal[own] -= passed[own]
+        if tied.bond is not None:
+            nodal[own] -= (tied.bond @ moved.ravel())[own]
+        nodal = nodal.reshape(-1, 3)
+        trace = tied.trace
+        nodes = np.flatnonzero(nodal.any(axis=1))
+        values = tied.own[:, nodes].toarray()
+        coefficients = np.linalg.lstsq(values.T @ (trace.weights[:, None] * values), nodal[nodes], rcond=None)[0]
         traction = values @ coefficients
         center = trace.weights @ trace.points / trace.weights.sum()
         arms = trace.points - center
@@ -84,7 +90,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
             force=carriers[nodes] @ nodal[nodes],
             moment=trace.weights @ np.cross(arms, traction),
             center=center,
-            jump=float(np.linalg.norm(tied.jump @ moved, axis=1).max()),
+            jump=_jump(tie, tied, moved),
             gap=tied.gap,
             area=float(trace.weights.sum()),
             points=trace.points,
@@ -92,3 +98,11 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
             traction=traction,
         )
     return [one for one in found if one is not None]
+
+
+def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
+    """Return the largest distance between the displacements of both sides, of what slides along the normal alone."""
+    apart = tied.jump @ moved
+    if tie.kind == "slide":
+        return float(np.abs(np.sum(apart * tied.trace.normals, axis=1)).max())
+    return float(np.linalg.norm(apart, axis=1).max())
