@@ -1,6 +1,7 @@
 # The names that isorod offers and where they are: read by type checkers and, when one is asked for, by __init__.py.
 from isorod import dynamics as dynamics
 from isorod import errors as errors
+from isorod import fenics as fenics
 from isorod import modal as modal
 from isorod import options as options
 from isorod import scenes as scenes

@@ -1,5 +1,6 @@
 """The cells of a dolfinx mesh as maps of the reference cell, and shape functions on them, at many points at once."""
 
+from functools import cached_property
 from typing import Any
 
 import basix
@@ -15,6 +16,12 @@ SLACK = 1e-9
 # Where a cell's map is so flat, in the cube of its size, gradients are taken a hundredth nearer to its middle: two
 # edges of a cell of a round cross-section may be tangent to each other at the corner.
 _FLAT, _INWARD = 1e-6, 0.01
+
+# Share of a cell's size by which positions may differ that are the same.
+_SAME = 1e-8
+
+# Steps of Newton's method.
+_STEPS = 25
 
 
 class Cells:
@@ -58,41 +65,51 @@ class Cells:
         """The middle of the reference cell, shape ``(3,)``."""
         return np.asarray(self.corners.mean(axis=0))
 
+    @property
+    def rotates(self) -> bool:
+        """Whether position is a field of the space on all cells here, as a rigid rotation asks for."""
+        if self.element.degree >= self.geometry.degree:
+            return True
+        nodal = tabulated(self.geometry, 0, self.element.points)[0] @ self.x
+        away = tabulated(self.element, 0, self.geometry.points)[0] @ nodal - self.x
+        return bool((np.abs(away) <= _SAME * np.ptp(self.x, axis=1, keepdims=True).max(axis=2, keepdims=True)).all())
+
     def on_faces(self, face: Index, s: Array) -> Array:
         """Return the reference points of points ``s`` ``(k, 2)`` of reference facets, each on one of its own."""
         corner = self.corners[self.faces[face]]
-        return np.asarray(corner[:, 0] + np.einsum("kd,kda->ka", s, corner[:, 1:3] - corner[:, :1]))
+        return np.asarray(corner[:, 0] + (s[:, None] @ (corner[:, 1:3] - corner[:, :1]))[:, 0])
 
     def outside(self, X: Array) -> Array:
         """Return how far reference points ``(k, 3)`` are outside the reference cell, negative within."""
         least = -X.min(axis=1)
         return np.asarray(np.maximum(least, (X.sum(axis=1) if self.simplex else X.max(axis=1)) - 1.0))
 
-    def at(self, cells: Index, X: Array, derivatives: int = 1) -> list[Array]:
-        """Return positions ``(k, 3)`` of reference points ``(k, 3)``, and derivatives ``(k, 3, 3)`` and so on."""
-        table, x = tabulated(self.geometry, derivatives, X), self.x[cells]
-        found = np.einsum("dkn,kna->kad", table, x)
-        parts = [found[..., 0]]
-        if derivatives > 0:
-            parts.append(found[..., 1:4])
-        if derivatives > 1:
-            # 200, 110, 101, 020, 011, 002.
-            parts.append(found[..., 4 + np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])])
-        return parts
+    def at(self, cells: Index, X: Array) -> tuple[Array, Array]:
+        """Return positions ``(k, 3)`` of reference points ``(k, 3)``, and derivatives ``dx_a / dX_b`` ``(k, 3, 3)``."""
+        found = np.moveaxis(tabulated(self.geometry, 1, X), 0, 1) @ self.x[cells]
+        return found[:, 0], np.swapaxes(found[:, 1:], 1, 2)
 
     def pulled_back(self, cells: Index, points: Array) -> Array:
         """Return the reference points of points ``(k, 3)`` in a cell each; NaN where there is none near the cell."""
+        if self.affine:
+            origin, back = self._back
+            return np.asarray((back[cells] @ (points - origin[cells])[..., None])[..., 0])
         X = np.tile(self.middle, (len(cells), 1))
         active = np.arange(len(cells))
-        for _ in range(1 if self.affine else 25):
+        for _ in range(_STEPS):
             x, J = self.at(cells[active], X[active])
             with np.errstate(divide="ignore", invalid="ignore"):
-                step = np.einsum("kab,kb->ka", inverse(J)[0], points[active] - x)
-            X[active] += step if self.affine else np.clip(step, -0.5, 0.5)
+                step = (inverse(J)[0] @ (points[active] - x)[..., None])[..., 0]
+            X[active] += np.clip(step, -0.5, 0.5)
             active = active[(np.abs(step).max(axis=1) > 1e-12) & (self.outside(X[active]) < 2.0)]
-        if not self.affine:
-            X[active] = np.nan
+        X[active] = np.nan
         return X
+
+    @cached_property
+    def _back(self) -> tuple[Array, Array]:
+        """The origins of affine maps, shape ``(cells, 3)``, and their inverses ``(cells, 3, 3)``."""
+        x, J = self.at(np.arange(len(self.x)), np.zeros((len(self.x), 3)))
+        return x, inverse(J)[0]
 
     def extrapolated(self, cells: Index, X: Array, points: Array) -> Array:
         """Return the shape functions ``(k, m)`` at points by linear extrapolation from reference points of cells."""
@@ -102,8 +119,8 @@ class Cells:
             X = np.where(flat[:, None], X + _INWARD * (self.middle - X), X)
             x, J = self.at(cells, X)
         table = tabulated(self.element, 1, X)
-        away = np.einsum("kab,kb->ka", inverse(J)[0], points - x)
-        return np.asarray(table[0] + np.einsum("dkm,kd->km", table[1:4], away))
+        away = inverse(J)[0] @ (points - x)[..., None]
+        return np.asarray(table[0] + sum(table[1 + d] * away[:, d] for d in range(3)))
 
 
 def tabulated(element: Any, derivatives: int, X: Array) -> Array:

@@ -39,6 +39,7 @@ __all__ = [
     "geometry_element",
     "impose",
     "interpolation_points",
+    "is_on",
     "lift",
     "links",
     "mixed_element",
@@ -108,9 +109,15 @@ def interpolation_points(space: Any) -> Array:
     return np.asarray(points() if callable(points) else points)
 
 
+def _only(geometry: Any, name: str) -> Any:
+    """Return what a mesh of one kind of cell has one of; 0.7 and 0.11 list it."""
+    several = getattr(geometry, f"{name}s", None)
+    return several[0] if isinstance(several, list) else getattr(geometry, name)
+
+
 def geometry_dofs(mesh: Any, cells: int) -> Index:
     """Return where in ``mesh.geometry.x`` the nodes of this rank's first cells are, shape ``(cells, nodes)``."""
-    dofs = mesh.geometry.dofmap
+    dofs = _only(mesh.geometry, "dofmap")
     # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
     table = dofs.array.reshape(dofs.num_nodes, -1) if hasattr(dofs, "num_nodes") else dofs
     return np.asarray(table[:cells], dtype=np.int64)
@@ -220,8 +227,7 @@ def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc
 
 def geometry_element(mesh: Any) -> Any:
     """Return basix' element of a mesh's geometry, scalar."""
-    kinds = mesh.geometry.cmaps if hasattr(mesh.geometry, "cmaps") else [mesh.geometry.cmap]
-    kind = (kinds() if callable(kinds) else kinds)[0]
+    kind = _only(mesh.geometry, "cmap")
     # 0.5.2 does not tell; its own meshes are of these nodes, and there is but one kind up to degree 2.
     variant = basix.LagrangeVariant(getattr(kind, "variant", basix.LagrangeVariant.equispaced))
     cell = getattr(basix.CellType, mesh.topology.cell_name())
@@ -241,6 +247,13 @@ def exterior_facets(mesh: Any) -> Index:
     for low, high in ((2, 3), (3, 2)):
         links(mesh, low, high)
     return np.sort(np.asarray(dolfinx.mesh.exterior_facet_indices(mesh.topology), dtype=np.int64))
+
+
+def is_on(condition: Any, space: Any) -> bool:
+    """Return whether a condition is one on a space or on a component of it."""
+    # The condition is C++'s in 0.5.2, and its space in all versions.
+    of = condition.function_space
+    return bool(space._cpp_object.contains(getattr(of, "_cpp_object", of)))
 
 
 def impose(condition: Any, array: Array) -> None:

@@ -41,7 +41,7 @@ def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, 
     energy = stored.energy_of(law, factor, fibres)(F) * dx
     test = ufl.TestFunction(unknown.function_space)
     residual = ufl.derivative(energy, unknown, test)
-    if law.logarithmic:
+    if not law.linear:
         # Else stress without a logarithm, as where nu = 0, has a value where there is no volume.
         nothing = dolfinx.fem.Constant(unknown.function_space.mesh, 0.0)
         residual += nothing * ufl.ln(ufl.det(F)) * ufl.div(test) * dx
@@ -49,7 +49,13 @@ def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, 
 
 
 def split(form: Any, unknown: Any) -> tuple[Any, Any]:
-    """Return the terms of a residual in which the unknown stands, and the others with their sign changed: the loads."""
+    """Return the terms of a residual in which the unknown stands, and the others with their sign changed: the loads.
+
+    Raises
+    ------
+    InputError
+        If it stands in none.
+    """
     inner, outer = ufl.Form([]), ufl.Form([])
     for integral in form.integrals():
         for term in _terms(integral.integrand()):
@@ -58,6 +64,8 @@ def split(form: Any, unknown: Any) -> tuple[Any, Any]:
                 inner += part
             else:
                 outer -= part
+    if inner.empty():
+        raise InputError("form of the solid: its unknown does not stand in it")
     return inner, outer
 
 

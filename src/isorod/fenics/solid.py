@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import InputError, numbers
 from isorod.fenics import compat, forms
+from isorod.fenics.cells import Cells
 from isorod.fenics.flags import FAST
 from isorod.fenics.surface import Rows, Surface, Trace
 from isorod.material.law import Material
@@ -64,7 +65,11 @@ class Solid:
         form: Any = None,
         unknown: Any = None,
     ) -> None:
-        _check(space, law, form, unknown)
+        _check_space(space)
+        _check(space, law, form, unknown, load)
+        for one in conditions:
+            if not compat.is_on(one, space):
+                raise InputError("conditions of the solid: one is of another space than the one given")
         self.space, self.law, self.density, self.conditions = space, law, float(density), tuple(conditions)
         mesh = space.mesh
         self.comm: MPI.Comm = mesh.comm
@@ -111,11 +116,11 @@ class Solid:
         values = dolfinx.fem.Function(self.space)
         mine = [np.empty(0, dtype=np.int64)]
         for one in self.conditions:
-            dofs = np.asarray(one.dof_indices()[0], dtype=np.int64)
-            # Their number of owned ones counts some ghosts, where facets were located on several ranks.
-            mine.append(dofs[dofs < 3 * self._count])
+            # How many of them are this rank's own 0.5.2 does not tell rightly.
+            mine.append(np.asarray(one.dof_indices()[0], dtype=np.int64))
             compat.impose(one, values.x.array)
         local = np.unique(np.concatenate(mine))
+        local = local[local < 3 * self._count]
         return local + 3 * self.owned[0], values.x.array[local].astype(float)
 
     def residual(self, u: Array, factor: float) -> Array:
@@ -181,7 +186,7 @@ class Solid:
         return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
 
     def external(self) -> Array:
-        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1, on the body at rest."""
+        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""
         self._set(np.zeros(3 * self._count), 1.0)
         return np.zeros(3 * self._count) if self._load is None else self._assembled(self._load)
 
@@ -249,8 +254,8 @@ def _fill(function: Any, u: Array) -> None:
     function.x.scatter_forward()
 
 
-def _check(space: Any, law: Material | None, form: Any, unknown: Any) -> None:
-    """Raise `InputError` if a body cannot be made of these."""
+def _check_space(space: Any) -> None:
+    """Raise `InputError` if a space is not one of a body's displacements."""
     mesh = getattr(space, "mesh", None)
     if mesh is None or not hasattr(space, "dofmap"):
         raise InputError(f"space of the solid: got {type(space).__name__}, need a dolfinx function space")
@@ -265,6 +270,15 @@ def _check(space: Any, law: Material | None, form: Any, unknown: Any) -> None:
     element = space.element.basix_element
     if element.family.name != "P" or element.discontinuous or not space.element.interpolation_ident:
         raise InputError(f"space of the solid: got {space.ufl_element()}, need Lagrange elements")
+    if mesh.comm.allreduce(not Cells(space).rotates):
+        raise InputError(
+            f"space of the solid: degree {element.degree} on curved cells of degree "
+            f"{compat.geometry_element(mesh).degree} cannot rotate rigidly, need at least the degree of the cells"
+        )
+
+
+def _check(space: Any, law: Material | None, form: Any, unknown: Any, load: Any) -> None:
+    """Raise `InputError` if what is given besides the space makes no body."""
     if (law is None) == (form is None):
         raise InputError(
             f"solid: got {'neither a law nor' if law is None else 'both a law and'} a form, need one of them"
@@ -272,7 +286,8 @@ def _check(space: Any, law: Material | None, form: Any, unknown: Any) -> None:
     if form is not None:
         if unknown is None:
             raise InputError("solid: got a form without its unknown, the dolfinx Function of displacement in it")
-        if len(form.arguments()) != 1:
-            raise InputError(f"form of the solid: got {len(form.arguments())} arguments, need one test function")
     if unknown is not None and unknown.function_space != space:
         raise InputError("unknown of the solid: it is of another space than the one given")
+    for name, one in (("form", form), ("load", load)):
+        if one is not None and [argument.ufl_function_space() for argument in one.arguments()] != [space]:
+            raise InputError(f"{name} of the solid: need a UFL form with one test function, of the space given")

@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError
 from isorod.fenics import compat
 from isorod.fenics.cells import Cells, tabulated
-from isorod.fenics.nearest import Nearest
+from isorod.fenics.nearest import AT_ONCE, Nearest
 from isorod.tensors import inverse
 
 
@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     values
         The shape functions, shape ``(q, m)``.
     gap
-        Distance from the body, 0 within, shape ``(q,)``.
+        Distance from the body, 0 within, shape ``(q,)``; where facets were given from these, 0 within their cells.
     """
 
     nodes: Index
@@ -80,7 +80,9 @@ class Surface:
         count = self._cells.nodes.shape[1]
         nodes, values = np.zeros((len(points), count), dtype=np.int64), np.zeros((len(points), count))
         nodes[mine] = self._cells.nodes[place.cell[mine]]
-        values[mine] = self._cells.extrapolated(place.cell[mine], place.X[mine], points[mine])
+        for k in range(0, len(mine), AT_ONCE):
+            own = mine[k : k + AT_ONCE]
+            values[own] = self._cells.extrapolated(place.cell[own], place.X[own], points[own])
         self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return Rows(nodes, values, least)
@@ -115,10 +117,16 @@ class Surface:
     def _own(self, facets: Index) -> Index:
         """Return the given facets that are this rank's own."""
         mesh = self._space.mesh
-        facets = np.unique(np.asarray(facets, dtype=np.int64))
-        own = facets[facets < mesh.topology.index_map(2).size_local]
+        index_map = mesh.topology.index_map(2)
+        known = index_map.size_local + index_map.num_ghosts
+        given = np.unique(np.asarray(facets))
+        outside = given[~np.isin(given, np.arange(known))]
+        own = given[given < index_map.size_local].astype(np.int64)
         inner = np.setdiff1d(own, self._exterior)
-        total, wrong = self._comm.allreduce(np.array([len(own), len(inner)]), op=MPI.SUM)
+        total, wrong, none = self._comm.allreduce(np.array([len(own), len(inner), len(outside)]), op=MPI.SUM)
+        if none:
+            which = f"{outside[0]:g}, need whole numbers from 0 to {known - 1}" if len(outside) else "another's number"
+            raise InputError(f"facets of the solid: got {which}")
         if total == 0:
             raise InputError("facets of the solid: there is none on any rank; name facets of its surface")
         if wrong:
