@@ -111,9 +111,12 @@ class Constraints:
         self.order = self._ordered()
         self.rows = self._resolved(csr_array(vstack(rows, format="csr"))[order])
 
+    def body_of(self, surface: Surface) -> int:
+        """Return the index in `first_node` of the body that a surface is of."""
+        return len(self._model.bodies) + surface.solid if isinstance(surface, SolidSurface) else surface.body
+
     def _first(self, surface: Surface) -> int:
-        bodies = len(self._model.bodies)
-        return int(self.first_node[bodies + surface.solid if isinstance(surface, SolidSurface) else surface.body])
+        return int(self.first_node[self.body_of(surface)])
 
     def _trace(self, surface: Surface, finer: int = 1) -> Trace:
         if isinstance(surface, SolidSurface):

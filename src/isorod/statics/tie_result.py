@@ -66,11 +66,14 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
     for k in constraints.order:
         tied, tie = constraints.ties[k], assembler.model.ties[k]
         carried = forces[tied.slaves]
-        # What holds the slave pulls at the master.
+        # What holds the slave pulls at the master, and at what is held or dependent of the slave itself.
+        pulled = tied.rows.T @ carried
         forces[tied.slaves] = 0.0
-        forces += tied.rows.T @ carried
+        forces += pulled
         nodal = np.zeros(moved.shape)
         nodal.ravel()[tied.slaves] = carried
+        body = constraints.body_of(tie.slave)
+        mine = slice(*constraints.first_node[body : body + 2])
         trace, own = tied.trace, tied.own
         nodes = np.unique(tied.slaves // 3)
         values = own[:, nodes].toarray()
@@ -81,7 +84,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         arms = trace.points - center
         found[k] = TieResult(
             tie=tie,
-            force=carriers[nodes] @ nodal[nodes],
+            force=carriers[mine] @ (nodal - pulled.reshape(-1, 3))[mine],
             moment=trace.weights @ np.cross(arms, traction),
             center=center,
             jump=float(np.linalg.norm(tied.jump @ moved, axis=1).max()),
