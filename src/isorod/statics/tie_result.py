@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
     from isorod.assembly.assembler import Assembler
+    from isorod.assembly.constraints import Tied
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +75,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         nodal.ravel()[tied.slaves] = carried
         body = constraints.body_of(tie.slave)
         mine = slice(*constraints.first_node[body : body + 2])
-        trace, own = tied.trace, tied.own
-        nodes = np.unique(tied.slaves // 3)
-        values = own[:, nodes].toarray()
-        weighted = trace.weights[:, None] * values
-        coefficients = np.linalg.lstsq(values.T @ weighted, nodal[nodes], rcond=None)[0]
-        traction = values @ coefficients
+        trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
         arms = trace.points - center
         found[k] = TieResult(
@@ -95,3 +91,18 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
             traction=traction,
         )
     return [one for one in found if one is not None]
+
+
+def _traction(tied: "Tied", nodal: Array) -> Array:
+    """Return tractions at the points, combinations of the functions that are tied, of nodal forces ``(nodes, 3)``."""
+    result = np.zeros(tied.trace.points.shape)
+    sets: dict[bytes, list[int]] = {}
+    for a in range(3):
+        sets.setdefault((tied.slaves[tied.slaves % 3 == a] // 3).tobytes(), []).append(a)
+    for key, components in sets.items():
+        nodes = np.frombuffer(key, dtype=tied.slaves.dtype)
+        values = tied.own[:, nodes].toarray()
+        matrix = values.T @ (tied.trace.weights[:, None] * values)
+        coefficients = np.linalg.lstsq(matrix, nodal[np.ix_(nodes, components)], rcond=None)[0]
+        result[:, components] = values @ coefficients
+    return result
