@@ -118,14 +118,18 @@ class Constraints:
         self.order = self._ordered()
         self.rows = self._resolved(csr_array(vstack(rows, format="csr"))[order])
 
+    def _nodes_of(self, surface: Surface) -> tuple[int, int]:
+        """Return the first node of a surface's body, and the one after its last."""
+        k = len(self._model.bodies) + surface.solid if isinstance(surface, SolidSurface) else surface.body
+        return int(self.first_node[k]), int(self.first_node[k + 1])
+
     def _first(self, surface: Surface) -> int:
-        bodies = len(self._model.bodies)
-        return int(self.first_node[bodies + surface.solid if isinstance(surface, SolidSurface) else surface.body])
+        return self._nodes_of(surface)[0]
 
     def body_of(self, surface: Surface) -> slice:
         """Return the degrees of freedom of a surface's body."""
-        k = int(np.searchsorted(self.first_node, self._first(surface), "right")) - 1
-        return slice(3 * int(self.first_node[k]), 3 * int(self.first_node[k + 1]))
+        first, last = self._nodes_of(surface)
+        return slice(3 * first, 3 * last)
 
     def _rows(self, surface: Surface, points: Array) -> Rows:
         if isinstance(surface, SolidSurface):

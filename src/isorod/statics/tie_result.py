@@ -78,16 +78,12 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         if tied.bond is not None:
             nodal[own] -= (tied.bond @ moved.ravel())[own]
         nodal = nodal.reshape(-1, 3)
-        trace = tied.trace
-        nodes = np.flatnonzero(nodal.any(axis=1))
-        values = tied.own[:, nodes].toarray()
-        coefficients = np.linalg.lstsq(values.T @ (trace.weights[:, None] * values), nodal[nodes], rcond=None)[0]
-        traction = values @ coefficients
+        trace, traction = tied.trace, _traction(tie, tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
         arms = trace.points - center
         found[k] = TieResult(
             tie=tie,
-            force=carriers[nodes] @ nodal[nodes],
+            force=carriers @ nodal,
             moment=trace.weights @ np.cross(arms, traction),
             center=center,
             jump=_jump(tie, tied, moved),
@@ -98,6 +94,26 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
             traction=traction,
         )
     return [one for one in found if one is not None]
+
+
+def _traction(tie: Tie, tied: "Tied", nodal: Array) -> Array:
+    """Return tractions at the points, of nodal forces ``(nodes, 3)`` on the slave.
+
+    Those of a weld are combinations of the functions that are tied, of each component; others of all.
+    """
+    sets: dict[bytes, list[int]] = {}
+    everything = np.flatnonzero(nodal.any(axis=1))
+    for a in range(3):
+        mine = tied.slaves[tied.slaves % 3 == a] // 3 if tie.kind == "weld" else everything
+        sets.setdefault(mine.tobytes(), []).append(a)
+    result = np.zeros(tied.trace.points.shape)
+    for key, components in sets.items():
+        nodes = np.frombuffer(key, dtype=np.int64)
+        values = tied.own[:, nodes].toarray()
+        matrix = values.T @ (tied.trace.weights[:, None] * values)
+        coefficients = np.linalg.lstsq(matrix, nodal[nodes][:, components], rcond=None)[0]
+        result[:, components] = values @ coefficients
+    return result
 
 
 def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
