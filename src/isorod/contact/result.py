@@ -231,6 +231,7 @@ def _projections(packed: Packed, active: Index) -> tuple[Index, Array]:
     starts = packed.starts[touching]
     elements = packed.elements[starts["element"]]
     low, high = elements["u"].T
-    partners[touching] = packed.surfaces["body"][elements["surface"]]
-    projections[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), starts["theta"]], axis=1)
+    surfaces = packed.surfaces[elements["surface"]]
+    partners[touching], angles = surfaces["body"], cells.sense(surfaces) * starts["theta"]
+    projections[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), angles], axis=1)
     return partners, projections
