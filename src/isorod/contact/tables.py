@@ -101,7 +101,7 @@ class _Tables:
         period = along[-1] if space.rod.closed else np.inf
         counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space), own.dimension
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
-        self.surfaces.append((body, n, *counts, own.turn, period, deepest(space, own), *padded))
+        self.surfaces.append((body, n, *counts, own.turn, period, deepest(space, own.sense < 0.0), *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * stride
@@ -236,13 +236,13 @@ def smallest_radius(model: "Model", contact: Contact) -> float:
     found = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        found.append(trace(space, contact.is_inner(body)).radius * radii(space, elements)[0])
+        found.append(contact.disk_radius(body, space.rod) * radii(space, elements)[0])
     return min(found)
 
 
-def deepest(space: "Space", own: Trace) -> float:
+def deepest(space: "Space", inner: bool) -> float:
     """Return how deep beyond an inner surface a point may be, half of the wall at its thinnest; 0 of an outer one."""
-    return 0.5 * (1.0 - own.radius) * radii(space)[0] if own.sense < 0.0 else 0.0
+    return 0.5 * (1.0 - space.rod.rings[0]) * radii(space)[0] if inner else 0.0
 
 
 def penalty(model: "Model", contact: Contact) -> float:

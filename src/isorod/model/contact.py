@@ -10,6 +10,7 @@ from isorod.errors import Checked, InputError, finite, positive, whole_number
 from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
     from isorod.space.space import Space
 
 Vector = tuple[float, float, float]
@@ -186,6 +187,15 @@ class Contact(Checked):
     def is_inner(self, body: int) -> bool:
         """Whether it is the inner surface of a body that takes part."""
         return (self.first_surface if body in self.groups[0] else self.second_surface) == "inner"
+
+    def disk_radius(self, body: int, rod: "Rod") -> float:
+        """Return the radius on the disk of the surface of a body that takes part, whose rod is given."""
+        return rod.rings[0] if self.is_inner(body) else 1.0
+
+    @property
+    def has_inner(self) -> bool:
+        """Whether one side is an inner surface."""
+        return "inner" in (self.first_surface, self.second_surface)
 
     @property
     def travel(self) -> float:
