@@ -6,7 +6,8 @@ import numpy as np
 from conftest import straight
 from touching import ACROSS, LAW, moved, ring
 
-from isorod import Body, Contact, Cylinder, Model, Plane, Space
+from isorod import Body, Contact, Cylinder, LinearElastic, Model, NeoHookean, Plane, Space
+from isorod.model import Support
 
 THREE = (0.0, 1.0, 2.0, 3.0)
 HOLE = 0.6
@@ -64,3 +65,84 @@ def rubbing(model, friction):
 def shaken(model, size=0.004):
     """Return random displacements ``(dofs,)`` of a model, small beside its clearances."""
     return size * np.random.default_rng(0).standard_normal(model.dofs)
+
+
+# A press fit: radii of the inside of the shaft, the fit, and the outside of the hub, the interference, and the laws.
+INNER, FIT, OUTER, DELTA = 4.0, 10.0, 20.0, 0.01
+SHAFT, HUB = LinearElastic(210e3, 0.3), LinearElastic(70e3, 0.33)
+
+
+def fit_pressure(hollow):
+    """Lame: the pressure of a shaft, with a hole or without, in a hub of its length, whose ends are free."""
+    (a, b, c), (hub, shaft) = (FIT, OUTER, INNER if hollow else 0.0), (HUB, SHAFT)
+    wide = ((b**2 + a**2) / (b**2 - a**2) + hub.nu) / hub.E
+    slim = ((a**2 + c**2) / (a**2 - c**2) - shaft.nu) / shaft.E
+    return DELTA / (a * (wide + slim))
+
+
+def press_fit(hollow=False, slide=0.0, friction=0.0, degrees=(4, 4), reach=1.0, **contact):
+    """A shaft in a hub, which may stand out and be pushed on by ``slide``."""
+    hub = Space.paper(
+        straight(8, radius=OUTER, height=10.0).with_rings((FIT / OUTER, 1.0)),
+        section_degree=degrees[0],
+        quadrature="auto",
+    )
+    size = FIT + DELTA
+    rod = straight(8, radius=size, height=10.0 * reach)
+    if hollow:
+        rod = rod.with_rings((INNER / size, 1.0))
+    shaft = Space.paper(rod, section_degree=degrees[1], quadrature="auto")
+    supports = []
+    for b, space in enumerate((hub, shaft)):
+        # Held are a face, the mean of its displacements, and its turning: the coefficient of a coordinate.
+        ways = np.outer(space.is_carrier[: space.layer_nodes], [0.0, 0.0, b * slide])
+        supports.append(Support(np.arange(space.layer_nodes), "z", ways, body=b))
+        supports += [Support([0], "xy", body=b), Support([1], "y", body=b)]
+    asked = Contact(1, 0, second_surface="inner", friction=friction, **contact)
+    return Model([Body(hub, HUB), Body(shaft, SHAFT)], supports, contacts=[asked])
+
+
+def pin(degrees=(6, 8), push=0.02, clearance=0.01, friction=0.0, outer=6.0):
+    """A pin in a wide hole of its own material, in plane strain, pushed sideways; patches are wide, half angle 45."""
+    hole = Space.paper(
+        straight(8, degree=1, radius=outer).with_rings((1.0 / outer, 1.0)),
+        degree=1,
+        section_degree=degrees[1],
+        quadrature="20x4x1",
+    )
+    solid = straight(8, degree=1, radius=1.0 - clearance)
+    round_it = Space.paper(solid, degree=1, section_degree=degrees[0], quadrature="12x4x1")
+    supports = []
+    for b, space in enumerate((hole, round_it)):
+        means = [0, space.layer_nodes]
+        supports.append(Support(np.arange(space.nodes), "z", body=b))
+        supports += [Support(means, "xy", (0.0, -b * push, 0.0), body=b), Support(np.add(means, 1), "y", body=b)]
+    law = LinearElastic(1.0, 0.3)
+    asked = Contact(1, 0, second_surface="inner", friction=friction)
+    return Model([Body(hole, law), Body(round_it, law)], supports, contacts=[asked])
+
+
+def strip(space, press, **contact):
+    """A section in plane strain between two planes, of which one moves by ``press``."""
+    means = np.flatnonzero(space.is_carrier)[:1] if space.layer_nodes > space.is_carrier.sum() else []
+    supports = [Support(np.arange(space.nodes), "z"), *(Support([k], "x") for k in means)]
+    planes = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), travel=press)
+    contacts = [Contact(0, plane, **contact) for plane in planes]
+    return Model([Body(space, LinearElastic(1.0, 0.3))], supports, contacts=contacts)
+
+
+def falling(degree=4, friction=0.0):
+    """A hollow rod that is thrown on a plane, and a rod in it, which it takes along."""
+    outer = straight(8, height=4.0, degree=1).with_rings((0.7, 1.0))
+    inner = moved(straight(8, height=2.0, radius=0.6, degree=1), (0.0, 0.0, 1.0))
+    spaces = [
+        Space.paper(outer, elements=2, degree=2, section_degree=degree, quadrature="auto"),
+        Space.paper(inner, elements=2, degree=2, section_degree=3, quadrature="auto"),
+    ]
+    contacts = [
+        Contact(0, Plane((0.0, -1.05, 0.0), (0.0, 1.0, 0.0)), 1000.0, points=(3, 4), friction=friction),
+        Contact(1, 0, 1000.0, points=(3, 4), second_surface="inner", friction=friction),
+    ]
+    model = Model([Body(space, NeoHookean(1000.0, 0.3), 1.0) for space in spaces], contacts=contacts)
+    speeds = [np.outer(space.is_carrier, [0.2, -1.0, 0.0]) for space in spaces]
+    return model, np.concatenate(speeds).ravel()

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from conftest import straight
+from petsc4py import PETSc
 from refused import refused
 from surfaces import SCENES, inside, mandrel, rubbing, shaken, tube
 from touching import assert_tangent, reference, stiffness
 
 from isorod import Body, Contact, NeoHookean, Plane, Space
+from isorod.contact.frozen import Frozen
 from isorod.contact.operator import ContactOperator
 from isorod.contact.traces import section_functions, trace
 from isorod.model import Model
@@ -79,6 +81,21 @@ def test_the_forces_turn_with_the_bodies():
     forces = operator.forces(displacement)[0].reshape(-1, 3)
     other = operator.forces((rotated - reference(model)).ravel())[0].reshape(-1, 3)
     assert other == pytest.approx(forces @ turn.T, abs=1e-10 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_contact_about_an_equilibrium_is_on_the_same_surfaces(scene):
+    """Forces and their change, but for what traces miss and for curvature of gaps."""
+    model = scene()
+    operator, displacement = ContactOperator(model), shaken(model, 1e-3)
+    forces = operator.forces(displacement)[0]
+    frozen = Frozen(model, model.contacts, operator.results(displacement), displacement, PETSc.COMM_SELF)
+    assert np.abs(frozen.forces(displacement)[0] - forces).max() < 1e-2 * np.abs(forces).max()
+    operator.tangent(displacement)
+    v = np.random.default_rng(2).standard_normal(model.dofs)
+    expected = operator.product(v)
+    found = frozen.forces(displacement)[0] - frozen.forces(displacement + v)[0]
+    assert np.linalg.norm(found - expected) < 0.05 * np.linalg.norm(expected)
 
 
 @pytest.mark.parametrize("inner", [False, True])

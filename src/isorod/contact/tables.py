@@ -1,4 +1,4 @@
-"""Contact between the lateral surfaces of rods, and of rods with rigid obstacles.
+"""Contact between the lateral surfaces of rods, outer and inner ones, and of rods with rigid obstacles.
 
 The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a point of one surface (the slave) to the
 closest point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that
