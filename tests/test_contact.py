@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import test_contact_groups as groups
 import test_contact_mesh as mesh
-from conftest import straight
 from refused import refused
 from touching import LAW, add_forces, among, assert_tangent, crease, forces_at, moved, pair, reference, shaken
 
@@ -192,10 +191,6 @@ test_bad_numbers_get_one_line = refused(
     (lambda: with_contact(Contact(0, 1, 1.0, first_elements=[0, 3])), "element 3 is not in body 0, which has 3"),
     (lambda: with_contact(Contact(0, 1, 1.0, second_elements=[-1])), "contact 0: element -1 is not in body 1"),
     (lambda: with_contact(Contact(0, 1, 1.0, first_elements=[])), "no elements of body 0"),
-    (
-        lambda: among([Space.paper(straight(8), section_degree=2)], Contact(0, Plane((0, -1, 0), (0, 1, 0)), 1.0)),
-        "contact 0: body 0 has section functions without control points",
-    ),
     (
         lambda: in_steps(Contact(0, 1, 100.0, penetration=1e-3)),
         "contact 0: a largest penetration .* is for statics alone",

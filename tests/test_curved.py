@@ -142,7 +142,9 @@ def test_a_folder_takes_the_cells_that_are_asked_for(cells, kind, tmp_path):
     """Where there is pressure of contact, linear ones that have corners at it."""
     space = Space(straight(4.0).sweep(section.circle(4)), elements=1, degree=2, section_degree=2)
     fields = {"displacement": np.zeros((space.nodes, 3))}
-    touched = fields | {"contact_pressure": np.array([[0.3, 0.1, 1.0, 0], [0.5, 0.1, 2.0, 0], [0.7, 0.1, 1.0, 0]])}
+    touched = fields | {
+        "contact_pressure": np.array([[u, 0.1, p, 0, 1] for u, p in ((0.3, 1.0), (0.5, 2.0), (0.7, 1.0))])
+    }
     for given, expected in ((fields, kind), (touched, 72 if cells == "curved" else 12)):
         body = Body(space, LinearElastic(1.0, 0.3))
         record = folder.add(tmp_path, {"scene": "wire"}, [body], [folder.Frame(0.0, [given])], cells=cells)

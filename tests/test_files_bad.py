@@ -68,7 +68,6 @@ TOUCHING = (
     "[obstacle.floor]\nPlane = {point = [0.0, -0.2, 0.0], normal = [0.0, 1.0, 0.0]}\n"
     "[contact.floor]\nsecond = 'floor'\nfirst = 'bar'\n"
 )
-HOLLOW = r"\d+: contact.floor.first: contact needs .* rod bar has a hole or layers; leave out its rings, or this"
 ENDS = "[support.low]\nend = 'start'\n[support.high]\nend = 'end'\n"
 BAR = f"analysis = 'statics'\n{ROD}"
 HELD = BAR + ENDS
@@ -186,8 +185,11 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         ),
         # What the solver says names the file.
         (f"{HELD}displacement = [0.0, 0.0, -1e6]\n", "1: analysis: .*load factor .* of rod bar"),
-        (f"{BAR}rings = [0.5, 1.0]\n{ENDS}{TOUCHING}", HOLLOW),
-        (f"{BAR}rings = [0.5, 1.0]\nspace = {{elements = 4, order = 2}}\n{ENDS}{TOUCHING}", HOLLOW),
+        (f"{BAR}{ENDS}{TOUCHING}first_surface = 'inner'\n", r"\d+: contact.floor: rod bar has no hole, but its inner"),
+        (
+            f"{BAR}rings = [0.5, 1.0]\nspace = {{elements = 4, order = 2}}\n{ENDS}{TOUCHING}",
+            r"\d+: rod.bar.space: section degree: got none",
+        ),
     ],
 )
 def test_what_is_wrong_is_refused_where_it_is(content, said, refused):

@@ -9,6 +9,7 @@ import test_mixed_contact
 from conftest import straight
 from models import MODELS
 from petsc4py import PETSc
+from surfaces import falling, pin
 from test_contact_statics import crossing
 from touching import moved
 
@@ -167,6 +168,17 @@ def checkpoints(folder):
     }
 
 
+def surfaces(_):
+    """Contact of sections without control points, on outer and inner surfaces, with friction."""
+    model, thrown = falling(friction=0.2)
+    given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
+    return {
+        "pin": at_rest(pin((4, 5), friction=0.2), load_steps=2),
+        "explicit": in_motion(model, 0.1, outputs=2, velocity=thrown),
+        "implicit": in_motion(model, 0.1, 0.01, 2, velocity=thrown, **given),
+    }
+
+
 def estimates(_):
     """Those of an error of statics, with pressures and with contact too, and of modes, of a free body too."""
     space = Space.paper(straight(4, height=4.0), elements=3, degree=2, order=1, quadrature="auto")
@@ -273,6 +285,7 @@ def on_one_rank(tmp_path_factory):
 
 
 ERRORS = {"estimates": 1e-6, "equilibria": 1e-9, "explicit": 1e-10, "implicit": 1e-9, "checkpoints": 1e-10} | {
+    "surfaces": 1e-9,
     "assembly": 1e-10,
     "modes": 1e-9,
     "bands": 1e-9,

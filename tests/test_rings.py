@@ -7,7 +7,7 @@ from refused import refused
 from isorod import Muscle, Rod, Space, airfoil, circle, dynamics, ellipse, helix, modal, statics, straight
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.places import Places
-from isorod.model import Body, BodyForce, Contact, Model, Plane, Pressure, SectionLoad, Support
+from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Support
 from isorod.output import vtk
 
 A, B, LENGTH = 0.8, 2.0, 3.0
@@ -333,10 +333,6 @@ test_refusals = refused(
     ),
     (lambda: Body(layered()[0], LAW, [[1.0, 2.0, 3.0], [1.0]]), r"density: got shape \(2,\), .*in rows of one length"),
     (lambda: Body(tube(2), LAW, formulation="mixed").pressures, "a rod with a hole or layers takes 'displacement'"),
-    (
-        lambda: Model([Body(tube(2), LAW)], contacts=[Contact(0, Plane((0, 0, 0), (0, 0, 1)), 1.0)]),
-        "section functions without control points, which contact needs",
-    ),
     (
         lambda: dynamics.solve(Model([Body(layered()[0], NeoHookean(E, NU), 1.0)]), 1.0),
         "body 0: layered rods are not supported in dynamics",

@@ -69,6 +69,8 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
     if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
         raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
+    if contact.has_inner:
+        raise InputError(f"contact {k}: an inner surface is not on the finite element side")
     if contact.travel:
         raise InputError(f"contact {k}: a plane that moves is not on the finite element side")
     if isinstance(contact.obstacle, Sphere | TriangleMesh):

@@ -1,8 +1,8 @@
 """Points of contact in their order, and the cells in which surfaces tell them apart.
 
-The points of a pass are a grid: elements, points along each, arcs round the section, points of each arc.  A cell is an
-arc by the part of an element that one function along the axis has to itself: what varies faster the surface cannot
-follow, and pressures that do make it no flatter.
+The points of a pass are a grid: elements, points along each, arcs round the section, points of each arc.  A cell is
+what one function round the section, an arc where these are of control points, and one along the axis have to
+themselves: what varies faster the surface cannot follow, and pressures that do make it no flatter.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.contact.packed import Packed
+from isorod.contact.packed import Packed, Table
 
 if TYPE_CHECKING:
     from isorod.space.space import Space
@@ -38,10 +38,10 @@ def numbers(packed: Packed) -> Index:
     found, count = np.zeros(packed.areas.size, dtype=np.int64), 0
     for slave, number in zip(packed.passes["slave"], grids(packed, found), strict=True):
         elements, along, arcs, _ = number.shape
-        parts = min(int(packed.surfaces["cells"][slave]), along)
+        parts, round_it = min(int(packed.surfaces["cells"][slave]), along), int(packed.surfaces["cells_round"][slave])
         rows = np.arange(elements)[:, None] * parts + np.arange(along) * parts // along
-        number[:] = count + rows[..., None, None] * arcs + np.arange(arcs)[:, None]
-        count += elements * parts * arcs
+        number[:] = count + rows[..., None, None] * round_it + (np.arange(arcs) * round_it // arcs)[:, None]
+        count += elements * parts * round_it
     return found
 
 
@@ -63,6 +63,11 @@ def moved(old: Packed, values: Array, new: Packed) -> Array:
     return found
 
 
+def sense(surfaces: Table) -> Array:
+    """Return which way angles are counted round surfaces: -1 where backwards (`isorod.contact.traces`), else 1."""
+    return np.where(surfaces["deep"] > 0.0, -1.0, 1.0)
+
+
 def parameters(packed: Packed) -> Array:
     """Return axis parameter and angle of all points, ``(Q, 2)``."""
     found = np.empty((packed.areas.size, 2))
@@ -72,6 +77,6 @@ def parameters(packed: Packed) -> Array:
         low, high = packed.elements["u"][surface["first_element"] :][: surface["elements"], :, None].swapaxes(0, 1)
         u[:] = (low + (high - low) * packed.shares[one["first_along"] :][:along])[..., None, None]
         x = np.polynomial.legendre.leggauss(across)[0]
-        angle[:] = surface["arcs"][:arcs, :1] + np.pi * surface["arcs"][:arcs, 6:] * x
+        angle[:] = sense(surface) * (surface["arcs"][:arcs, :1] + np.pi * surface["arcs"][:arcs, 6:] * x)
 
     return found

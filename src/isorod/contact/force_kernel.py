@@ -158,22 +158,23 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, projection: Foo
         return gap
     start = packed.starts[point]
     at = site(one, packed.surfaces[one.slave], point)
-    limit = packed.multipliers[point] / one.penalty
+    limit, deep = packed.multipliers[point] / one.penalty, packed.surfaces[one.master].deep
     count, free, nearest = -1, 0.0, np.inf
     while True:
         if start.element < 0:
             if count < 0:
                 # Balls say cheaply that a point is far, searches how far: worth it where it has been near before.
-                reach = limit + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
+                reach = limit + deep + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
                 count, free = find_places(packed, one, point, reach, work.places)
             if not _start(packed, point, positions, work, count):
-                packed.clear[point] = packed.travel[0] + 0.5 * max(min(free, nearest) - limit, 0.0)
+                packed.clear[point] = packed.travel[0] + 0.5 * max(min(free - deep, nearest) - limit, 0.0)
                 return nearest
             count -= 1
         master = packed.surfaces[packed.elements[start.element].surface]
         outcome = closest(master, packed.elements, x, start, positions, projection)
-        # What the ball does not hold is not in contact; a search that ends deep inside has gone to the far side.
-        outside = count >= 0 and work.away[0] > limit
+        # What the ball does not hold, nor the wall about it, is not in contact; a search that ends deep inside has gone
+        # to the far side.
+        outside = count >= 0 and work.away[0] > limit + deep
         if outcome == LOST and count >= 0 and not outside:
             return np.nan
         gap = np.inf
@@ -182,6 +183,9 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, projection: Foo
             share, there = packed.shares[at.along], 0.5 * (start.s + 1.0)
             if may_touch(packed, at.element, share, start.element, there):
                 gap = surface_gap(projection, outcome == EDGE)
+                # What is so deep in a wall is none of what is inside.
+                if deep > 0.0 and gap <= -deep:
+                    gap = np.inf
         if outside and (gap < limit or outcome == LOST):
             gap = work.away[0]
         if gap < limit:

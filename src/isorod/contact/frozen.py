@@ -148,7 +148,7 @@ def _points(model: Model, contact: Contact, one: ContactResult, displacement: Ar
     """Return the pressed points of a contact about a displacement ``(dofs,)`` of a model."""
     here = one.pressure > 0.0
     normals, areas, cells = one.normals[here], one.areas[here], one.cells[here]
-    sliding = _sliding(model, one)
+    sliding = _sliding(model, contact, one)
     directions, which = [normals], [np.arange(normals.shape[0])]
     sticks = np.flatnonzero(contact.friction > 0.0 and ~one.slips[here])
     if sticks.size:
@@ -212,9 +212,9 @@ def _bent(
     if obstacle is not None:
         return csr_matrix((model.dofs, model.dofs))
     places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
-    slopes = [_functions(model, bodies, projections, k) for k in range(2)]
+    slopes = [_functions(model, contact, bodies, projections, k) for k in range(2)]
     y = np.stack([one @ places for one in slopes], axis=1)
-    second = np.stack([_slope_change(model, bodies, projections, k, places) for k in range(2)], axis=1)
+    second = np.stack([_slope_change(model, contact, bodies, projections, k, places) for k in range(2)], axis=1)
     bend = np.einsum("mabi,mi->mab", 0.5 * (second + second.swapaxes(1, 2)), normals)
     dual = np.einsum("mab,mbi->mai", np.linalg.inv(np.einsum("mai,mbi->mab", y, y)), y)
     moves = [_along(sliding, dual[:, k]) for k in range(2)]
@@ -235,7 +235,9 @@ def _axis(obstacle: Cylinder | Sphere, normals: Array) -> Array:
     return np.eye(3)[np.abs(normals).argmin(axis=1)]
 
 
-def _slope_change(model: Model, bodies: Index, projections: Array, which: int, places: Array) -> Array:
+def _slope_change(
+    model: Model, contact: Contact, bodies: Index, projections: Array, which: int, places: Array
+) -> Array:
     """Return derivatives of both slopes of surfaces by axis parameter (0) or angle (1), shape ``(m, 2, 3)``."""
     ends = np.zeros((2, bodies.size, 2))
     for b, body in enumerate(model.bodies):
@@ -245,16 +247,16 @@ def _slope_change(model: Model, bodies: Index, projections: Array, which: int, p
             end[here] = projections[here]
             end[here, which] += side * step
             end[here, 0] = np.clip(end[here, 0], breaks[0], breaks[-1])
-    found = [np.stack([_functions(model, bodies, end, k) @ places for k in range(2)], axis=1) for end in ends]
+    found = [np.stack([_functions(model, contact, bodies, end, k) @ places for k in range(2)], axis=1) for end in ends]
     length = ends[1, :, which] - ends[0, :, which]
     return np.asarray((found[1] - found[0]) / np.where(length > 0.0, length, 1.0)[:, None, None])
 
 
-def _sliding(model: Model, one: ContactResult) -> csr_matrix:
+def _sliding(model: Model, contact: Contact, one: ContactResult) -> csr_matrix:
     """Return how pressed points move less their partners do, rows over all nodes, the same for each component."""
     here = one.pressure > 0.0
-    own = _functions(model, one.body[here], one.parameters[here])
-    return csr_matrix(own - _functions(model, one.partners[here], one.projections[here]))
+    own = _functions(model, contact, one.body[here], one.parameters[here])
+    return csr_matrix(own - _functions(model, contact, one.partners[here], one.projections[here]))
 
 
 def _along(functions: csr_matrix, directions: Array) -> csr_matrix:
@@ -265,11 +267,13 @@ def _along(functions: csr_matrix, directions: Array) -> csr_matrix:
     return csr_matrix((values, (rows, columns)), shape=(functions.shape[0], 3 * functions.shape[1]))
 
 
-def _functions(model: Model, bodies: Index, places: Array, slope: int | None = None) -> csr_matrix:
+def _functions(model: Model, contact: Contact, bodies: Index, places: Array, slope: int | None = None) -> csr_matrix:
     """Return the functions of nodes at points of surfaces, rows over all nodes.
 
     Parameters
     ----------
+    contact
+        Which surfaces touch.
     bodies, places
         Body of each point, -1 where it is an obstacle's, its axis parameter and its angle, shapes ``(m,)``, ``(m, 2)``.
     slope
@@ -281,7 +285,7 @@ def _functions(model: Model, bodies: Index, places: Array, slope: int | None = N
         if not here.size:
             continue
         u, angle = places[here].T
-        round_it = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        round_it = contact.disk_radius(b, space.rod) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         across, gradients = space.basis.functions(round_it)
         if slope == 1:
             across = np.einsum("qia,qa->qi", gradients, np.stack([-round_it[:, 1], round_it[:, 0]], axis=1))

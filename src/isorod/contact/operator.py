@@ -14,6 +14,7 @@ from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
 from isorod.contact.force_kernel import add_forces
+from isorod.contact.lift_kernel import lift, lower
 from isorod.contact.packed import Friction, Packed, Row
 from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, measure, of_contacts
@@ -25,6 +26,7 @@ from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.contact.friction import FrictionOperator
+    from isorod.contact.lifts import Lifts
 
 # Penetration up to which multipliers are added by default, relative to the smallest radius.
 _DEEPEST = 1e-3
@@ -71,13 +73,16 @@ class ContactOperator:
         self.points = points_of(model)
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
-        self._base = np.concatenate([body.space.positions for body in model.bodies])
+        reference = np.concatenate([body.space.positions for body in model.bodies])
+        self._nodes = len(reference)
+        self._base = np.pad(reference, ((0, len(self.packed.before) - self._nodes), (0, 0)))
         self._places = self.packed.passes["point"].copy()
         travel = [contact.travel for contact in model.contacts for _ in contact.sides]
         self._ways = np.array(travel)[:, None] * self.packed.passes["direction"]
         self._blocks = Blocks(PATCH)
         self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         self.values = np.empty(0)
+        self._lifts: Lifts | None = None
         self.stiffness = 1.0
         self._frictionless = Friction.of(np.zeros(self.packed.passes.size), 0)
         self.friction: FrictionOperator | None = None
@@ -91,7 +96,7 @@ class ContactOperator:
         """What compiled loops take, of no point where there is no friction."""
         return self._frictionless if self.friction is None else self.friction.tables
 
-    def _nodes(self, patch: Row) -> tuple[Index, Index]:
+    def _nodes_of(self, patch: Row) -> tuple[Index, Index]:
         nodes = np.empty(NODES, dtype=np.int64)
         forced, count = patch_nodes(self.packed, patch, nodes)
         return nodes[:forced], nodes[:count]
@@ -105,7 +110,11 @@ class ContactOperator:
             self.packed.passes["point"] = now
 
     def _positions(self, displacement: Array) -> Array:
-        return self._base + displacement.reshape(-1, 3)
+        """Return positions of the model's nodes, and behind these of control points of surfaces that have others."""
+        positions = self._base.copy()
+        positions[: self._nodes] += displacement.reshape(-1, 3)
+        lift(self.packed, positions)
+        return positions
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
         """Return the forces of contact on all degrees of freedom ``(dofs,)``, and its energy."""
@@ -118,7 +127,8 @@ class ContactOperator:
             energy = self._find(self.packed, positions, forces)
             if self.friction is not None and np.isfinite(energy):
                 energy += self.friction.add_forces(positions, forces)
-            forces, (energy,) = self.ranks.sums(forces, energy)
+            lower(self.packed, forces)
+            forces, (energy,) = self.ranks.sums(forces[: self._nodes], energy)
         return forces.ravel(), float(energy)
 
     def _find(self, packed: Packed, positions: Array, forces: Array) -> float:
@@ -157,13 +167,24 @@ class ContactOperator:
         patches = np.empty(active.size, PATCH)
         patches["number"] = packed.passes_of(active)
         find_patches(packed, self._friction, active, patches)
-        begin = self._blocks.begin(patches, self._nodes)
+        begin = self._blocks.begin(patches, self._nodes_of)
         self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         blocks = np.zeros(self._blocks.room)
         with self._stage:
             add_blocks(packed, self._friction, positions, active, patches, begin, blocks)
             self.values = self._blocks.merge(blocks)
+            if packed.lifts.size and self.rows.size:
+                self._lower_tangent()
         return self.values
+
+    def _lower_tangent(self) -> None:
+        """Make the tangent one of the model's own nodes."""
+        if self._lifts is None:
+            from isorod.contact.lifts import Lifts
+
+            self._lifts = Lifts(self.packed, self._nodes)
+        self.values = self._lifts.lower(self.rows, self.columns, self.values, self.version)
+        self.rows, self.columns = self._lifts.rows, self._lifts.columns
 
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""

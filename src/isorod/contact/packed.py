@@ -51,15 +51,16 @@ Row = Any
 
 # A surface: its body, control points round its section, axis functions of an element, its elements, the pass in which
 # it is slave (its points start searches for closest points on it), the number of equal fine arcs round its section,
-# of which each arc has some, and the cells along an element (`isorod.contact.cells`); the angle of the middle of the
-# first of these, and the length of the whole axis where that is closed, else infinity; of each fine arc the arc; and of
-# each arc its middle angle, of the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of the control point
-# before at its beginning and of that after at its end, and its part of the circle.
+# of which each arc has some, and the cells along an element and round the section (`isorod.contact.cells`); the angle
+# of the middle of the first of these, the length of the whole axis where that is closed, else infinity, and of an inner
+# surface, whose angles are counted backwards, how deep beyond it a point may be in the wall, else 0; of each fine arc
+# the arc; and of each arc its middle angle, of the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of
+# the control point before at its beginning and of that after at its end, and its part of the circle.
 SURFACE = np.dtype(
     [
         *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "own_pass")),
-        *((name, np.int64) for name in ("fine", "cells")),
-        *((name, np.float64) for name in ("turn", "period")),
+        *((name, np.int64) for name in ("fine", "cells", "cells_round")),
+        *((name, np.float64) for name in ("turn", "period", "deep")),
         ("arc_of", np.int64, MAX_COUNT),
         ("arcs", np.float64, (MAX_COUNT, 7)),
     ]
@@ -104,6 +105,12 @@ PASS = np.dtype(
 # none, two boxes: the next row and row ``first``.
 NODE = np.dtype([("low", np.float64, 3), ("high", np.float64, 3), ("first", np.int64), ("count", np.int64)])
 
+# Control points of a surface whose space has none there (`isorod.contact.traces`), and the model's nodes they are of:
+# the first ones, layers, control points and functions of a layer, and the first of its values in `Packed.matrices`.
+LIFT = np.dtype(
+    [(name, np.int64) for name in ("first_point", "first_node", "layers", "around", "functions", "first_value")]
+)
+
 # Where a search starts: element (-1: nowhere yet), angle, and ``s``.
 START = np.dtype([("element", np.int64), ("theta", np.float64), ("s", np.float64)])
 NOWHERE = np.array((-1, 0.0, 0.0), START)
@@ -147,8 +154,10 @@ class Packed(NamedTuple):
     corners, normals, nodes
         Of the triangles of all rigid meshes the corners, counterclockwise seen from outside, ``(T, 3, 3)``, and normals
         of the face, of the edges from each corner to the next, and of the corners, ``(T, 7, 3)``; rows of `NODE`.
+    lifts, matrices
+        Rows of `LIFT`, and what makes control points of a layer's coefficients, row by row, ``(.,)``.
     carriers
-        Nodes of all surfaces.
+        Control points of all surfaces: nodes of the model, and behind these those of ``lifts``.
     multipliers
         Pressures of the augmented Lagrangian, zero for a plain penalty, ``(Q,)``.
     states, points
@@ -156,8 +165,8 @@ class Packed(NamedTuple):
     starts
         Rows of `START`, ``(Q,)``.
     before, travel, clear
-        Positions of the nodes in the last call, ``(nodes, 3)``; the sum of the longest way any carrier has gone in each
-        call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
+        Positions of all these nodes in the last call, ``(nodes, 3)``; the sum of the longest way any carrier has gone
+        in each call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
     boxes
         Lower and upper corners of the elements, ``(E, 2, 3)``.
     rings
@@ -182,6 +191,8 @@ class Packed(NamedTuple):
     corners: Array
     normals: Array
     nodes: Table
+    lifts: Table
+    matrices: Array
     carriers: Index
     multipliers: Array
     states: Table
@@ -201,7 +212,7 @@ class Packed(NamedTuple):
     def fixed(self) -> tuple[Array | Table, ...]:
         """What no call changes."""
         tables = self.surfaces, self.elements, self.passes, self.around, self.along, self.shares, self.rungs, self.areas
-        return *tables, self.corners, self.normals, self.nodes
+        return *tables, self.corners, self.normals, self.nodes, self.lifts, self.matrices
 
     def passes_of(self, points: Index) -> Index:
         """Return the pass of each of some points."""
@@ -246,11 +257,11 @@ class Friction(NamedTuple):
 
 # Numba's types of rows, and of the whole.
 SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURFACE, ELEMENT, PASS, START, STATE))
-NODE_ROW = from_dtype(NODE)
-SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES = (
-    types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW, NODE_ROW)
+NODE_ROW, _LIFT_ROW = from_dtype(NODE), from_dtype(LIFT)
+SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES, _LIFTS = (
+    types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW, NODE_ROW, _LIFT_ROW)
 )
-_FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, I1)
+_FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, _LIFTS, F1, I1)
 _LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1, types.Array(b1, 1, "C"))
 PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)
 ANCHOR_ROW = from_dtype(ANCHOR)

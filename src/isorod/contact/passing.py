@@ -4,7 +4,8 @@ Contact knows one state at a time.  Of a step that takes a rod from one side of 
 points are nearer to its far side, nothing is left to be seen in forces.  So centre lines, as polygons, are followed on
 the straight displacement increment of the step: where two come nearer than half of what their radii add up to, and
 nearer than they were made, the step is refused, and so is a state in which a point is deeper than half of the smaller
-radius.
+radius, or a quarter of a wall that it is inside of.  What is in a hole may be anywhere in it: there a step is refused
+in which a centre line comes out through the wall.
 """
 
 from typing import TYPE_CHECKING
@@ -15,8 +16,9 @@ from scipy.sparse import csr_matrix
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
 from isorod.contact.result import of_contacts
-from isorod.contact.tables import smallest_radius
+from isorod.contact.tables import deepest, smallest_radius
 from isorod.geometry import boxes
+from isorod.geometry.disk import circle
 from isorod.model.contact import Cylinder, Plane, Sphere
 from isorod.model.near import Stretches
 
@@ -34,8 +36,8 @@ _APPROACH = 0.1
 # Depth, in smaller radii, to which bodies may enter each other in an increment, or enter farther; its least fraction.
 _ENTERS, _STILL, _LEAST = 0.2, 0.02, 1e-9
 
-# Segments of an element's centre line.
-_SEGMENTS = 4
+# Segments of an element's centre line, and points round a hole.
+_SEGMENTS, _ROUND = 4, 16
 
 
 class Passing:
@@ -50,6 +52,7 @@ class Passing:
     def __init__(self, model: "Model") -> None:
         self._model = model
         self._limits = limits(model)
+        self._inside = [one for one in model.contacts if one.has_inner]
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
         rows: list[Index] = []
         columns: list[Index] = []
@@ -58,7 +61,9 @@ class Passing:
         for b in sorted({body for contact in model.contacts for body, _ in contact.sides}):
             space, first = model.bodies[b].space, int(model.first_node[b])
             breaks, degree = space.axis.breaks, space.axis.degree
-            centre = space.basis.functions(np.zeros((1, 2)))[0][0, space.basis.is_carrier]
+            # The mean round a hole, of harmonic functions that in its centre.
+            hole = space.rod.rings[0] * circle(_ROUND)
+            centre = space.basis.functions(hole)[0][:, space.basis.is_carrier].mean(axis=0)
             shares = np.arange(_SEGMENTS) / _SEGMENTS
             u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
             functions, near, _ = space.axis.local(u)
@@ -100,13 +105,17 @@ class Passing:
         increment = self._ends(after) - start
         if not increment.any():
             return None
-        return self._each_other(start, increment) or self._obstacle(start, increment)
+        return self._each_other(start, increment) or self._obstacle(start, increment) or self._wall(start, increment)
 
     def free(self, before: Array, after: Array) -> float:
         """Return the fraction of the increment between two displacements ``(dofs,)`` on which none enter each other."""
         start = self._ends(before)
         increment, fraction = self._ends(after) - start, 1.0
-        while self._each_other(start, fraction * increment, True) or self._obstacle(start, fraction * increment, True):
+        while (
+            self._each_other(start, fraction * increment, True)
+            or self._obstacle(start, fraction * increment, True)
+            or self._wall(start, fraction * increment)
+        ):
             fraction *= 0.5
             if fraction < _LEAST:
                 return 0.0
@@ -125,7 +134,10 @@ class Passing:
         first, second = boxes.pairs(low, high)
         meet = self._stretches.may_touch(first, second)
         first, second = first[meet], second[meet]
-        meet, _ = self._stretches.declared(self._model.contacts, first, second)
+        (meet, _), (inside, _) = (
+            self._stretches.declared(contacts, first, second) for contacts in (self._model.contacts, self._inside)
+        )
+        meet &= ~inside
         first, second = first[meet], second[meet]
         # What two segments move by relative to each other, at most.
         relative = np.linalg.norm(
@@ -145,7 +157,7 @@ class Passing:
         """Return in words which segment goes through a rigid cylinder or sphere, or enters it."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
-            if not isinstance(other, Cylinder | Sphere):
+            if not isinstance(other, Cylinder | Sphere) or contact.has_inner:
                 continue
             mine = np.flatnonzero(self._stretches.sides(contact)[1])
             middle = np.array(other.center if isinstance(other, Sphere) else other.point)
@@ -162,6 +174,24 @@ class Passing:
                 return f"tunnelling of {self._said(int(mine[found]))} through the obstacle of contact {k}"
         return None
 
+    def _wall(self, start: Array, increment: Array) -> str | None:
+        """Return in words which segment comes out of a tube through its wall."""
+        middles, end = start.mean(axis=1), start + increment
+        for contact in self._inside:
+            sides = self._stretches.sides(contact)[0]
+            for tube in (body for body, _ in contact.sides if contact.is_inner(body)):
+                own = np.flatnonzero(self._stretches.body == tube)
+                others = np.flatnonzero((sides >= 0) & (sides != sides[own[0]]))
+                hole = self._model.bodies[tube].space.rod.rings[0]
+                before, between, segment = _beside(middles[others], start[own])
+                # What was in the hole, and is beyond the outer surface.
+                was_in = between & (before < hole * self._radius[own[segment]])
+                after, between, segment = _beside(end.mean(axis=1)[others], end[own])
+                out = np.flatnonzero(was_in & between & (after > self._radius[own[segment]]))
+                if out.size:
+                    return f"tunnelling of {self._said(int(others[out[0]]))} through the wall of body {tube}"
+        return None
+
     def _said(self, segment: int) -> str:
         return f"body {self._stretches.body[segment]} at u = {self._stretches.u[segment]:.4g}"
 
@@ -172,8 +202,30 @@ def limits(model: "Model") -> list[float]:
     for contact in model.contacts:
         other, own = contact.obstacle, smallest_radius(model, contact)
         smaller = min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+        walls = [deepest(model.bodies[body].space, contact.is_inner(body)) for body, _ in contact.sides]
+        smaller = min([smaller, *(wall for wall in walls if wall > 0.0)])
         found.append(np.inf if isinstance(other, Plane) else DEEPEST * smaller)
     return found
+
+
+def _beside(points: Array, ends: Array) -> tuple[Array, Array, Index]:
+    """Return how far points are from a line of segments, whether beside it, not beyond its ends, and the segments.
+
+    Parameters
+    ----------
+    points, ends
+        Shapes ``(m, 3)`` and ``(s, 2, 3)``.
+    """
+    way = ends[:, 1] - ends[:, 0]
+    share = np.einsum("msa,sa->ms", points[:, None] - ends[:, 0], way) / np.einsum("sa,sa->s", way, way)
+    off = points[:, None] - ends[:, 0] - np.clip(share, 0.0, 1.0)[:, :, None] * way
+    distance = np.linalg.norm(off, axis=2)
+    nearest, rows = distance.argmin(axis=1), np.arange(len(points))
+    closed = np.allclose(ends[0, 0], ends[-1, 1])
+    beyond = ((nearest == 0) & (share[rows, nearest] < 0.0)) | (
+        (nearest == len(ends) - 1) & (share[rows, nearest] > 1.0)
+    )
+    return distance[rows, nearest], closed | ~beyond, nearest
 
 
 def _nearer(

@@ -95,10 +95,11 @@ def across(packed: Packed, chosen: Sequence[int]) -> tuple[float, float]:
     if not own:
         return 0.0, 0.0
     points = min(min(found[k].along, found[k].around) for k in own)
+    surfaces = packed.surfaces[packed.passes["slave"]]
     cells = [
         min(
-            found[k].along / packed.passes[k]["along"] * packed.surfaces["cells"][packed.passes["slave"][k]],
-            found[k].around / packed.passes[k]["across"],
+            found[k].along / packed.passes[k]["along"] * surfaces[k]["cells"],
+            found[k].around / packed.passes[k]["across"] * surfaces[k]["cells_round"] / surfaces[k]["around"],
         )
         for k in own
     ]

@@ -41,7 +41,8 @@ class ContactResult:
         Number of points under pressure.
     points_across, cells_across
         Mean width of the patch where it is narrower, round the section or along the axis, in points and in distances
-        of control points (`isorod.contact.quality`); 0 where nothing touches, or all does.
+        of control points, of polynomials so many as there are functions on the surface (`isorod.contact.quality`); 0
+        where nothing touches, or all does.
     force_error
         Relative change of the force when other points look at the same displacements, which is more than the error of
         these points; None where that cannot be told, as in motions.  What a surface cannot follow it does not see.
@@ -84,6 +85,7 @@ class ContactResult:
     cells_across: float
     force_error: float | None
     peak_error: float | None
+    has_points: bool
     body: Index
     parameters: Array
     positions: Array
@@ -126,11 +128,14 @@ class ContactResult:
         k = int(np.argmax(self.pressure))
         where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
         if self.cells_across < quality.CELLS:
+            times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))
+            more = f"{times:.0f} times as many section points"
+            if not self.has_points:
+                more = "a higher section degree, of solid rods order and section points in its place"
             return (
                 f"contact patch under-resolved: {self.cells_across:.2g} control points wide on {where}, peak pressure "
-                f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, contact too stiff; use "
-                f"{min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across)):.0f} times as many section points, or "
-                "elements as much shorter there, whichever spacing is larger"
+                f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, contact too stiff; use {more}, or "
+                f"elements {'as much ' if self.has_points else ''}shorter there, whichever spacing is larger"
             )
         if self.points_across < quality.POINTS:
             return (
@@ -205,6 +210,7 @@ def measure(
                 cells_across=wide,
                 force_error=None if other is None or not force else abs(other[0] / force - 1.0),
                 peak_error=min(1.0, max(changes)) if changes else None,
+                has_points=all(model.bodies[body].space.basis.on_surface for body, _ in contact.sides),
                 body=bodies[chosen],
                 parameters=parameters[chosen],
                 positions=packed.points[chosen].copy(),
@@ -231,6 +237,7 @@ def _projections(packed: Packed, active: Index) -> tuple[Index, Array]:
     starts = packed.starts[touching]
     elements = packed.elements[starts["element"]]
     low, high = elements["u"].T
-    partners[touching] = packed.surfaces["body"][elements["surface"]]
-    projections[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), starts["theta"]], axis=1)
+    surfaces = packed.surfaces[elements["surface"]]
+    partners[touching], angles = surfaces["body"], cells.sense(surfaces) * starts["theta"]
+    projections[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), angles], axis=1)
     return partners, projections

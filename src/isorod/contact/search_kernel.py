@@ -12,6 +12,9 @@ between these as well, and from boxes about the balls of an element; after a sea
 zero pressure, the projections found taken for the nearest.  The same lemma keeps the lists of elements near an element:
 those made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
 
+What touches an inner surface is within its balls, or beyond them as deep as it is in the wall: no more than half of
+that (`isorod.contact.packed.SURFACE`).  Balls are larger by it, and ``D`` smaller; what is deeper is outside.
+
 A search starts at sections whose balls hold the point, one in each piece of a rod that comes near and goes away again:
 others are not in contact, whatever searches from there end at.  Of the pieces, nearest first, the first that presses
 the point counts, and what is found depends on present positions alone.  A point that is pressed goes on from where it

@@ -1,8 +1,9 @@
 """Compiled: the lateral surfaces of rods as contact sees them, and the closest point on one.
 
 A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle; arcs
-need not be equal, `isorod.space.graded`); ``s`` in
-``[-1, 1]`` is the parameter along an element of its axis.  Closest points are those of the surface itself.
+need not be equal, `isorod.space.graded`), of control points that a space has there, or is given
+(`isorod.contact.traces`); ``s`` in ``[-1, 1]`` is the parameter along an element of its axis.  Closest points are those
+of the surface itself.
 """
 
 from typing import NamedTuple

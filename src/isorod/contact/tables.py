@@ -1,4 +1,4 @@
-"""Contact between the lateral surfaces of rods, and of rods with rigid obstacles.
+"""Contact between the lateral surfaces of rods, outer and inner ones, and of rods with rigid obstacles.
 
 The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a point of one surface (the slave) to the
 closest point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that
@@ -13,6 +13,7 @@ runs out of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Sequence
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from isorod.contact.packed import (
     CYLINDER,
     ELEMENT,
     FUNCTIONS,
+    LIFT,
     MESH,
     NEAR,
     NODE,
@@ -35,13 +37,13 @@ from isorod.contact.packed import (
     Packed,
     Table,
 )
+from isorod.contact.traces import Trace, section_functions, trace
 from isorod.contact.tree import tree
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import MAX_COUNT
 from isorod.model.contact import MAX_POINTS, Contact, Cylinder, Plane, Sphere
 from isorod.model.triangle_mesh import TriangleMesh
 from isorod.space.choice import touching_points
-from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -60,9 +62,9 @@ _KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE, TriangleMesh: MESH}
 
 
 class _Tables:
-    """Rows of the tables of `Packed`, as they grow."""
+    """Rows of the tables of `Packed`, as they grow; ``size`` nodes are the model's own."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: int) -> None:
         self.surfaces: list[Any] = []
         self.elements: list[Any] = []
         self.passes: list[Any] = []
@@ -75,37 +77,53 @@ class _Tables:
         self.normals: list[Array] = []
         self.nodes: list[Table] = []
         self.areas: list[Array] = []
+        self.lifts: dict[tuple[int, float], Any] = {}
+        self.matrices: list[Array] = []
+        self.size = size
 
-    def surface(self, body: int, space: "Space", first_node: int, chosen: Sequence[int]) -> None:
+    def surface(self, body: int, space: "Space", first_node: int, own: Trace, chosen: Sequence[int]) -> None:
         """Add a surface, to be the slave of the next pass.
 
         Parameters
         ----------
-        body, space, first_node
-            What it is the surface of, and the first of its nodes in the model.
+        body, space, first_node, own
+            What it is the surface of, the first of its nodes in the model, and which it is.
         chosen
             Elements of its axis.
         """
-        axis, (arc_of, arcs) = space.axis, _arcs(space)
-        n = len(arcs)
+        axis, arc_of, arcs = space.axis, own.arc_of, own.arcs
+        n, stride = len(arcs), space.layer_nodes
+        if own.lift is not None:
+            first_node, stride = self._lifted(body, space, first_node, own), n
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
         along = space.rod.arc_length(axis.breaks)
         period = along[-1] if space.rod.closed else np.inf
-        counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space)
+        counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space), own.dimension
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
-        self.surfaces.append((body, n, *counts, space.turn, period, *padded))
+        self.surfaces.append((body, n, *counts, own.turn, period, deepest(space, own.sense < 0.0), *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
-            layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
+            layers[: axis.degree + 1] = first_node + space.element_layers[e] * stride
             self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
             neighbours = [rows.get(other, -1) for other in beside]
-            sizes = (along[e], along[e + 1], radii(space, [e])[1])
+            sizes = (along[e], along[e + 1], own.radius * radii(space, [e])[1])
             rungs, reach = _rungs(space, e, sizes)
             ladder = (reach, len(self.rungs), len(rungs), axis.breaks[e : e + 2])
             self.rungs.extend(rungs)
             self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes, *ladder))
+
+    def _lifted(self, body: int, space: "Space", first_node: int, own: Trace) -> int:
+        """Add the control points of a surface whose space has none there, and return the first of them."""
+        assert own.lift is not None
+        key, shape = (body, own.sense), (space.layers, *own.lift.shape)
+        if key not in self.lifts:
+            first_value = sum(one.size for one in self.matrices)
+            self.matrices.append(own.lift.ravel())
+            self.lifts[key] = self.size, first_node, *shape, first_value
+            self.size += shape[0] * shape[1]
+        return int(self.lifts[key][0])
 
     def slave(self, rule: "_Rule", masters: tuple[int, int], contact: Contact, force: float, share: float) -> None:
         """Add the pass in which the last surface is the slave.
@@ -157,18 +175,12 @@ class _Rule:
         Reference areas, ``(elements, along, n across)``.
     """
 
-    def __init__(self, space: "Space", chosen: Sequence[int], points: tuple[int, int]) -> None:
+    def __init__(self, space: "Space", own: Trace, chosen: Sequence[int], points: tuple[int, int]) -> None:
         self.across, self.along = points
-        x, w = np.polynomial.legendre.leggauss(self.across)
         t, v = np.polynomial.legendre.leggauss(self.along)
         self.shares = 0.5 * (1.0 + t)
-        angle, cos, flat, steep, before, after, part = _arcs(space)[1].T[:, :, None]
-        local = np.pi * part * x
-        middle, slope = (np.cos(local) - cos) * flat, np.sin(local) * steep
-        left, right = 0.5 * before * (1.0 - middle - slope), 0.5 * after * (1.0 - middle + slope)
-        self.around = np.stack([left, 1.0 - left - right, right], axis=-1).reshape(-1, 3)
-        theta = (angle + local).ravel()
-        circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+        self.around, theta, w = section_functions(own, self.across)
+        circle = own.circle(theta)
         axial: list[Array] = []
         areas = []
         for e in chosen:
@@ -180,24 +192,9 @@ class _Rule:
             _, jacobian = space.rod.grid(circle, u)
             around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
             area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1)
-            areas.append(area * (np.pi * part * w).ravel() * (half * v)[:, None])
+            areas.append(area * w * (half * v)[:, None])
         self.axial = axial
         self.areas = np.array(areas)
-
-
-def _arcs(space: "Space") -> tuple[Index, Array]:
-    """Return the arc of each fine arc, and what `isorod.contact.packed.SURFACE` has of each arc."""
-    basis = space.basis
-    parts = np.array(basis.arcs) if isinstance(basis, Graded) else np.ones(space.points_around, dtype=np.int64)
-    ends = np.cumsum(parts)
-    part = parts / ends[-1]
-    half = np.pi * part
-    middle = space.turn + np.pi / ends[-1] * (2.0 * ends - parts - 1.0)
-    lengths = np.tan(half)
-    before, after = (lengths / (lengths + np.roll(lengths, step)) for step in (1, -1))
-    cos, sin = np.cos(half), np.sin(half)
-    arcs = np.stack([middle, cos, cos / sin**2, 1.0 / sin, before, after, part], axis=1)
-    return np.repeat(np.arange(parts.size), parts), arcs
 
 
 def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[Array, float]:
@@ -236,7 +233,16 @@ def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float,
 
 def smallest_radius(model: "Model", contact: Contact) -> float:
     """Return the smallest mean radius of the elements that take part in a contact."""
-    return min(radii(model.bodies[body].space, elements)[0] for body, elements in contact.sides)
+    found = []
+    for body, elements in contact.sides:
+        space = model.bodies[body].space
+        found.append(contact.disk_radius(body, space.rod) * radii(space, elements)[0])
+    return min(found)
+
+
+def deepest(space: "Space", inner: bool) -> float:
+    """Return how deep beyond an inner surface a point may be, half of the wall at its thinnest; 0 of an outer one."""
+    return 0.5 * (1.0 - space.rod.rings[0]) * radii(space)[0] if inner else 0.0
 
 
 def penalty(model: "Model", contact: Contact) -> float:
@@ -246,27 +252,30 @@ def penalty(model: "Model", contact: Contact) -> float:
     stiffness = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        radius, _ = radii(space, elements)
+        own = trace(space, contact.is_inner(body))
+        radius = own.radius * radii(space, elements)[0]
         softest = min(law.surface_modulus for law in model.bodies[body].laws)
-        stiffness.append(softest * space.points_around / (2.0 * np.pi * radius))
+        count = space.points_around if own.lift is None else own.dimension
+        stiffness.append(softest * count / (2.0 * np.pi * radius))
     return _STIFF * min(stiffness)
 
 
 def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
     """Return the points round an arc and along an element of each side of the contacts of a model.
 
-    Where they are not given these are 3 and degree + 1 or, where ``even``, as many as make them as close along as
-    round (`isorod.space.choice.touching_points`).
+    Where they are not given these are 3, of functions without control points as many for each of these, and degree + 1
+    or, where ``even``, as many as make them as close along as round (`isorod.space.choice.touching_points`).
     """
     found = []
     for contact in model.contacts:
         for body, _ in contact.sides:
             space = model.bodies[body].space
-            own = 3, space.axis.degree + 1
+            surface = trace(space, contact.is_inner(body))
+            n = space.points_around if surface.lift is None else len(surface.arcs)
+            least = 3 if surface.lift is None else ceil(3 * surface.dimension / n)
+            own = least, space.axis.degree + 1
             if even:
-                own = touching_points(
-                    space.rod, space.points_around, space.axis.elements, space.axis.degree, MAX_POINTS
-                )
+                own = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
             found.append(contact.points or own)
     return found
 
@@ -308,7 +317,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
 
     ``points`` are those of each side (`points_of`), which they are where not given.
     """
-    tables, rules = _Tables(), iter(points_of(model) if points is None else points)
+    tables, rules = _Tables(int(model.first_node[-1])), iter(points_of(model) if points is None else points)
     for contact in model.contacts:
         first, groups = len(tables.surfaces), contact.groups
         sizes = [len(bodies) for bodies in groups]
@@ -322,8 +331,9 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
         for number, (body, elements) in enumerate(contact.sides):
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
-            rule = _Rule(space, chosen, next(rules))
-            tables.surface(body, space, int(model.first_node[body]), chosen)
+            own = trace(space, contact.is_inner(body))
+            rule = _Rule(space, own, chosen, next(rules))
+            tables.surface(body, space, int(model.first_node[body]), own, chosen)
             tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
     areas = np.concatenate([np.empty(0), *tables.areas])
     rows = np.array(tables.elements, ELEMENT)
@@ -340,12 +350,14 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
         corners=np.concatenate([np.empty((0, 3, 3)), *tables.corners]),
         normals=np.concatenate([np.empty((0, 7, 3)), *tables.normals]),
         nodes=np.concatenate([np.empty(0, NODE), *tables.nodes]),
+        lifts=np.array([*tables.lifts.values()], LIFT),
+        matrices=np.concatenate([np.empty(0), *tables.matrices]),
         carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
         multipliers=np.zeros(areas.size),
         states=np.zeros(areas.size, STATE),
         points=np.zeros((areas.size, 3)),
         starts=np.full(areas.size, NOWHERE),
-        before=np.zeros((int(model.first_node[-1]), 3)),
+        before=np.zeros((tables.size, 3)),
         travel=np.zeros(1),
         clear=np.full(areas.size, -np.inf),
         boxes=np.zeros((rows.size, 2, 3)),

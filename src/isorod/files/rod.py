@@ -89,7 +89,6 @@ class RodPlan:
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
         # Whether its space may be another where something small presses on it (`isorod.space.closer`).
-        self.ringed = self._rings is not None
         self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
@@ -153,7 +152,7 @@ class RodPlan:
 
         if {"order", "section_points", "section_degree"} & set(self.space.arguments):
             return {}
-        if use.surface:
+        if use.surface and self._rings is None:
             return {"order": chosen.ORDER}
         if not use.stressed:
             return {}

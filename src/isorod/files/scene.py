@@ -208,12 +208,6 @@ class FileScene(Scene):
         """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
         for one in [*self._supports.values(), *self._loads.values(), *self._contacts.values()]:
             self._names(one)
-        for place, name in self._touching():
-            if name in self.plans and self.plans[name].ringed:
-                raise place.error(
-                    f"contact needs solid rods of a single material, and rod {name} has a hole or layers; leave out "
-                    "its rings, or this contact"
-                )
         both = next((name for name in self._obstacles if name in self.plans), None)
         if both is not None:
             raise (self._top / "obstacle" / both).error("a rod has this name; choose another")

@@ -10,6 +10,7 @@ from isorod.errors import Checked, InputError, finite, positive, whole_number
 from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
     from isorod.space.space import Space
 
 Vector = tuple[float, float, float]
@@ -86,7 +87,8 @@ class Contact(Checked):
         `TriangleMesh`.  Without it, those of ``first`` touch each other and themselves.
     penalty
         Pressure per depth of penetration, force / length^3; where not given, twice ``E / (1 - nu^2)`` of the
-        softest side over the distance of its control points round the section (`isorod.contact.tables`).
+        softest side over the distance of its control points round the section (`isorod.contact.tables`), of polynomials
+        as many as there are functions on the surface.
     first_elements, second_elements
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
@@ -102,6 +104,9 @@ class Contact(Checked):
     friction
         Coulomb's coefficient: points stick up to that many times the pressure, on springs of the penalty's stiffness,
         and slip at it; 0 without friction.
+    first_surface, second_surface
+        ``"outer"`` or ``"inner"``: of hollow rods it may be the inner surface that touches the other side, which is in
+        the hole.
     across
         Control points across a small patch for which scenes from files are solved again on closer spaces
         (`isorod.contact.patches`), 2 to 12; on these the penalty by default is 3.6 over so many times the modulus.
@@ -122,6 +127,8 @@ class Contact(Checked):
     faces: Sequence[str] = ()
     friction: float = 0.0
     across: float = 5.0
+    first_surface: str = "outer"
+    second_surface: str = "outer"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,7 +147,21 @@ class Contact(Checked):
             raise InputError(f"contact: got {self.across:g} control points across a patch, need 2 to 12")
         if self.friction and isinstance(self.second, TriangleMesh):
             raise InputError("contact: friction is given, but meshes of triangles have none; leave it out")
+        for name in ("first_surface", "second_surface"):
+            if getattr(self, name) not in ("outer", "inner"):
+                raise InputError(f"contact: got {name} {getattr(self, name)!r}, need 'outer' or 'inner'")
         self._check_groups()
+        self._check_surfaces()
+
+    def _check_surfaces(self) -> None:
+        """Raise `InputError` where inner surfaces would touch none that are in their holes."""
+        inner = [name == "inner" for name in (self.first_surface, self.second_surface)]
+        if inner[1] and len(self.groups) == 1:
+            raise InputError("contact: second_surface is given, but the second partner is rigid or none")
+        if all(inner):
+            raise InputError("contact: both surfaces are inner ones, which never touch; one has to be an outer one")
+        if inner[0] and self.second is None:
+            raise InputError("contact: first_surface is 'inner', which touches what is in its hole; name second")
 
     def _check_groups(self) -> None:
         """Raise `InputError` where a side is empty, a body stands twice, or elements of several bodies are named."""
@@ -163,6 +184,19 @@ class Contact(Checked):
     def obstacle(self) -> Obstacle | None:
         """The second partner, where it is rigid."""
         return self.second if isinstance(self.second, Obstacle) else None
+
+    def is_inner(self, body: int) -> bool:
+        """Whether it is the inner surface of a body that takes part."""
+        return (self.first_surface if body in self.groups[0] else self.second_surface) == "inner"
+
+    def disk_radius(self, body: int, rod: "Rod") -> float:
+        """Return the radius on the disk of the surface of a body that takes part, whose rod is given."""
+        return rod.rings[0] if self.is_inner(body) else 1.0
+
+    @property
+    def has_inner(self) -> bool:
+        """Whether one side is an inner surface."""
+        return "inner" in (self.first_surface, self.second_surface)
 
     @property
     def travel(self) -> float:
@@ -197,11 +231,8 @@ class Contact(Checked):
         for body, elements in self.sides:
             if not _is_index(body, len(spaces)):
                 raise InputError(f"{where}: body {body!r} is not one of the {len(spaces)} bodies")
-            if not spaces[body].basis.on_surface:
-                raise InputError(
-                    f"{where}: body {body} has section functions without control points, which contact needs: give its "
-                    "space order and section_points, not section_degree; a rod with a hole or layers has none"
-                )
+            if self.is_inner(body) and not spaces[body].rod.rings[0]:
+                raise InputError(f"{where}: body {body} has no hole, but its inner surface is named")
             slenderness = spaces[body].rod.slenderness
             if slenderness > _SLENDEREST:
                 raise InputError(

@@ -80,7 +80,7 @@ def grid(
     import pyvista
 
     degree = _DEGREE if curved else 1
-    touched = fields.get("contact_pressure", np.empty((0, 4)))
+    touched = fields.get("contact_pressure", np.empty((0, 5)))
     if curved:
         angles, slices = _curved_angles(body), _ALONG * degree
     else:
@@ -205,17 +205,17 @@ def _with(lines: Array, more: Array) -> Array:
 
 
 def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
-    """Return the sum of the pressures of all contacts on a grid, shape ``(u, xi)``; zero inside.
+    """Return the sum of the pressures of all contacts on a grid, shape ``(u, xi)``; zero off surfaces.
 
-    ``points`` ``(m, 4)`` are rows of axis parameter, angle, pressure and number of the contact.
+    ``points`` ``(m, 5)`` are rows of axis parameter, angle, pressure, number of the contact, and radius on the disk.
     """
     from scipy.interpolate import RegularGridInterpolator
 
     found = np.zeros((u.size, len(xi)))
-    outer = np.flatnonzero(np.linalg.norm(xi, axis=1) > 1.0 - 1e-9)
-    angles = np.arctan2(xi[outer, 1], xi[outer, 0])
     for contact in np.unique(points[:, 3]):
         rows = points[points[:, 3] == contact]
+        on = np.flatnonzero(np.abs(np.linalg.norm(xi, axis=1) - rows[0, 4]) < 1e-9)
+        angles = np.arctan2(xi[on, 1], xi[on, 0])
         places, of_place = np.unique(rows[:, 0].round(9), return_inverse=True)
         turns, of_turn = np.unique(rows[:, 1].round(9), return_inverse=True)
         values = np.zeros((places.size, turns.size))
@@ -227,7 +227,7 @@ def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
             places, values = places + np.array([-1e-9, 1e-9]), np.repeat(values, 2, axis=0)
         seen = RegularGridInterpolator((places, turns), values, bounds_error=False, fill_value=0.0)
         where = turns[0] + (angles - turns[0]) % (2.0 * np.pi)
-        found[:, outer] += seen(tuple(np.meshgrid(u, where, indexing="ij")))
+        found[:, on] += seen(tuple(np.meshgrid(u, where, indexing="ij")))
     return found
 
 

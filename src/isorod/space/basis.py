@@ -42,7 +42,8 @@ class SectionBasis(Functions, Protocol):
     Attributes
     ----------
     on_surface
-        Whether the carriers are the functions of control points round the surface and come first, as contact needs.
+        Whether the carriers are the functions of control points round the surface and come first; of others
+        contact takes the traces (`isorod.contact.traces`).
     """
 
     on_surface: ClassVar[bool]

@@ -252,7 +252,7 @@ def touching(
     }
 
 
-def touching_points(rod: Rod, n: int, elements: int, degree: int, most: int) -> tuple[int, int]:
+def touching_points(rod: Rod, n: int, elements: int, degree: int, least: int, most: int) -> tuple[int, int]:
     """Return the points of a contact round an arc and along an element: as close along as round (`AROUND`).
 
     Where two round bodies touch is about as long as wide, and what lies between two points is not seen.
@@ -263,11 +263,11 @@ def touching_points(rod: Rod, n: int, elements: int, degree: int, most: int) -> 
         One of those that touch.
     n, elements, degree
         Of its space: points round the section, elements, and their degree.
-    most
-        Points at most, of either.
+    least, most
+        Points round an arc at least, and of either at most.
     """
     shape = _shape(rod)
-    across = min(max(3, ceil(AROUND / n)), most)
+    across = min(max(least, ceil(AROUND / n)), most)
     # Of a round section, on which points are 2 pi r / (n across) apart.
     along = ceil(shape.slenderness * n * across / (pi * elements))
     return across, min(max(along, degree + 1), most)

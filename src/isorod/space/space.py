@@ -50,8 +50,8 @@ class Space(Checked):
     continuity
         Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 3``, at least 0.
     order
-        Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; contact needs
-        these.
+        Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; small patches of
+        contact need these.
     section_points
         Number of control points ``n`` round the section for them: a multiple of the rod's own, and that where not
         given.

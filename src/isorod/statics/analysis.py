@@ -213,19 +213,22 @@ class Equilibrium(State, Animated):
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some.
 
-        With contact comes ``contact_pressure``: a row a point, its axis parameter, angle, pressure and contact.
+        With contact comes ``contact_pressure``: a row a point, its axis parameter, angle, pressure, contact, and the
+        radius on the disk, less than 1 in a hole.
         """
         found = super().fields(body)
         pressure = self.pressures[body] if self.pressures else None
         if pressure is not None:
             found["pressure"] = pressure
         if any((one.body == body).any() for one in self.contacts):
-            found["contact_pressure"] = np.concatenate(
-                [
-                    np.column_stack([one.parameters, one.pressure, np.full(one.pressure.size, k)])[one.body == body]
-                    for k, one in enumerate(self.contacts)
+            rod, rows = self.model.bodies[body].space.rod, []
+            for k, (asked, one) in enumerate(zip(self.model.contacts, self.contacts, strict=True)):
+                here = one.body == body
+                behind = [
+                    np.full(here.sum(), each) for each in (k, asked.disk_radius(body, rod) if here.any() else 1.0)
                 ]
-            )
+                rows.append(np.column_stack([one.parameters[here], one.pressure[here], *behind]))
+            found["contact_pressure"] = np.concatenate(rows)
         return found
 
 

@@ -7,7 +7,7 @@ from numba import b1, types
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, U1
+from isorod.compiled import F1, F2, I1, U1
 from isorod.contact import friction, tables
 from isorod.contact import ranks as dealt
 from isorod.contact.packed import FRICTION, PACKED, Friction, Packed
@@ -29,16 +29,18 @@ class StepContact(NamedTuple):
     order
         Where each degree of freedom is in a state vector, ``(dofs,)``.
     positions, forces
-        Work space, ``(nodes, 3)``.
+        Work space of all nodes that contact knows (`isorod.contact.packed`), ``(., 3)``.
     limits
         How deep points of each pass may be before they come out at the far side (`isorod.contact.passing`).
     carries
         1 for the nodes whose functions add up to one, else 0: their forces make the resultant, ``(nodes,)``.
+    shared
+        The model's nodes that carry surfaces.
     mine
         Which nodes are this rank's, ``(nodes,)``.
     call, own, all
         What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
-        the carriers' displacements or forces and `NUMBERS` behind, of this rank and the sums.
+        the shared nodes' displacements or forces and `NUMBERS` behind, of this rank and the sums.
     """
 
     packed: Packed
@@ -49,6 +51,7 @@ class StepContact(NamedTuple):
     forces: Array
     limits: Array
     carries: Array
+    shared: Index
     mine: NDArray[np.bool_]
     call: NDArray[np.uint64]
     own: Array
@@ -61,7 +64,7 @@ CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
 _STRUCTURES = (PACKED, FRICTION)
 STEP_CONTACT = types.NamedTuple(
-    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
+    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, I1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
 )
 
 
@@ -71,16 +74,21 @@ def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
     refuse_in_motion(model.contacts)
     reference = np.concatenate([body.space.positions for body in model.bodies])
     packed = dealt.Ranks(ranks.communicator).split(tables.pack(model))
-    size = 3 * packed.carriers.size + NUMBERS
+    carriers, lifts = packed.carriers, packed.lifts
+    shared = [carriers[carriers < len(reference)]]
+    shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]
+    nodes = np.unique(np.concatenate(shared))
+    size = 3 * nodes.size + NUMBERS
     return StepContact(
         packed=packed,
         friction=friction.pack(model, packed),
         reference=reference.ravel(),
         order=order.astype(np.uint64),
-        positions=np.empty_like(reference),
-        forces=np.empty_like(reference),
+        positions=np.empty_like(packed.before),
+        forces=np.empty_like(packed.before),
         limits=np.repeat(limits(model), [len(contact.sides) for contact in model.contacts]),
         carries=model.is_carrier.astype(float),
+        shared=nodes,
         mine=ranks.owned[::3].copy(),
         call=ranks.call(),
         own=np.zeros(size),

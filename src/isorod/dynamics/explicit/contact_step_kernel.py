@@ -6,6 +6,7 @@ from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction_kernel import add_friction
+from isorod.contact.lift_kernel import lift, lower
 from isorod.dynamics.explicit.contact import (
     AREA,
     CONTACT_ENERGY,
@@ -65,37 +66,37 @@ def too_deep(contact: StepContact, deepest: float) -> bool:
 @njit(void(STEP_CONTACT, F1), **STRICT)
 def meet(contact: StepContact, displacement: Array) -> None:
     """Fill in a displacement, a state vector, what other ranks know of surfaces."""
-    order, carriers, own = contact.order, contact.packed.carriers, contact.own
+    order, shared, own = contact.order, contact.shared, contact.own
     if contact.call[0] == 0:
         return
     own[:] = 0.0
-    for c in range(carriers.size):
-        if contact.mine[carriers[c]]:
+    for c in range(shared.size):
+        if contact.mine[shared[c]]:
             for a in range(3):
-                own[3 * c + a] = displacement[order[3 * carriers[c] + a]]
+                own[3 * c + a] = displacement[order[3 * shared[c] + a]]
     all_sums(contact.call, own, contact.all)
-    for c in range(carriers.size):
+    for c in range(shared.size):
         for a in range(3):
-            displacement[order[3 * carriers[c] + a]] = contact.all[3 * c + a]
+            displacement[order[3 * shared[c] + a]] = contact.all[3 * c + a]
 
 
 @njit(void(STEP_CONTACT, f8, f8, f8, f8), **STRICT)
 def add_up(contact: StepContact, energy: float, force: float, area: float, deepest: float) -> None:
     """Add up the ``forces`` of all ranks' points, and the numbers behind them."""
-    carriers, pushed, own, added = contact.packed.carriers, contact.forces, contact.own, contact.all
+    shared, pushed, own, added = contact.shared, contact.forces, contact.own, contact.all
     first = own.size - NUMBERS
     own[first + CONTACT_ENERGY], own[first + FORCE], own[first + AREA] = energy, force, area
     own[first + TOO_DEEP] = 1.0 if too_deep(contact, deepest) else 0.0
     if contact.call[0] == 0:
         added[first:] = own[first:]
         return
-    for c in range(carriers.size):
+    for c in range(shared.size):
         for a in range(3):
-            own[3 * c + a] = pushed[carriers[c], a]
+            own[3 * c + a] = pushed[shared[c], a]
     all_sums(contact.call, own, added)
-    for c in range(carriers.size):
+    for c in range(shared.size):
         for a in range(3):
-            pushed[carriers[c], a] = added[3 * c + a]
+            pushed[shared[c], a] = added[3 * c + a]
 
 
 @njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
@@ -106,7 +107,7 @@ def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
     for d in range(order.size):
         if mine[d // 3]:
             forces[order[d]] -= pushed[d // 3, d % 3]
-    for node in range(pushed.shape[0]):
+    for node in range(carries.size):
         if not mine[node]:
             continue
         x += carries[node] * pushed[node, 0]
@@ -142,11 +143,13 @@ def subtract(contact: StepContact, displacement: Array, keep: bool, forces: Arra
     for d in range(order.size):
         positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
     pushed[:] = 0.0
+    lift(contact.packed, positions)
     energy, force, area, deepest = add_forces(contact.packed, positions, pushed)
     dissipated = 0.0
     if energy >= 0.0:
         springs, dissipated = add_friction(contact.packed, contact.friction, positions, keep, pushed)
         energy += springs
+    lower(contact.packed, pushed)
     add_up(contact, energy, force, area, deepest)
     numbers = contact.all[contact.all.size - NUMBERS :]
     energy, force, area = numbers[CONTACT_ENERGY], numbers[FORCE], numbers[AREA]

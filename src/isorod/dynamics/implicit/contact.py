@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
@@ -27,7 +28,7 @@ class MidpointContact(ContactOperator):
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
         refuse_in_motion(model.contacts)
         super().__init__(model, comm)
-        self.start = self._base.ravel() * 0.0
+        self.start = np.zeros(model.dofs)
 
     def share(self, friction: "Friction") -> None:
         """Keep the history of friction there."""

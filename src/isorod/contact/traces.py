@@ -1,0 +1,116 @@
+"""The surface of a section as contact sees it: control points round a circle, and what they are of the space's own.
+
+Functions of control points are on the outer surface what contact takes.  Of all others, and on an inner surface, traces
+are projected on those of so many control points that these are the traces but for `_MISSED`; then ``P``, shape
+``(n, count)``, makes control points of a layer's coefficients, forces go back by ``P^T``, and tangents are
+``P^T K P``.  Constants, and what rotates, stay what they are, so that forces and moments are in balance.
+
+Round an inner surface angles are counted backwards: its normal then points to the axis, as ``y_theta x y_s`` says.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.geometry.disk import MAX_COUNT
+from isorod.geometry.section import refinement_turn
+from isorod.space.basis import SectionBasis
+from isorod.space.graded import Graded
+from isorod.space.space import Space
+
+# Share of a trace that control points may miss, and the fewest of them.  A ring under two planes, section degree 4,
+# changes by 2e-6 with a tenth of it.
+_MISSED, _FEWEST = 5e-3, 16
+
+# Part of a singular value that is none, and Gauss points of an arc.
+_NONE, _POINTS = 1e-7, 6
+
+
+class Trace(NamedTuple):
+    """The surface of a section, for each layer the same.
+
+    Attributes
+    ----------
+    arc_of, arcs
+        The arc of each fine arc, and what `isorod.contact.packed.SURFACE` has of each arc, ``(n, 7)``.
+    turn
+        Angle of the first control point.
+    radius, sense
+        Of the circle on the disk, and -1 where angles are counted backwards, else 1.
+    dimension
+        Of the space of traces: so many control points it is worth.
+    lift
+        ``P``, or None where control points are the first functions of a layer.
+    """
+
+    arc_of: Index
+    arcs: Array
+    turn: float
+    radius: float
+    sense: float
+    dimension: int
+    lift: Array | None
+
+    def circle(self, angle: Array) -> Array:
+        """Return the points of the disk at angles of the surface ``(q,)``, shape ``(q, 2)``."""
+        return self.radius * np.stack([np.cos(angle), self.sense * np.sin(angle)], axis=1)
+
+
+def trace(space: Space, inner: bool) -> Trace:
+    """Return the outer or the inner surface of a space's sections."""
+    basis = space.basis
+    if basis.on_surface:
+        parts = np.array(basis.arcs) if isinstance(basis, Graded) else np.ones(space.points_around, dtype=np.int64)
+        return Trace(*_arcs(parts, space.turn), space.turn, 1.0, 1.0, parts.size, None)
+    return _projected(cast(Any, basis), space.rod.section_points, space.rod.rings[0] if inner else 1.0, inner)
+
+
+@lru_cache(maxsize=16)
+def _projected(basis: SectionBasis, own: int, radius: float, inner: bool) -> Trace:
+    """Return the surface at a radius of the disk; ``own`` are the control points of the rod's own sections."""
+    multiple, sense, last = -(-_FEWEST // own), -1.0 if inner else 1.0, np.inf
+    while True:
+        n, turn = own * multiple, refinement_turn(own, multiple)
+        arc_of, arcs = _arcs(np.ones(n, dtype=np.int64), turn)
+        found = Trace(arc_of, arcs, turn, radius, sense, 0, None)
+        functions, angle, weight = section_functions(found, _POINTS)
+        root = np.sqrt(weight)[:, None]
+        mine = root * basis.functions(found.circle(angle))[0]
+        across = np.zeros((angle.size, n))
+        for c in range(3):
+            across[np.arange(angle.size), (np.repeat(np.arange(n), _POINTS) + c - 1) % n] += functions[:, c]
+        lift = np.linalg.lstsq(root * across, mine, rcond=None)[0]
+        modes, sizes, _ = np.linalg.svd(mine, full_matrices=False)
+        modes = modes[:, sizes > _NONE * sizes[0]]
+        frame = np.linalg.qr(root * across)[0]
+        missed = float(np.linalg.norm(modes - frame @ (frame.T @ modes), axis=0).max())
+        dimension = modes.shape[1]
+        if n >= dimension and (missed <= _MISSED or 2 * n > MAX_COUNT or missed > 0.9 * last):
+            return found._replace(dimension=dimension, lift=lift)
+        multiple, last = multiple + -(-multiple // 4), missed
+
+
+def _arcs(parts: Index, turn: float) -> tuple[Index, Array]:
+    """Return the arc of each fine arc, and the rows of arcs that have so many of them, from an angle on."""
+    ends = np.cumsum(parts)
+    part = parts / ends[-1]
+    half = np.pi * part
+    middle = turn + np.pi / ends[-1] * (2.0 * ends - parts - 1.0)
+    lengths = np.tan(half)
+    before, after = (lengths / (lengths + np.roll(lengths, step)) for step in (1, -1))
+    cos, sin = np.cos(half), np.sin(half)
+    arcs = np.stack([middle, cos, cos / sin**2, 1.0 / sin, before, after, part], axis=1)
+    return np.repeat(np.arange(parts.size), parts), arcs
+
+
+def section_functions(one: Trace, points: int) -> tuple[Array, Array, Array]:
+    """Return the three functions of each arc at Gauss points ``(n points, 3)``, their angles and weights (radians)."""
+    x, w = np.polynomial.legendre.leggauss(points)
+    angle, cos, flat, steep, before, after, part = one.arcs.T[:, :, None]
+    local = np.pi * part * x
+    middle, slope = (np.cos(local) - cos) * flat, np.sin(local) * steep
+    left, right = 0.5 * before * (1.0 - middle - slope), 0.5 * after * (1.0 - middle + slope)
+    functions = np.stack([left, 1.0 - left - right, right], axis=-1).reshape(-1, 3)
+    return functions, (angle + local).ravel(), (np.pi * part * w).ravel()
