@@ -332,7 +332,6 @@ test_refusals = refused(
         r"density: got shape \(2,\), need one or one for each of the 3 ri",
     ),
     (lambda: Body(layered()[0], LAW, [[1.0, 2.0, 3.0], [1.0]]), r"density: got shape \(2,\), .*in rows of one length"),
-    (lambda: Body(tube(2), LAW, formulation="mixed").pressures, "a rod with a hole or layers takes 'displacement'"),
     (
         lambda: Model([Body(tube(2), LAW)], contacts=[Contact(0, Plane((0, 0, 0), (0, 0, 1)), 1.0)]),
         "section functions without control points, which contact needs",
