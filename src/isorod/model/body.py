@@ -256,8 +256,25 @@ class Body(Checked):
         return np.asarray(self._on_places(self.density), dtype=float).ravel()
 
     def densities_at(self, table: Table) -> Array:
-        """Return the mass per reference volume at quadrature points, ``(E, 1, q)``, or 1 for ``q`` if all have it."""
-        own = self.densities.reshape(-1, self._rings)[table.first : table.first + table.elements]
+        """Return the mass per reference volume at quadrature points, as `at_points` does."""
+        return self.at_points(table, self.densities)
+
+    def at_points(self, table: Table, values: ArrayLike) -> Array:
+        """Return values of each element, and of each of its rings, at quadrature points.
+
+        Parameters
+        ----------
+        table
+            The points.
+        values
+            Shape ``(elements rings,)``.
+
+        Returns
+        -------
+        values
+            Shape ``(E, 1, q)``, or 1 for ``q`` if all points of a section have the same.
+        """
+        own = np.reshape(np.asarray(values, dtype=float), (-1, self._rings))[table.first : table.first + table.elements]
         return own[:, None, :] if self._rings == 1 else own[:, None, ring_of(self.space.rod.rings, table.xi)]
 
     @cached_property
