@@ -92,17 +92,21 @@ def bend(rings=(0.6, 1.0)):
     return Rod.sweep(circle(8, 1.0), axis, [(0.0, 0.0, 0.0), (0.0, 0.0, 3.0), (1.5, 0.0, 5.0)], turns).with_rings(rings)
 
 
-def pipe(*pressures):
+def pipe(*pressures, rings=(0.6, 1.0), law=None):
     """A bent one, its ends held: the tangent of pressures that follow is symmetric."""
-    space = Space(bend(), degree=2, section_degree=2, quadrature="auto", elements=2)
+    space = Space(bend(rings), degree=2, section_degree=2, quadrature="auto", elements=2)
     loads = [Pressure(p, surface, follows=True) for p, surface in pressures]
     held = Support.end(space, "start"), Support.end(space, "end")
-    return Model([Body(space, NeoHookean(1.0, 0.3))], held, loads=loads)
+    return Model([Body(space, law or NeoHookean(1.0, 0.3))], held, loads=loads)
 
 
 PIPES = {
     "pressed inside": lambda: pipe((0.02, "inner")),
     "pressed on both sides": lambda: pipe((0.3, "outer"), (-0.1, "inner")),
+    "rubber pressed inside": lambda: pipe((0.02, "inner"), law=NeoHookean(1.0, 0.5)),
+    "rubber in layers pressed inside": lambda: pipe(
+        (0.02, "inner"), rings=(0.5, 0.7, 1.0), law=[NeoHookean(1.0, 0.5), NeoHookean(3.0, 0.3)]
+    ),
 }
 
 SECTIONS = [{"order": 1}, {"order": 2}, {"section_degree": 3}]
@@ -123,4 +127,17 @@ MIXED = {
         lambda kind=kind, nu=nu, sections=SECTIONS[(i + j) % 3]: mixed(kind, nu, sections)
     )
     for (i, kind), (j, nu) in product(enumerate((NeoHookean, LinearElastic, Muscle)), enumerate((0.3, 0.499999, 0.5)))
+}
+
+
+def in_rings(rings, laws):
+    """A bar with a hole or in layers, with pressures, whose end is moved while it spins."""
+    space = Space(straight(n=6, height=3.0).with_rings(rings), elements=2, degree=2, section_degree=2)
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.2, 0.3))
+    return Model([Body(space, laws, 1.0, "mixed")], ends, spin=Spin((0.1, 0.0, 0.2)))
+
+
+MIXED |= {
+    "mixed with a hole": lambda: in_rings((0.5, 1.0), NeoHookean(3.0, 0.5)),
+    "mixed in layers": lambda: in_rings((0.0, 0.6, 1.0), [NeoHookean(3.0, 0.5), LinearElastic(2.0, 0.3)]),
 }

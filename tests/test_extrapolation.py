@@ -92,7 +92,7 @@ def test_pressure_changes_with_the_states():
     grown = np.einsum("...aAbB,...bB->...aA", moduli, D) - D @ S0
     excess = symmetric(S0 + G0 @ grown + (p - p0) * (G0 @ np.swapaxes(G0, -1, -2)) - S)
     own = geometric(part, excess).reshape(part.shape[0], part.shape[1], part.moves, part.shape[1], part.moves)
-    matrices = part.matrices(second, 1.0) + part._padded_matrices(own).reshape(
+    matrices = part.matrices(second, 1.0) + part.padded_matrices(own).reshape(
         part.dofs.shape[0], -1, part.dofs.shape[1]
     )
     expected = merged(matrices, blocks)

@@ -5,7 +5,7 @@ import pytest
 from models import bend
 from scipy.optimize import brentq
 
-from isorod import InputError, LinearElastic, NeoHookean, Space, circle, modal, statics, straight
+from isorod import LinearElastic, NeoHookean, Space, circle, modal, statics, straight
 from isorod.model import Body, Model, Pressure, Support
 
 LAW = NeoHookean(1.0, 0.3)
@@ -84,11 +84,17 @@ def test_modes_of_a_held_pipe_fall_under_pressure():
     assert 1.0 - (found[1] / found[0]) ** 2 == pytest.approx(fall - wider, rel=0.05)
 
 
-def test_a_pressure_that_follows_is_refused_by_what_has_none():
-    space = Space(straight(3.0).sweep(circle(8, 2.0)), order=2)
-    model = Model([Body(space, LAW, formulation="mixed")], clamped(space), loads=[Pressure(1.0, follows=True)])
-    with pytest.raises(InputError, match="follower pressure on body 0: not supported by the mixed formulation"):
-        statics.solve(model)
+@pytest.mark.parametrize("follows", [True, False])
+@pytest.mark.parametrize("sections", [{"order": 2}, {"section_degree": 3}], ids=str)
+def test_pressure_on_a_bar_that_cannot_change_its_volume_is_all_there_is(sections, follows):
+    """Between held faces nothing moves, and the pressure of the mixed formulation is that of the surface."""
+    space = Space.paper(straight(3.0).sweep(circle(8, 2.0)), degree=3, quadrature="full", **sections)
+    body = Body(space, NeoHookean(3.0, 0.5))
+    model = Model([body], clamped(space), loads=[Pressure(0.7, follows=follows)])
+    solution = statics.solve(model)
+    assert np.abs(solution.displacement).max() < 1e-9
+    found = body.pressures.evaluate(solution.pressures[0], [[0.0, 0.0], [0.6, -0.5]], [0.2, 0.9])
+    assert found == pytest.approx(np.full((2, 2), -0.7), abs=1e-8)
 
 
 def test_small_pressures_are_one_whether_they_follow_or_not():

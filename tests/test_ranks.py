@@ -35,6 +35,12 @@ def rod(height=4.0, elements=7, held="xyz", contacts=(), law=STIFF, formulation=
     return Model([Body(space, law, 2.0, formulation)], supports, contacts=contacts)
 
 
+def layers(law=STIFF):
+    """A rod in layers, one of which is of that law."""
+    space = Space(straight(4, height=4.0).with_rings((0.0, 0.6, 1.0)), section_degree=2, elements=5, degree=2)
+    return Model([Body(space, [law, NeoHookean(300.0, 0.2)], [2.0, 3.0])], [Support.end(space, "start")])
+
+
 def swing(model):
     """Velocities that bend, one body after the other."""
     moving = [body.space.positions[:, 2] * body.space.is_carrier for body in model.bodies]
@@ -115,10 +121,14 @@ def equilibria(_):
     """
     space = Space.paper(straight(4, height=2.0), elements=2, degree=2, order=2, quadrature="auto")
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.2))
+    pulled = layers(NeoHookean(100.0, 0.5))
+    away = Support.end(pulled.bodies[0].space, "end", displacement=(0.1, 0.0, 0.2))
+    pulled = replace(pulled, supports=[*pulled.supports, away])
     return {
         "mixed": at_rest(Model([Body(space, NeoHookean(100.0, 0.5), formulation="mixed")], ends)),
         "crossing": at_rest(crossing(), load_steps=2),
         "mixed crossing": at_rest(test_mixed_contact.crossing(gap=0.05, friction=0.3), load_steps=2),
+        "pulled layers": at_rest(pulled),
         "strand": at_rest(Strand(section_points=6, parts=1, length=10.0, strain=1e-4, friction=0.1).model()),
         "pressed": at_rest(pressed()),
     }
@@ -134,6 +144,7 @@ def explicit(_):
         "muscle": in_motion(rod(law=MUSCLE, held="z"), 0.5, outputs=2, ramp=0.2),
         "biceps": in_motion(SMALL.model(), 4e-3, 2.5e-5, 2, damping=10.0, ramp=2.5e-3),
         "rubbing": in_motion(rough, 2.0, outputs=2, velocity=thrown),
+        "layers": in_motion(layers(MUSCLE), 0.5, outputs=2, ramp=0.2, velocity=swing(layers())),
     }
 
 
@@ -150,6 +161,7 @@ def implicit(_):
         "biceps": in_motion(SMALL.model(), 2e-3, 2e-4, 2, damping=1.0, ramp=2.5e-3, **given),
         "rubbing": in_motion(rough, 1.0, 0.05, 2, velocity=thrown, **given),
         "incompressible": in_motion(whole, 1.0, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
+        "rubber in layers": in_motion(layers(NeoHookean(100.0, 0.5)), 1.0, 0.1, 2, velocity=swing(layers()), **given),
         "mixed muscle": in_motion(flexed, 1.0, 0.1, 2, ramp=0.5, velocity=-swing(flexed), **given),
     }
 

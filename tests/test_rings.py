@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from refused import refused
 
-from isorod import Muscle, Rod, Space, airfoil, circle, dynamics, ellipse, helix, modal, statics, straight
+from isorod import Muscle, Rod, Space, airfoil, circle, ellipse, helix, modal, statics, straight
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.places import Places
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Support
@@ -332,24 +332,7 @@ test_refusals = refused(
         r"density: got shape \(2,\), need one or one for each of the 3 ri",
     ),
     (lambda: Body(layered()[0], LAW, [[1.0, 2.0, 3.0], [1.0]]), r"density: got shape \(2,\), .*in rows of one length"),
-    (lambda: Body(tube(2), LAW, formulation="mixed").pressures, "a rod with a hole or layers takes 'displacement'"),
-    (
-        lambda: dynamics.solve(Model([Body(layered()[0], NeoHookean(E, NU), 1.0)]), 1.0),
-        "body 0: layered rods are not supported in dynamics",
-    ),
 )
-
-
-def test_a_hollow_rod_moves_in_time():
-    """A tube pulled at one end and let go swings at its axial frequency."""
-    space = tube(2, degree=2, elements=2, quadrature="auto")
-    body = Body(space, NeoHookean(E, 0.0), 1.0)
-    model = Model([body], [Support.end(space, "start", "z"), Support(np.arange(space.nodes), "xy")])
-    first = modal.solve(model, 1)
-    shape = first.vectors[0] / np.abs(first.vectors[0]).max()
-    period = 1.0 / first.frequencies[0]
-    run = dynamics.solve(model, period, outputs=4, displacement=1e-4 * shape)
-    assert run.displacement[-1] == pytest.approx(1e-4 * shape, abs=1e-6)
 
 
 def test_same_volume_for_any_rings():

@@ -75,7 +75,7 @@ class Assembler(Parts):
             return self._external
         followed = zip(self.parts, self._pressing, strict=True)
         return self._external + self._sums(
-            pressing.forces(part.nodal(local)).reshape(part.dofs.shape) for part, pressing in followed
+            part.padded(pressing.forces(part.nodal(local))) for part, pressing in followed
         )
 
     @property
@@ -266,7 +266,8 @@ class Assembler(Parts):
         if spin is not None:
             found -= factor * part.softening(spin)[which]
         if self._pressing:
-            found -= factor * self._pressing[k].stiffness(part.nodal(local))[which]
+            whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
+            found -= factor * whole[which].reshape(found.shape)
         return found
 
     def load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:

@@ -106,12 +106,13 @@ class MixedPart(Part):
         result[:, :-1, moves:, :, :moves] = below.reshape(shape).transpose(0, 3, 4, 1, 2)
         result[:, :-1, moves:, :-1, moves:] = own
 
-    def _padded(self, nodal: Array) -> Array:
+    def padded(self, nodal: Array) -> Array:
+        """Return nodal forces with zeros for the pressures, shape of ``dofs``."""
         result = np.zeros((*self.layers.shape, self.width))
         result[:, :, : self.moves] = nodal.reshape(*self.layers.shape, -1)
         return result.reshape(self.dofs.shape)
 
-    def _padded_matrices(self, matrices: Array) -> Array:
+    def padded_matrices(self, matrices: Array) -> Array:
         """Return matrices of displacements with room for pressures, shape ``(E, l, width, l, width)``."""
         elements, layers = self.layers.shape
         result = np.zeros((elements, layers, self.width, layers, self.width))

@@ -114,7 +114,7 @@ class Part:
         nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
         center = space.is_carrier[nodes, None] * np.array(spin.center)
         arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
-        return self._padded(self.mass @ arm @ spin.field)
+        return self.padded(self.mass @ arm @ spin.field)
 
     def softening(self, spin: Spin) -> Array:
         """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
@@ -123,14 +123,14 @@ class Part:
     def masses_of(self, tensor: Array) -> Array:
         """Return the element mass matrices times a tensor ``(3, 3)`` of components, shape of ``matrices``."""
         size = 3 * self.mass.shape[1]
-        result = self._padded_matrices(np.einsum("eij,ab->eiajb", self.mass, tensor).reshape(-1, size, size))
+        result = self.padded_matrices(np.einsum("eij,ab->eiajb", self.mass, tensor).reshape(-1, size, size))
         return result.reshape(*self.dofs.shape, -1)
 
-    def _padded(self, nodal: Array) -> Array:
+    def padded(self, nodal: Array) -> Array:
         """Return nodal forces ``(E, l n, 3)`` in the shape of ``dofs``."""
         return nodal.reshape(self.dofs.shape)
 
-    def _padded_matrices(self, matrices: Array) -> Array:
+    def padded_matrices(self, matrices: Array) -> Array:
         """Return matrices of displacements with room for other degrees of freedom of a layer."""
         return matrices
 

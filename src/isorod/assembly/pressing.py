@@ -7,7 +7,6 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.split import Share
-from isorod.errors import InputError
 from isorod.model.load import Pressure
 
 # Of the cross product of two vectors.
@@ -39,17 +38,10 @@ class Pressing:
         Which elements they are.
     loads
         Pressures on that body.
-
-    Raises
-    ------
-    InputError
-        If the body has the mixed formulation.
     """
 
     def __init__(self, share: Share, loads: Sequence[Pressure]) -> None:
         space = share.body.space
-        if loads and share.body.formulation != "displacement":
-            raise InputError(f"follower pressure on body {share.which}: not supported by the mixed formulation")
         nodes = space.element_nodes[share.first : share.last]
         shape = (*share.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)

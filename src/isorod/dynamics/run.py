@@ -77,11 +77,13 @@ class Run(ABC):
         self._carried = system.model.is_carrier.repeat(3).astype(float)
         # The resultant of the loads.
         self._loaded = (self._carried * system.model.external).reshape(-1, 3).sum(axis=0)
-        shares = system.ranks.shares
-        volumes = [one.body.space.tabulate(one.first, one.last).weights.sum(axis=(1, 2)) for one in shares]
-        laws = [law for one in shares for law in one.body.shear_laws[one.first : one.last]]
-        each = np.array([(law.activation_work, law.modulus) for law in laws]).reshape(-1, 2)
-        work, size = system.ranks.sums(np.concatenate([np.empty(0), *volumes]) @ each)
+        own = np.zeros(2)
+        for share in system.ranks.shares:
+            body, table = share.body, share.body.space.tabulate(share.first, share.last)
+            for k, name in enumerate(("activation_work", "modulus")):
+                values = [getattr(law, name) for law in body.shear_laws]
+                own[k] += np.sum(body.at_points(table, values) * table.weights)
+        work, size = system.ranks.sums(own)
         # The most work that activation can do.
         self._available = float(work)
         # Of a body at rest, rounding of its forces may be all there is.

@@ -31,10 +31,14 @@ class Piece(NamedTuple):
         """Whether it is the law of all points of the section."""
         return isinstance(self.points, slice)
 
+    def at(self, axes: int) -> tuple[slice | Index, ...]:
+        """Return the index of its own points in arrays whose first axes, so many, are ``(places, ..., points)``."""
+        places = slice(self.first, self.last)
+        return (places,) if self.whole else (places, *[slice(None)] * (axes - 2), self.points)
+
     def of(self, F: Array) -> Array:
         """Return what an array ``(places, ..., points, 3, 3)`` holds of its own points."""
-        own = F[self.first : self.last]
-        return own if self.whole else own[..., self.points, :, :]
+        return F[self.at(F.ndim - 2)]
 
     def places(self, places: Places) -> Places:
         """Return of a rod's places its own."""
@@ -126,7 +130,7 @@ class Laws:
         ahead = F.ndim - 2
         result = np.empty(F.shape[:ahead] + found[0].shape[ahead:])
         for piece, own in zip(self.pieces, found, strict=True):
-            result[(slice(piece.first, piece.last), *[slice(None)] * (ahead - 2), piece.points)] = own
+            result[piece.at(ahead)] = own
         return result
 
 
@@ -148,25 +152,28 @@ def shear_laws(laws: Laws) -> Laws:
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     """Return ``theta`` and ``d theta / dF`` for ``F`` ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
-    for law, first, last, _ in laws.pieces:
-        part = F[first:last]
-        if law.logarithmic:
+    for piece in laws.pieces:
+        part, at = piece.of(F), piece.at(theta.ndim)
+        if piece.law.logarithmic:
             # Newton's iterations try states without volume, and go back.
             with np.errstate(divide="ignore", invalid="ignore"):
                 inverses, det = inverse(part)
-            theta[first:last] = np.log(np.where(det > 0.0, det, np.nan))
-            slope[first:last] = np.swapaxes(inverses, -1, -2)
+            theta[at] = np.log(np.where(det > 0.0, det, np.nan))
+            slope[at] = np.swapaxes(inverses, -1, -2)
         else:
-            theta[first:last] = np.trace(part, axis1=-2, axis2=-1) - 3.0
-            slope[first:last] = np.eye(3)
+            theta[at] = np.trace(part, axis1=-2, axis2=-1) - 3.0
+            slope[at] = np.eye(3)
     return theta, slope
 
 
 def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
     """Return `isorod.material.law.Material.complementary` of pressures ``(E, t, q)``, shapes of these."""
-    found = [law.complementary(p[first:last]) for law, first, last, _ in laws.pieces]
-    first, second, third = zip(*found, strict=True)
-    return np.concatenate(first), np.concatenate(second), np.concatenate(third)
+    found = np.empty((3, *p.shape))
+    for piece in laws.pieces:
+        at = piece.at(p.ndim)
+        for whole, part in zip(found, piece.law.complementary(p[at]), strict=True):
+            whole[at] = part
+    return found[0], found[1], found[2]
 
 
 @cache
@@ -194,13 +201,18 @@ def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[A
 
     gradient = np.empty(F.shape)
     slope = np.zeros((*F.shape, 3, 3)) if wanted else None
-    for law, first, last, _ in laws.pieces:
-        if law.logarithmic:
-            one, nothing = named(_logarithm), np.empty((gradient[first:last].size // 9, 0))
-            given = flat(F[first:last]), flat(change[first:last]), np.empty(0), nothing
-            bend = np.empty((0, 3, 3, 3, 3)) if slope is None else slope[first:last].reshape(-1, 3, 3, 3, 3)
-            discrete_gradient(one.block, one.tangent, *given, gradient[first:last].reshape(-1, 3, 3), bend)
+    for piece in laws.pieces:
+        at = piece.at(F.ndim - 2)
+        if piece.law.logarithmic:
+            one, start = named(_logarithm), F[at]
+            own = np.empty(start.shape)
+            bend = np.empty((*start.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
+            given = flat(start), flat(change[at]), np.empty(0), np.empty((own.size // 9, 0))
+            discrete_gradient(one.block, one.tangent, *given, own.reshape(-1, 3, 3), bend.reshape(-1, 3, 3, 3, 3))
+            gradient[at] = own
+            if slope is not None:
+                slope[at] = bend
         else:
             # Of the trace.
-            gradient[first:last] = np.eye(3)
+            gradient[at] = np.eye(3)
     return gradient, slope

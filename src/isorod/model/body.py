@@ -152,18 +152,18 @@ class Body(Checked):
             return None
         from isorod.space.pressure import Pressures
 
-        for e, law in enumerate(self.laws):
+        for k, law in enumerate(self.laws):
             if not (law.splits and law.lame > 0.0):
                 raise InputError(
-                    f"material of element {e}: the mixed formulation needs a law with an energy of volume change and "
-                    f"nu > 0, {type(law).__name__} has none"
+                    f"material of element {k // self._rings}: the mixed formulation needs a law with an energy of "
+                    f"volume change and nu > 0, {type(law).__name__} has none"
                 )
         return Pressures(self.space)
 
     @property
     def has_poor_pressures(self) -> bool:
         """Whether it has pressures that are no more than linear across the section, as of order 1."""
-        return self.formulation == "mixed" and self.space.basis.pressure_count <= _LINEAR
+        return self.formulation == "mixed" and self.space.basis.pressure_count <= _LINEAR * self._rings
 
     @cached_property
     def pressure_unit(self) -> float:
@@ -176,7 +176,7 @@ class Body(Checked):
         least = _WITH_FIBRES if any(law.families for law in self.laws) else _NEARLY
         # Nothing else takes an incompressible one, whatever is beside it.
         enough = min(ratios) > 0.0 if self._is_incompressible else min(ratios) >= least
-        if self._rings > 1 or not enough:
+        if not enough:
             return False
         try:
             return self.space.basis.pressure_count > 1
@@ -256,8 +256,25 @@ class Body(Checked):
         return np.asarray(self._on_places(self.density), dtype=float).ravel()
 
     def densities_at(self, table: Table) -> Array:
-        """Return the mass per reference volume at quadrature points, ``(E, 1, q)``, or 1 for ``q`` if all have it."""
-        own = self.densities.reshape(-1, self._rings)[table.first : table.first + table.elements]
+        """Return the mass per reference volume at quadrature points, as `at_points` does."""
+        return self.at_points(table, self.densities)
+
+    def at_points(self, table: Table, values: ArrayLike) -> Array:
+        """Return values of each element, and of each of its rings, at quadrature points.
+
+        Parameters
+        ----------
+        table
+            The points.
+        values
+            Shape ``(elements rings,)``.
+
+        Returns
+        -------
+        values
+            Shape ``(E, 1, q)``, or 1 for ``q`` if all points of a section have the same.
+        """
+        own = np.reshape(np.asarray(values, dtype=float), (-1, self._rings))[table.first : table.first + table.elements]
         return own[:, None, :] if self._rings == 1 else own[:, None, ring_of(self.space.rod.rings, table.xi)]
 
     @cached_property

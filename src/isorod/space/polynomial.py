@@ -88,7 +88,7 @@ class Polynomials:
                 "polynomials need sections of one shape"
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
-        self._polygon, share = _principal_frame(self._polygon, area, values, first, second)
+        self._polygon, self._extents, share = _principal_frame(self._polygon, area, values, first, second)
         self.across = max(2, ceil(degree * max(0.5, _roundness(arms)) - 1e-9))
         self._powers = monomials(degree, self.across)
         self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
@@ -218,8 +218,10 @@ def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array
     )
 
 
-def _principal_frame(polygon: Array, area: Array, values: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """Return a section's polygon in its principal coordinates, each over half its extent, and shares of the area.
+def _principal_frame(
+    polygon: Array, area: Array, values: Array, first: Array, second: Array
+) -> tuple[Array, Array, Array]:
+    """Return a section's polygon in its principal coordinates, each over half its extent, that, and shares of the area.
 
     Parameters
     ----------
@@ -245,8 +247,8 @@ def _principal_frame(polygon: Array, area: Array, values: Array, first: Array, s
     else:
         x, y = found[:, 1] * np.copysign(1.0, arm @ found[:, 1])
     axes = np.array([[x, -y], [y, x]])
-    extents = np.ptp(place @ axes, axis=0)
-    return (polygon - centroid) @ axes / (0.5 * extents), share
+    extents = 0.5 * np.ptp(place @ axes, axis=0)
+    return (polygon - centroid) @ axes / extents, extents, share
 
 
 def _roundness(arms: Array) -> float:

@@ -15,9 +15,11 @@ class Pressures:
     ``K - 1`` (in equilibrium, where displacements are biharmonic, pressures are harmonic), so that they see what is
     local, such as contact, and polynomials of degree ``K``; of waves they have some less than displacements
     (`isorod.space.polyharmonic.Polyharmonic.pressures`).  Where it has polynomials they are those of the section's own
-    coordinates whose products with a coordinate are among them (degree ``N - 1``). ``B_j`` are the splines of degree
-    ``p - 1`` on the same knots, C^(c - 1) where the displacement is C^c.  Coefficients are numbered layer by layer like
-    nodes; the last layer of an open rod has none.  The pair is inf-sup stable: measured in ``tests/test_mixed.py``.
+    coordinates whose products with a coordinate are among them (degree ``N - 1``); of a section with a hole or in
+    layers those of each ring by itself (`isorod.space.ringed.Ringed.pressures`), so that they jump where laws do.
+    ``B_j`` are the splines of degree ``p - 1`` on the same knots, C^(c - 1) where the displacement is C^c.
+    Coefficients are numbered layer by layer like nodes; the last layer of an open rod has none.  The pair is inf-sup
+    stable: measured in ``tests/test_mixed.py`` and ``test_rings_mixed.py``.
 
     Attributes
     ----------

@@ -22,11 +22,10 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 from scipy.special import eval_jacobi
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
@@ -36,6 +35,10 @@ from isorod.space.polynomial import Polynomials, fine_rule
 # in a round section the square of the radius is a polynomial of the coordinates already.  An energy errs by the square
 # of what is left out.
 _NEW = 1e-5
+
+# What displacements in the plane of a section make of a pressure at least, if it is to count as one: its product with
+# their divergence, where their strains and the pressure are of size one.  In round sections it is 0.8 and more, or 0.
+_TOLD = 0.4
 
 
 class Ringed(Polynomials):
@@ -64,25 +67,16 @@ class Ringed(Polynomials):
     def __init__(self, rod: Rod, degree: int) -> None:
         super().__init__(rod, degree)
         self._rings = rod.rings
-        # Of a ring function: the edge it starts from, in which power it is a polynomial, its degree and its wave, and
-        # whether that is a sine.
-        kinds = [
-            (j, of, k, m, part)
-            for j, edge in enumerate(self._rings[:-1])
-            if edge > 0.0
-            for of, total in enumerate((degree, degree + 1))
-            # Round a hole polynomials in r^-2 do: those in r^2 too are a third more functions, no better than others.
-            if of or j
-            for k in range(1, min(total, self.across + 1) // 2 + 1)
-            for m in range(total - 2 * k + 1)
-            for part in range(1 if m == 0 else 2)
-        ]
-        self._kinds: Index = np.array(kinds, dtype=np.int64)
-        n = rod.section_points
-        rule = Rule(self._radial_points(1e-12), fine_rule(n, degree).angular, 1)
-        xi, area = section_points(n, rule, rings=rod.rings)
-        turn = np.einsum("qib,ic->qbc", harmonic_functions(n, xi)[1], self._polygon)
-        self._mix, self._taken = orthogonalised(*self._candidates(xi), turn, area)
+        self._kinds = _kinds(rod.rings, degree, self.across)
+        xi, area = self._fine_points()
+        turn = np.einsum("qib,ic->qbc", harmonic_functions(rod.section_points, xi)[1], self._polygon)
+        self._mix, self._taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area)
+
+    def _fine_points(self) -> tuple[Array, Array]:
+        """Return points of the disk and weights that tell all functions apart."""
+        n = self._polygon.shape[0]
+        rule = Rule(self._radial_points(1e-12), fine_rule(n, self.degree).angular, 1)
+        return section_points(n, rule, rings=self._rings)
 
     @property
     def count(self) -> int:
@@ -91,12 +85,16 @@ class Ringed(Polynomials):
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, outside of a hole."""
-        values, gradients = self._candidates(np.asarray(xi, dtype=float).reshape(-1, 2))
+        points = np.asarray(xi, dtype=float).reshape(-1, 2)
+        values, gradients = self._candidates(points, self._powers, self._kinds)
         mixed = np.swapaxes(gradients[:, self._taken], 1, 2) @ self._mix
         return values[:, self._taken] @ self._mix, np.ascontiguousarray(np.swapaxes(mixed, 1, 2))
 
-    def _candidates(self, xi: Array) -> tuple[Array, Array]:
-        """Return values ``(q, c)`` and gradients ``(q, c, 2)`` of monomials, then of ring functions, at disk points."""
+    def _candidates(self, xi: Array, exponents: Index, kinds: Index) -> tuple[Array, Array]:
+        """Return values ``(q, c)`` and gradients ``(q, c, 2)`` of monomials, then of ring functions, at disk points.
+
+        ``exponents`` ``(a, 2)`` are the former's, ``kinds`` ``(b, 5)`` the latter as of `_kinds`.
+        """
         harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
         place = harmonic @ self._polygon
         # d X_c / d xi_b
@@ -104,11 +102,11 @@ class Ringed(Polynomials):
         powers = place[:, None, :] ** np.arange(self.degree + 1)[:, None]
         by = np.concatenate([np.zeros_like(powers[:, :1]), powers[:, :-1]], axis=1)
         by = by * np.arange(self.degree + 1)[:, None]
-        a, b = self._powers.T
+        a, b = exponents.T
         smooth = powers[:, a, 0] * powers[:, b, 1]
         rise = np.stack([by[:, a, 0] * powers[:, b, 1], powers[:, a, 0] * by[:, b, 1]], axis=2)
         radius = np.hypot(xi[:, 0], xi[:, 1])
-        edges, of, degrees, waves, sine = self._kinds.T
+        edges, of, degrees, waves, sine = kinds.T
         z = place[:, 0] + 1j * place[:, 1]
         circles = z[:, None] ** np.arange(self.degree + 1)
         wave = circles[:, waves]
@@ -189,14 +187,79 @@ class Ringed(Polynomials):
         """Points in a slice, in which the square of a polynomial runs through ``4 pi N / n``."""
         return max(3, round(2.0 * pi * self.degree / self._polygon.shape[0]))
 
+    @cached_property
+    def _pressure_mix(self) -> Array:
+        """What makes pressures of their candidates in each ring (`_alone`), ring by ring, shape ``(c, count)``.
+
+        Of candidates those are pressures that the divergence of displacements in the plane of the section can tell
+        (`_TOLD`).  In round sections all can be but one a ring round a hole: ``r^-2`` is the divergence of no power of
+        ``r``.
+        """
+        xi, area = self._fine_points()
+        turn = np.einsum("qib,ic->qbc", harmonic_functions(self._polygon.shape[0], xi)[1], self._polygon)
+        weight = np.sqrt(area * np.abs(np.linalg.det(turn)))[:, None]
+        alone = [weight * values for values in self._alone(xi)]
+        mix = block_diag(*(_orthonormal(rows) for rows in alone))
+        # By the coordinates in space, not by shares of the section's extents; a constant has no slope.
+        slopes = self.functions(xi)[1][:, 1:] @ np.swapaxes(np.linalg.inv(turn), 1, 2) / self._extents
+        first, second = weight * slopes[:, :, 0], weight * slopes[:, :, 1]
+        none = np.zeros_like(first)
+        stretched, shear = np.hstack([first, second]), np.hstack([second, first]) * np.sqrt(0.5)
+        strains = np.vstack([np.hstack([first, none]), np.hstack([none, second]), shear])
+        sizes, motions = np.linalg.eigh(strains.T @ strains)
+        # But for the rotation of the section.
+        motions = motions[:, sizes > _NEW * sizes[-1]] / np.sqrt(sizes[sizes > _NEW * sizes[-1]])
+        _, told, seen = np.linalg.svd((stretched @ motions).T @ np.hstack(alone) @ mix, full_matrices=False)
+        return np.asarray(mix @ seen[told > _TOLD].T)
+
+    def _alone(self, xi: Array) -> list[Array]:
+        """Return candidates of each ring's pressures: what displacements of one degree less have in that ring alone.
+
+        They do not meet those of other rings, so that pressures jump where laws do.
+        """
+        kinds, smooth = _kinds(self._rings, self.degree - 1, self.across - 1), len(self._pressure_powers)
+        values, ring = self._candidates(xi, self._pressure_powers, kinds)[0], ring_of(self._rings, xi)
+        own = [np.append(np.ones(smooth, dtype=bool), kinds[:, 0] == r) for r in range(len(self._rings) - 1)]
+        return [np.where(ring[:, None] == r, values[:, mine], 0.0) for r, mine in enumerate(own)]
+
     @property
     def pressure_count(self) -> int:
-        """Raise `InputError`: pressures would have to jump from ring to ring."""
-        raise InputError("formulation: got 'mixed', a rod with a hole or layers takes 'displacement' alone")
+        """Number of section functions of pressures, in all rings together."""
+        return self._pressure_mix.shape[1]
 
     def pressures(self, xi: ArrayLike) -> Array:
-        """Return nothing: there are no such functions."""
-        return np.empty((np.asarray(xi).reshape(-1, 2).shape[0], self.pressure_count))
+        """Return values at disk points; where two rings meet the outer one's."""
+        return np.hstack(self._alone(np.asarray(xi, dtype=float).reshape(-1, 2))) @ self._pressure_mix
+
+
+def _orthonormal(rows: Array) -> Array:
+    """Return the matrix ``(c, m)`` that makes columns ``(q, c)`` orthonormal; what is a sum of others is left out."""
+    sizes = np.linalg.norm(rows, axis=0)
+    _, triangle, order = qr(rows / sizes, mode="economic", pivoting=True)
+    count = int(np.count_nonzero(np.abs(np.diag(triangle)) > _NEW))
+    result = np.zeros((order.size, count))
+    result[order[:count]] = np.linalg.inv(triangle[:count, :count]) / sizes[order[:count], None]
+    return result
+
+
+def _kinds(rings: tuple[float, ...], degree: int, across: int) -> Index:
+    """Return ring functions up to a degree, and a degree in the thinner direction, shape ``(count, 5)``.
+
+    Of each: the edge it starts from, in which power it is a polynomial, its degree and its wave, and whether that is a
+    sine.
+    """
+    kinds = [
+        (j, of, k, m, part)
+        for j, edge in enumerate(rings[:-1])
+        if edge > 0.0
+        for of, total in enumerate((degree, degree + 1))
+        # Round a hole polynomials in r^-2 do: those in r^2 too are a third more functions, no better than others.
+        if of or j
+        for k in range(1, min(total, across + 1) // 2 + 1)
+        for m in range(total - 2 * k + 1)
+        for part in range(1 if m == 0 else 2)
+    ]
+    return np.array(kinds, dtype=np.int64).reshape(-1, 5)
 
 
 def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) -> tuple[Array, NDArray[np.intp]]:

@@ -34,25 +34,30 @@ class Elements:
         return self._space.tabulate(self._share.first, self._share.last)
 
     @cached_property
-    def _laws(self) -> tuple[Material, ...]:
-        return self._share.body.laws[self._share.first : self._share.last]
+    def _moduli(self) -> Array:
+        """Moduli of pressure waves times volumes at the points, ``(E, t, q)``."""
+        body = self._share.body
+        return body.at_points(self._table, [law.modulus for law in body.laws]) * self._table.weights
+
+    @cached_property
+    def _masses(self) -> Array:
+        """Masses of the points, ``(E, t, q)``."""
+        return self._share.body.densities_at(self._table) * self._table.weights
 
     def consistent(self) -> csr_matrix:
         """Return the mass of one component, shape ``(nodes, nodes)``."""
-        table = self._table
-        weights = self._share.body.densities_at(table) * table.weights
-        return self._sum(element_kernel.mass(table.section, table.axial, weights))
+        return self._sum(element_kernel.mass(self._table.section, self._table.axial, self._masses))
 
     def gradients(self) -> csr_matrix:
         """Return ``G``, of one component, shape ``(nodes, nodes)``."""
         table, found = self._table, []
-        for e, law in enumerate(self._laws):
+        for e in range(table.elements):
             plane = np.einsum("tj,qdi->tqdji", table.axial[e], table.section[:, :2])
             axis = np.einsum("tj,qi->tqji", table.slopes[e], table.section[:, 2])[:, :, None]
             gradient = np.swapaxes(table.inverse[e], -1, -2) @ np.concatenate([plane, axis], axis=2).reshape(
                 *table.weights.shape[1:], 3, -1
             )
-            weighted = law.modulus * table.weights[e, :, :, None, None] * gradient
+            weighted = self._moduli[e, :, :, None, None] * gradient
             functions = gradient.shape[-1]
             found.append(gradient.reshape(-1, functions).T @ weighted.reshape(-1, functions))
         return self._sum(np.stack(found))
@@ -112,14 +117,15 @@ class Elements:
     def slowest(self, shears: bool) -> float:
         """Return the ``s`` that doubles the inertia of the section that turns the most easily, or that shears.
 
-        ``rho r^2`` over the modulus of pressure waves, or that of shear: the smallest of all elements.
+        ``rho r^2`` over the modulus of pressure waves, or that of shear, in the mean: the smallest of all elements.
         """
-        first, last = self._share.first, self._share.last
-        moduli = {law: _shear(law) if shears else law.modulus for law in dict.fromkeys(self._laws)}
-        densities = self._share.body.densities[first:last]
-        gyrations = _gyrations(self._nodal(self._space.positions), self._table)
-        each = zip(self._laws, densities, gyrations, strict=True)
-        return min(float(density / moduli[law] * gyration) for law, density, gyration in each)
+        table, body = self._table, self._share.body
+        moduli = self._moduli
+        if shears:
+            found = {law: _shear(law) for law in dict.fromkeys(body.laws)}
+            moduli = body.at_points(table, [found[law] for law in body.laws]) * table.weights
+        inertia = _inertia(self._nodal(self._space.positions), table, self._masses)
+        return float((inertia / moduli.sum(axis=2)).min(initial=np.inf))
 
 
 def _compressed(pattern: Pattern, size: int) -> tuple[Index, Index]:
@@ -136,12 +142,11 @@ def _shear(law: Material) -> float:
     return max(float(moduli[a, b, a, b]) for a, b in ((0, 1), (0, 2), (1, 2)))
 
 
-def _gyrations(positions: Array, table: Table) -> Array:
-    """Return the squares of the smallest radii of gyration of elements' sections, across both principal axes."""
+def _inertia(positions: Array, table: Table, masses: Array) -> Array:
+    """Return the smallest moments of inertia of sections of masses ``(E, t, q)``, about either axis, ``(E, t)``."""
     nodal = positions.reshape(table.elements, table.axial.shape[2], -1, 3)
     x = np.einsum("qi,etj,ejia->etqa", table.section[:, 2], table.axial, nodal, optimize=True)
-    share = table.weights / table.weights.sum(axis=2, keepdims=True)
-    x -= np.einsum("etq,etqa->eta", share, x)[:, :, None]
-    spread = np.einsum("etq,etqa,etqb->etab", share, x, x, optimize=True)
+    x -= np.einsum("etq,etqa->eta", masses / masses.sum(axis=2, keepdims=True), x)[:, :, None]
+    spread = np.einsum("etq,etqa,etqb->etab", masses, x, x, optimize=True)
     # The third is that of the section's normal, if it is plane.
-    return np.asarray(np.linalg.eigvalsh(spread)[:, :, 1].min(axis=1))
+    return np.asarray(np.linalg.eigvalsh(spread)[:, :, 1])

@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
 from isorod.dynamics.explicit.ranks import Ranks
-from isorod.errors import InputError
+from isorod.geometry.quadrature import ring_of
 from isorod.material.points import POINTS
-from isorod.model.body import Body
 from isorod.model.model import Model
 
 # Rows of a block's geometry: the inverse Jacobian (9) and the volume.
 GEOMETRY = 10
 
-# Of an element: section functions, blocks in the section, points and functions along the axis; where its rows begin in
-# ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many of these a block has; its law's constants and their
-# number; the address of its law's function (`isorod.material.points`).
+# Of an element, or of one of its rings where a rod is in layers: section functions, blocks in the section, points and
+# functions along the axis; where its rows begin in ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many
+# of these a block has; its law's constants, their number; the address of its law's function (`isorod.material.points`).
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
@@ -43,11 +42,11 @@ class Mesh(NamedTuple):
     layers
         Where each layer of an element begins in a state vector, shape ``(E, l)``.
     sections
-        For each body, block and section function: ``dS/dxi_1, dS/dxi_2, S`` at the points.
+        For each body, ring, block and section function: ``dS/dxi_1, dS/dxi_2, S`` at the points.
     axial
         For each element and point along it: ``R`` of each axis function, then ``dR/du``.
     geometry
-        For each element, point along it and block: ``GEOMETRY`` rows.
+        For each ring, element, point along it and block: ``GEOMETRY`` rows.
     fibres
         Likewise the components of the fibres' unit vectors, as many rows as the body has.
     constants
@@ -80,13 +79,7 @@ def order(model: Model) -> Index:
 
 
 def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
-    """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures.
-
-    Raises
-    ------
-    InputError
-        If a body cannot move in time, or a law.
-    """
+    """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures."""
     elements, layers = [], []
     sections: list[Array] = []
     axial: list[Array] = []
@@ -94,35 +87,39 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
     fibres: list[Array] = []
     constants: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
-    for index, body in enumerate(model.bodies):
-        _check_layers(body, index)
     ranks = Ranks(model, order(model)) if ranks is None else ranks
     for share in ranks.shares:
         body, space = share.body, share.body.space
         table = space.tabulate(share.first, share.last)
-        blocks = -(-table.section.shape[0] // POINTS)
         points, functions = table.axial.shape[1:]
-        each = np.arange(table.elements)
-        rows = np.zeros(table.elements, ELEMENT)
-        rows["functions"], rows["blocks"], rows["points"], rows["along"] = space.layer_nodes, blocks, points, functions
-        rows["sections"] = _size(sections)
-        rows["axial"] = _size(axial) + each * (2 * points * functions)
-        rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
-        rows["directions"] = 3 * body.families
-        rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
-        for e, law in enumerate(body.shear_laws[share.first : share.last]):
-            rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
-            rows["block"][e] = law.compiled.block
-            constants.append(law.constants)
-        elements.append(rows)
+        each, along = np.arange(table.elements), _size(axial)
+        axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
         layer = np.zeros((table.elements, longest), dtype=np.uint64)
         layer[:, :functions] = 3 * (share.first_node + space.layer_nodes * share.layers)
-        layers.append(layer)
-        sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
-        axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
-        inverses = table.inverse.reshape(*table.weights.shape, 9)
-        geometry.append(_rows(np.concatenate([inverses, table.weights[..., None]], axis=-1)))
-        fibres.append(_rows(body.fibres(table)))
+        directions, inside = body.fibres(table), ring_of(space.rod.rings, table.xi)
+        rings = len(space.rod.rings) - 1
+        for ring in range(rings):
+            own = np.flatnonzero(inside == ring) if rings > 1 else slice(None)
+            part = table.part(slice(None), own)
+            blocks = -(-part.section.shape[0] // POINTS)
+            rows = np.zeros(table.elements, ELEMENT)
+            rows["functions"], rows["blocks"] = space.layer_nodes, blocks
+            rows["points"], rows["along"] = points, functions
+            rows["sections"] = _size(sections)
+            rows["axial"] = along + each * (2 * points * functions)
+            rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
+            rows["directions"] = 3 * body.families
+            rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
+            for e, law in enumerate(body.shear_laws[rings * share.first + ring : rings * share.last : rings]):
+                rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
+                rows["block"][e] = law.compiled.block
+                constants.append(law.constants)
+            elements.append(rows)
+            layers.append(layer)
+            sections.append(_blocks(part.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
+            inverses = part.inverse.reshape(*part.weights.shape, 9)
+            geometry.append(_rows(np.concatenate([inverses, part.weights[..., None]], axis=-1)))
+            fibres.append(_rows(directions[:, :, own]))
     return Mesh(
         # A rank may have no elements.
         elements=np.concatenate([np.zeros(0, ELEMENT), *elements]),
@@ -153,12 +150,6 @@ def digests(mesh: Mesh) -> list[bytes]:
             digest.update(values[int(row[name]) :][:size].tobytes())
         found.append(digest.digest())
     return found
-
-
-def _check_layers(body: Body, index: int) -> None:
-    """Raise `InputError` if a body cannot move in time."""
-    if len(body.space.rod.rings) > 2:
-        raise InputError(f"body {index}: layered rods are not supported in dynamics; use statics or modes")
 
 
 def _size(parts: list[Array]) -> int:

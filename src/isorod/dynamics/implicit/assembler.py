@@ -76,7 +76,7 @@ class StepPart(Part):
 
     def masses(self, local: Array) -> Array:
         """Return the mass matrix times a vector of this rank's degrees of freedom, shape of ``dofs``."""
-        return self._padded(self.mass @ self.nodal(local).reshape(self.shape[0], -1, 3))
+        return self.padded(self.mass @ self.nodal(local).reshape(self.shape[0], -1, 3))
 
 
 class StepAssembler(Assembler):

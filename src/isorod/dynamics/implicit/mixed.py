@@ -76,7 +76,7 @@ class MixedStepPart(MixedPart, StepPart):
         gradient, slope = volume_between(self.volumes, self.start, change, True)
         assert slope is not None
         moduli += p[..., None, None, None, None] * slope
-        result = self._padded_matrices(self._contracted(moduli))
+        result = self.padded_matrices(self._contracted(moduli))
         right = coupling(self.table, gradient, self.across, self.along)
         own = self.own(slice(None), 2.0 * complementary(self.volumes, p)[2])
         self.set_coupling(result, right, self._slopes(self.start + change), own)
