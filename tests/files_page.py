@@ -24,6 +24,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Rotation of the frame: `[spin]`": {"": schema.SPIN},
     "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
     "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},
+    "Ties: `[tie.NAME]`": {"": schema.TIES},
     "What is measured: `[measure.NAME]`": schema.MEASURES,
 }
 

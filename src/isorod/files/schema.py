@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from isorod.files.angles import DEGREES, RADIANS
 from isorod.files.data import POINTS
-from isorod.files.form import CONTACT, PARTNER, ROD, SUPPORT, Form
+from isorod.files.form import CONTACT, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.values import Kind
 
@@ -90,6 +90,7 @@ OBSTACLES = {
     "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
+TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
 _RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep".split())
@@ -115,13 +116,15 @@ MEASURES = {
     "energy": _measure("energy", rod=ROD),
     "stiffness": _measure("stiffness", support=SUPPORT),
     "contact_force": _measure("contact_force", contact=CONTACT),
+    "tie_force": _measure("tie_force", tie=TIE),
+    "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
 # What a record has besides what is measured.
 RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
     "machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
-    "linear_iterations load_steps cuts residual_norms pressures contacts contact_area penetration augmentations "
+    "linear_iterations load_steps cuts residual_norms pressures contacts ties contact_area penetration augmentations "
     "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
     "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
     "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
