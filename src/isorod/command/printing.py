@@ -105,10 +105,12 @@ def _answer(
     if welds[_FEW:]:
         yield "ties", f"{len(welds) - _FEW} more, largest jump {max(one['jump'] for one in welds):.2g}"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
-        yield "error", "no estimate: interior supports, or no finer space available"
+        alone = "the meshes of solids are not refined; compare with finer ones" if record.get("solids") else ""
+        yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
-        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
+        alone = " of the rods alone" if record.get("solids") else ""
+        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space{alone}"
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"
 
@@ -214,6 +216,8 @@ def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
         yield "more", "--json prints all there is on one line, --output DIR keeps it"
         return
     yield "element", "; ".join(dict.fromkeys(_element(one) for one in record["discretisation"]))
+    for one in record.get("solids", ()):
+        yield "solid", f"{one['cells']:,} {one['kind']} of degree {one['degree']}, {one['nodes']:,} nodes"
     solver = ", ".join(f"{part} {name}" for part, name in record["solver"].items())
     built = " and ".join(record["built"]) or "nothing"
     yield "method", f"{solver}; {built} built; {_count(record['ranks'], 'rank')}"

@@ -9,6 +9,7 @@ from isorod.errors import InputError, SolveError
 from isorod.files.document import Place
 from isorod.files.form import Call, Name
 from isorod.files.rod import RodPlan
+from isorod.files.solid import SolidPlan
 from isorod.files.values import Kind
 
 
@@ -17,6 +18,7 @@ class Names:
     """What of a file has names, in the order in which analyses number it."""
 
     rods: Mapping[str, RodPlan]
+    solids: Mapping[str, SolidPlan]
     supports: Mapping[str, Call]
     loads: Mapping[str, Call]
     obstacles: Mapping[str, Call]
@@ -43,7 +45,7 @@ class Names:
             # Loads what models are made of.
             from isorod.files.ties import surfaces
 
-            return surfaces(rods)
+            return surfaces(rods, {name: [*plan.grid.groups] for name, plan in self.solids.items()})
         if kind == "rod or obstacle":
             return rods | dict(self.obstacles)
         return {name: k for k, name in enumerate(self._numbered["body" if kind == "rod" else kind])}
@@ -59,9 +61,10 @@ class Names:
                     f"contact needs solid rods of a single material, and rod {said.name} has a hole or layers; leave "
                     "out its rings, or this contact"
                 )
-        both = next((name for name in self.obstacles if name in self.rods), None)
-        if both is not None:
-            raise (top / "obstacle" / both).error("a rod has this name; choose another")
+        for kind, several in (("obstacle", self.obstacles), ("solid", self.solids)):
+            both = next((name for name in several if name in self.rods), None)
+            if both is not None:
+                raise (top / kind / both).error("a rod has this name; choose another")
 
     def touching(self) -> list[Name]:
         """Return the names of what touches."""
@@ -82,6 +85,7 @@ class Names:
             "contact": self.contacts,
             "tie": self.ties,
             "body": self.rods,
+            "solid": self.solids,
         }
 
     def named(self, text: str) -> str:
@@ -92,7 +96,7 @@ class Names:
             k = int(match[2])
             return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
 
-        return re.sub(r"\b(support|load|contact|tie|body) (\d+)\b(?!: )", name, text)
+        return re.sub(r"\b(support|load|contact|tie|body|solid) (\d+)\b(?!: )", name, text)
 
     def located(self, problem: InputError | SolveError, at: Place, keys: Mapping[str, Place]) -> Exception:
         """Return an error of the model or its analysis as one of the file: of what it names, or of a place."""

@@ -15,6 +15,7 @@ from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
 from isorod.files.names import Names
 from isorod.files.rod import RodPlan, Use
+from isorod.files.solid import SolidPlan
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 if TYPE_CHECKING:
@@ -111,6 +112,7 @@ class FileScene(Scene):
             raise top.error("no rod is in it: [rod.NAME]")
         self._names = Names(
             self.plans,
+            {name: SolidPlan(place, table) for name, place, table in self._named("solid", SolidPlan.KEYS)},
             self._choices("support", schema.SUPPORTS),
             self._choices("load", schema.LOADS),
             self._choices("obstacle", schema.OBSTACLES),
@@ -294,10 +296,19 @@ class FileScene(Scene):
         supports = [placed(one) for one in self._names.supports.values()]
         loads = [placed(one) for one in self._names.loads.values()]
         contacts = [contact(one) for one in self._names.contacts.values()]
-        welds = [one.make(**self._names.of(one)) for one in self._names.ties.values()]
+        solids = [plan.body() for plan in self._names.solids.values()]
+        facets = [groups.facets for _, groups in solids]
+
+        def tied(one: Call) -> Any:
+            # Loads what models are made of.
+            from isorod.files.ties import built
+
+            return one.make(**{key: built(surface, facets) for key, surface in self._names.of(one).items()})
+
+        welds = [tied(one) for one in self._names.ties.values()]
         spin = None if self._spin is None else self._spin.make()
         with self.locating("rod"):
-            model = Model(bodies, supports, spin, contacts, loads, welds)
+            model = Model(bodies, supports, spin, contacts, loads, welds, [solid for solid, _ in solids])
         try:
             # What is wrong with a load is found when its forces are.
             model.external  # noqa: B018
