@@ -1,6 +1,7 @@
 """Finite element bodies in scene files: what holds and loads them, ties to rods, and what is refused."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -145,6 +146,23 @@ def test_a_solid_that_cannot_be_is_refused_where_it_is(changes, said, written):
     with pytest.raises(InputError, match=rf"my.toml:\d+: {re.escape(said)}") as caught:
         solving.solve(written(*changes), {})
     assert "\n" not in str(caught.value)
+
+
+def test_warnings_are_shown_as_without(written, monkeypatch):
+    import sys
+
+    show = warnings.showwarning
+    for name in [one for one in sys.modules if one.startswith("ffcx") or one.startswith("isorod.fenics")]:
+        monkeypatch.delitem(sys.modules, name)
+    written(*HELD).model()
+    assert warnings.showwarning is show
+
+
+def test_no_tolerance_is_promised(written):
+    from isorod.command.refine import refine
+
+    with pytest.raises(InputError, match="--tolerance: the meshes of finite element bodies are not refined"):
+        refine(written(*HELD), {}, 1e-2)
 
 
 def test_a_rod_on_a_block_that_nothing_holds_is_free(written):

@@ -1,5 +1,6 @@
 """Finite element bodies of a scene file: a mesh with groups of facets, a law, what holds and loads it."""
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -157,6 +158,7 @@ class SolidPlan:
 
     def body(self) -> "tuple[Solid, Groups]":
         """Return the body, and the facets of its groups."""
+        show = warnings.showwarning
         try:
             from isorod.fenics import groups
             from isorod.fenics.solid import Solid
@@ -164,6 +166,9 @@ class SolidPlan:
             raise self.place.error(
                 f"finite element bodies need dolfinx, and {problem.name} is not installed (docs/installation.md)"
             ) from None
+        finally:
+            # ffcx would have all warnings in its log.
+            warnings.showwarning = show
         grid, degree, density = self._solid.make()
         if degree not in (1, 2):
             raise (self.place / "degree").error(f"got {degree}, need 1 or 2")
