@@ -19,11 +19,15 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
     "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY},
     "The space of a rod: `space = {...}`": {"": schema.SPACE},
+    "Finite element bodies: `[solid.NAME]`": {"": schema.SOLID},
+    "What holds a solid: `held = {...}`, or several in a list": {"": schema.HELD},
+    "What loads a solid: `load = {WORD ...}`, or several in a list": schema.SOLID_LOADS,
     "Supports: `[support.NAME]`": schema.SUPPORTS,
     "Loads: `[load.NAME]`": schema.LOADS,
     "Rotation of the frame: `[spin]`": {"": schema.SPIN},
     "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
     "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},
+    "Ties: `[tie.NAME]`": {"": schema.TIES},
     "What is measured: `[measure.NAME]`": schema.MEASURES,
 }
 

@@ -94,6 +94,27 @@ MOTION: dict[str, Any] = {
     "support": {"root": {"end": "start"}},
     "measure": {"tip": {"displacement": "muscle"}},
 }
+WELD: dict[str, Any] = {
+    "analysis": "statics",
+    "rod": {
+        "lower": {
+            "curve": {"straight": 4.0},
+            "section": {"circle": 1.0},
+            "law": {"LinearElastic": {"E": 26.0, "nu": 0.3}},
+            "density": 2.0,
+        },
+        "upper": {
+            "curve": {"straight": {"length": 3.0, "start": [0.0, 0.0, 4.0]}},
+            "section": {"circle": 1.0},
+            "law": {"LinearElastic": {"E": 2.4, "nu": 0.2}},
+            "density": 1.0,
+        },
+    },
+    "support": {"foot": {"end": "start", "rod": "lower"}},
+    "load": {"pull": {"end": "end", "rod": "upper", "force": [0.0, 0.0, 0.001]}},
+    "tie": {"weld": {"slave": "upper.start", "master": "lower.end", "gap": 0.1}},
+    "measure": {"torque": {"tie_moment": "weld"}, "force": {"tie_force": "weld", "component": "z"}},
+}
 RING: dict[str, Any] = {
     "analysis": "geometry",
     "rod": {
@@ -118,12 +139,12 @@ WIRE: dict[str, Any] = {
         "spline": {"curve": {"nurbs": "line.csv", "degree": 2, "weights": [1.0, 2.0, 1.0]}, "section": {"circle": 0.1}},
     },
 }
-VALID = {"wire": WIRE, "beam": BEAM, "pair": PAIR, "modes": MODES, "motion": MOTION, "ring": RING}
+VALID = {"wire": WIRE, "beam": BEAM, "pair": PAIR, "modes": MODES, "motion": MOTION, "weld": WELD, "ring": RING}
 LINE = "x,y,z\n0,0,0\n0,1,1\n0,0,3\n"
 OUTLINE = "\n".join(f"{math.cos(t)},{math.sin(t)}" for t in (2.0 * math.pi * k / 12 for k in range(12)))
 
 # Names that are the user's: another one there is as good.
-NAMED = ("rod", "support", "load", "obstacle", "contact", "measure")
+NAMED = ("rod", "support", "load", "obstacle", "contact", "tie", "measure")
 
 # Values out of range, by the key that has them; None is for every number.
 OUT_OF_RANGE: dict[str, list[Any]] = {
@@ -166,6 +187,9 @@ OUT_OF_RANGE: dict[str, list[Any]] = {
     "scale": [[1.0, -1.0, 1.0], [1.0, 2.0], [1.0]],
     "first": ["floor", "lo"],
     "second": ["low", "flor"],
+    "slave": ["upper.strat", "lower.end", "upper"],
+    "master": ["lower.outre", "uper.end"],
+    "gap": [0.0, -1.0],
 }
 
 

@@ -55,7 +55,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """
     rows = [
-        *_answer(record, scene.units, scene.stresses),
+        *_answer(record, scene.units, scene.stresses, scene.tie_names()),
         *_shape(record, scene),
         *_effort(record),
         *_origin(record, scene),
@@ -72,7 +72,9 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     return "\n".join(lines)
 
 
-def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _answer(
+    record: Mapping[str, Any], units: Mapping[str, str], stresses: Sequence[str], ties: Sequence[str] = ()
+) -> Iterator[tuple[str, str]]:
     places = record.get("places", {})
     for name, unit in units.items():
         if name not in record:
@@ -97,11 +99,18 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "contact", _contact(one)
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
+    welds = record.get("ties", ())
+    for k, one in enumerate(welds[:_FEW]):
+        yield f"tie {ties[k] if ties else k}", _tie(one)
+    if welds[_FEW:]:
+        yield "ties", f"{len(welds) - _FEW} more, largest jump {max(one['jump'] for one in welds):.2g}"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
-        yield "error", "no estimate: interior supports, or no finer space available"
+        alone = "the meshes of solids are not refined; compare with finer ones" if record.get("solids") else ""
+        yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
-        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
+        alone = " of the rods alone" if record.get("solids") else ""
+        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space{alone}"
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"
 
@@ -135,6 +144,12 @@ def _contact(one: Mapping[str, Any]) -> str:
         f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} radii, "
         f"{one['points_across']:.2g} points wide"
     )
+
+
+def _tie(one: Mapping[str, Any]) -> str:
+    """Return what a tie carries, and how far apart its surfaces are and move."""
+    force, moment = (", ".join(f"{item:.4g}" for item in one[name]) for name in ("force", "moment"))
+    return f"force {force}; moment {moment}; gap {one['gap']:.2g}, jump {one['jump']:.2g}"
 
 
 def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
@@ -201,6 +216,8 @@ def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
         yield "more", "--json prints all there is on one line, --output DIR keeps it"
         return
     yield "element", "; ".join(dict.fromkeys(_element(one) for one in record["discretisation"]))
+    for one in record.get("solids", ()):
+        yield "solid", f"{one['cells']:,} {one['kind']} of degree {one['degree']}, {one['nodes']:,} nodes"
     solver = ", ".join(f"{part} {name}" for part, name in record["solver"].items())
     built = " and ".join(record["built"]) or "nothing"
     yield "method", f"{solver}; {built} built; {_count(record['ranks'], 'rank')}"

@@ -193,9 +193,15 @@ def record(
         What PETSc was started with.
     """
     model = solution.model
+    bodies = {}
+    if model.solids:
+        from isorod.fenics.groups import described
+
+        bodies["solids"] = [described(one) for one in model.solids]
     return {
         **_scene(scene),
         **scene.measure(solution),
+        **bodies,
         "dofs": model.dofs,
         "unknowns": model.unknowns,
         **solution.record(),

@@ -31,12 +31,14 @@ __all__ = [
     "create_matrix",
     "create_mesh",
     "element",
+    "entities",
     "expression",
     "exterior_facets",
     "form",
     "function_space",
     "geometry_dofs",
     "geometry_element",
+    "gmsh_order",
     "impose",
     "interpolation_points",
     "is_on",
@@ -44,6 +46,7 @@ __all__ = [
     "links",
     "mixed_element",
     "original_cells",
+    "original_nodes",
     "petsc_vector",
     "reference_nodes",
     "version",
@@ -126,6 +129,23 @@ def geometry_dofs(mesh: Any, cells: int) -> Index:
 def original_cells(mesh: Any) -> Index:
     """Return for each of this rank's cells its row in the cells that the mesh was made from, shape ``(cells,)``."""
     return np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
+
+
+def original_nodes(mesh: Any) -> Index:
+    """Return for each node of this rank's geometry its row in the points that the mesh was made from."""
+    return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
+
+
+def gmsh_order(shape: str, nodes: int) -> Index:
+    """Return where dolfinx's nodes of a cell are in gmsh's order."""
+    return np.asarray(dolfinx.cpp.io.perm_gmsh(getattr(dolfinx.mesh.CellType, shape), nodes), dtype=np.int64)
+
+
+def entities(mesh: Any, dimension: int) -> int:
+    """Return how many entities of a dimension this rank knows, its own and ghosts."""
+    mesh.topology.create_entities(dimension)
+    found = mesh.topology.index_map(dimension)
+    return int(found.size_local + found.num_ghosts)
 
 
 def cell_dofs(space: Any, cells: int) -> Index:

@@ -15,7 +15,7 @@ from isorod.files.values import Kind, value_of, words
 
 
 class Name(NamedTuple):
-    """The name of a rod, a support, an obstacle or a contact, and where it stands."""
+    """The name of a rod, a support, an obstacle, a contact, a tie or a surface, and where it stands."""
 
     place: Place
     name: str
@@ -38,7 +38,9 @@ def _named(kind: str) -> Kind:
     return Kind(make, f"the name of a {kind}", kind)
 
 
-ROD, SUPPORT, CONTACT, PARTNER = map(_named, ("rod", "support", "contact", "rod or obstacle"))
+ROD, SUPPORT, CONTACT, TIE, PARTNER, SURFACE, GROUP = map(
+    _named, ("rod", "support", "contact", "tie", "rod or obstacle", "surface", "group")
+)
 
 
 class Parameter(NamedTuple):

@@ -179,6 +179,32 @@ def contact_force(solution: "Equilibrium", contact: int) -> float:
     return float(solution.contacts[contact].force)
 
 
+def tie_force(solution: "Equilibrium", tie: int, component: Component | None = None) -> Any:
+    """Return the force that a tie exerts on its slave, or one component of it (statics alone).
+
+    Parameters
+    ----------
+    tie
+        Which one.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return _component(solution.ties[tie].force, component)
+
+
+def tie_moment(solution: "Equilibrium", tie: int, component: Component | None = None) -> Any:
+    """Return the moment that a tie exerts on its slave about the middle of its surface at rest (statics alone).
+
+    Parameters
+    ----------
+    tie
+        Which one.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return _component(solution.ties[tie].moment, component)
+
+
 def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:
     """Return what is asked of a solution; of a motion, at each output."""
     if hasattr(solution, "at"):

@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 # Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
+# Steps from a length between two samples of the centre line to its axis parameter.
+_NEWTON = 4
+
+# What is as near to an end of the rod as this share of it is the end (`isorod.space.trace`).
+_ROUNDED = 1e-6
+
 
 class Use(NamedTuple):
     """What a scene does with a rod, by which its space is chosen where nothing is given.
@@ -35,6 +41,8 @@ class Use(NamedTuple):
         Whether steps in time are explicit, so that the shortest element sets their length.
     loaded
         Axis parameters of sections on which loads act.
+    tied
+        Lengths along it at which a tie of its lateral surface begins or ends.
     angle
         By which supports turn it in all, radians.
     patches
@@ -46,6 +54,7 @@ class Use(NamedTuple):
     stressed: bool
     explicit: bool
     loaded: list[float]
+    tied: list[float]
     angle: float
     patches: "Sequence[Patch]"
 
@@ -120,12 +129,12 @@ class RodPlan:
     def _along(self, rod: "Rod", use: Use) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
 
-        It touches others, supports turn it, loads act on sections, or laws differ between elements of the curve, so
-        that slopes jump there.
+        It touches others, supports turn it, loads act on sections, a part of it is tied, or laws differ between
+        elements of the curve, so that slopes jump there.
         """
         from isorod.space import choice as chosen
 
-        given = self.space.arguments
+        given, kinks = self.space.arguments, _kinks(rod, use.tied)
         elements, degree, continuity = (given.get(key) for key in ("elements", "degree", "continuity"))
         found: dict[str, Any] = {}
         if use.touching:
@@ -134,7 +143,7 @@ class RodPlan:
             if use.angle:
                 found = chosen.turned(rod, use.angle, degree, continuity)
             first, last = rod.axis.breaks[[0, -1]]
-            places = [u for u in use.loaded if first < u < last and not rod.closed]
+            places = [u for u in (*use.loaded, *kinks) if first < u < last and not rod.closed]
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
@@ -142,6 +151,9 @@ class RodPlan:
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle)
         if use.explicit:
             found["knots"] = ()
+        if kinks:
+            # At knots of the curve, too: what is tied ends there.
+            found["knots"] = tuple(sorted([*{*found.get("knots", ())}.difference(kinks), *2 * kinks]))
         return {name: value for name, value in found.items() if name not in given}
 
     def _across(self, rod: "Rod", laws: Sequence[Any], use: Use) -> dict[str, int]:
@@ -182,3 +194,14 @@ class RodPlan:
         chosen = self._body or call(self.place, schema.BODY, {})
         body: Body = chosen.make(space=space, material=material)
         return body
+
+
+def _kinks(rod: "Rod", lengths: Sequence[float]) -> list[float]:
+    """Return the axis parameters within a rod at lengths along its centre line."""
+    length = rod.arc_length
+    u = np.interp(lengths, length.length, length.u)
+    for _ in range(_NEWTON):
+        u -= (length(u) - lengths) / np.interp(u, length.u, length.speed)
+    first, last = rod.axis.breaks[[0, -1]]
+    rounding = _ROUNDED * (last - first)
+    return sorted({float(one) for one in u if first + rounding < one < last - rounding})

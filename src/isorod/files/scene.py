@@ -1,7 +1,6 @@
 """A scene that a file describes: to the command what a scene class is (`isorod.scenes`)."""
 
 import inspect
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import Field, dataclass, field, replace
@@ -13,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from isorod.errors import InputError, SolveError
 from isorod.files import changes, schema
 from isorod.files.document import KEYS, Document, Place, as_json, shown
-from isorod.files.form import Call, Form, Name, call, choice
+from isorod.files.form import Call, Form, call, choice
+from isorod.files.names import Names
 from isorod.files.rod import RodPlan, Use
-from isorod.files.values import Kind
+from isorod.files.solid import SolidPlan
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 if TYPE_CHECKING:
@@ -110,14 +110,19 @@ class FileScene(Scene):
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
             raise top.error("no rod is in it: [rod.NAME]")
-        self._supports = self._choices("support", schema.SUPPORTS)
-        self._loads = self._choices("load", schema.LOADS)
-        self._obstacles = self._choices("obstacle", schema.OBSTACLES)
-        self._contacts = {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")}
+        self._names = Names(
+            self.plans,
+            {name: SolidPlan(place, table) for name, place, table in self._named("solid", SolidPlan.KEYS)},
+            self._choices("support", schema.SUPPORTS),
+            self._choices("load", schema.LOADS),
+            self._choices("obstacle", schema.OBSTACLES),
+            {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")},
+            {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")},
+        )
         self._spin = None
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
-        self._check_names()
+        self._names.check(top)
         self.units: dict[str, str] = {}
         self.stresses: list[str] = []
         self._measures = dict(self._asked())
@@ -146,11 +151,11 @@ class FileScene(Scene):
     def _use(self, number: int) -> Use:
         """Return what the scene does with a rod."""
         supports, loads = (
-            [one for one in group.values() if self._names(one).get("body", 0) == number]
-            for group in (self._supports, self._loads)
+            [one for one in group.values() if self._names.of(one).get("body", 0) == number]
+            for group in (self._names.supports, self._names.loads)
         )
         turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in supports]
-        touching = [*self.plans][number] in [name for _, name in self._touching()]
+        touching = [*self.plans][number] in [one.name for one in self._names.touching()]
         held = any(one.form is schema.SUPPORTS["patch"] for one in supports)
         return Use(
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
@@ -159,16 +164,10 @@ class FileScene(Scene):
             stressed=self.analysis == "statics",
             explicit=self._explicit,
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
+            tied=self._names.tied(number),
             angle=max((dist(one, other) for one in turns for other in turns), default=0.0),
             patches=self.patches.get(number, ()),
         )
-
-    def _touching(self) -> Iterator[tuple[Place, str]]:
-        """Yield the names of what touches, and where they stand."""
-        for one in self._contacts.values():
-            for key in ("first", "second"):
-                if isinstance(said := one.arguments.get(key), Name):
-                    yield said
 
     def _analysis(self) -> tuple[str, bool]:
         """Return the word of the analysis, and whether it is of explicit steps; its keys are read by `settings`."""
@@ -204,14 +203,6 @@ class FileScene(Scene):
     def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
         return {name: choice(place, words, table) for name, place, table in self._named(kind)}
 
-    def _check_names(self) -> None:
-        """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
-        for one in [*self._supports.values(), *self._loads.values(), *self._contacts.values()]:
-            self._names(one)
-        both = next((name for name in self._obstacles if name in self.plans), None)
-        if both is not None:
-            raise (self._top / "obstacle" / both).error("a rod has this name; choose another")
-
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
         kind = _SOLUTIONS.get(self.analysis, "none")
@@ -226,36 +217,16 @@ class FileScene(Scene):
             self.units[name] = asked.arguments.pop("unit", "")
             if asked.form is schema.MEASURES["stress"]:
                 self.stresses.append(name)
-            yield name, partial(asked.make, **self._names(asked))
+            yield name, partial(asked.make, **self._names.of(asked))
         if self.analysis == "modal":
             self.units["frequencies"] = "(cycles per unit of time)"
             yield "frequencies", lambda solution: solution.frequencies
         elif fitting and "measure" not in self.content:
-            for k, name in enumerate(self._supports):
+            for k, name in enumerate(self._names.supports):
                 self.units[f"reaction_{name}"] = _FORCE
                 yield f"reaction_{name}", partial(schema.MEASURES["reaction"].function, support=k)
         if self.analysis == "geometry":
             self.units = GEOMETRY_UNITS
-
-    def _names(self, one: Call) -> dict[str, Any]:
-        """Return what the names among the arguments of a call stand for; the only rod need not be named."""
-        rods = {name: k for k, name in enumerate(self.plans)}
-        known: dict[Any, Mapping[str, Any]] = {
-            "rod": rods,
-            "support": {name: k for k, name in enumerate(self._supports)},
-            "contact": {name: k for k, name in enumerate(self._contacts)},
-            "rod or obstacle": rods | self._obstacles,
-        }
-        found = {}
-        for parameter in one.form.parameters.values():
-            if not isinstance(parameter.kind, Kind) or not parameter.kind.name:
-                continue
-            said = one.arguments.get(parameter.name)
-            if isinstance(said, Name):
-                found[parameter.name] = said.among(known[parameter.kind.name])
-            elif len(rods) > 1:
-                raise one.place.error(f"rod is missing: which of {', '.join(rods)}?")
-        return found
 
     def rods(self) -> "list[Rod]":
         """Return the rods as first built."""
@@ -264,6 +235,10 @@ class FileScene(Scene):
     def rod_names(self) -> list[str]:
         """Return the names of the rods."""
         return [*self.plans]
+
+    def tie_names(self) -> list[str]:
+        """Return the names of the ties."""
+        return [*self._names.ties]
 
     @property
     def options(self) -> dict[str, Any]:
@@ -307,28 +282,38 @@ class FileScene(Scene):
         bodies = [plan.body(self._use(k)) for k, plan in enumerate(self.plans.values())]
 
         def placed(one: Call) -> Any:
-            names = self._names(one)
+            names = self._names.of(one)
             if "space" in inspect.signature(one.form.function).parameters:
                 names["space"] = bodies[names.get("body", 0)].space
             return one.make(**names)
 
         def contact(one: Call) -> Any:
-            names = self._names(one)
+            names = self._names.of(one)
             if isinstance(names.get("second"), Call):
                 names["second"] = names["second"].make()
             return one.make(**names)
 
-        supports = [placed(one) for one in self._supports.values()]
-        loads = [placed(one) for one in self._loads.values()]
-        contacts = [contact(one) for one in self._contacts.values()]
+        supports = [placed(one) for one in self._names.supports.values()]
+        loads = [placed(one) for one in self._names.loads.values()]
+        contacts = [contact(one) for one in self._names.contacts.values()]
+        solids = [plan.body() for plan in self._names.solids.values()]
+        facets = [groups.facets for _, groups in solids]
+
+        def tied(one: Call) -> Any:
+            # Loads what models are made of.
+            from isorod.files.ties import built
+
+            return one.make(**{key: built(surface, facets) for key, surface in self._names.of(one).items()})
+
+        welds = [tied(one) for one in self._names.ties.values()]
         spin = None if self._spin is None else self._spin.make()
         with self.locating("rod"):
-            model = Model(bodies, supports, spin, contacts, loads)
+            model = Model(bodies, supports, spin, contacts, loads, welds, [solid for solid, _ in solids])
         try:
             # What is wrong with a load is found when its forces are.
             model.external  # noqa: B018
         except InputError:
-            for one, load in zip(self._loads.values(), loads, strict=True):
+            for one, load in zip(self._names.loads.values(), loads, strict=True):
                 with one.place.locating(one.keys):
                     load.nodal(bodies[load.body].space)
             raise
@@ -351,37 +336,18 @@ class FileScene(Scene):
                 places[name] = [one.place for one in peaks] if several else value.place
         return found | ({"places": places} if places else {})
 
-    @property
-    def _numbered(self) -> dict[str, Mapping[str, Any]]:
-        """What analyses know by their numbers."""
-        return {"support": self._supports, "load": self._loads, "contact": self._contacts, "body": self.plans}
-
     def named(self, text: str) -> str:
         """Return a text with the file's own names in the place of numbers."""
-
-        def name(match: re.Match[str]) -> str:
-            names = [*self._numbered[match[1]]]
-            k = int(match[2])
-            return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
-
-        return re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", name, text)
+        return self._names.named(text)
 
     @contextmanager
     def locating(self, kind: str = "analysis") -> Iterator[None]:
         """Let errors of the model and its analysis be errors of the file, in its own names."""
-        places = self._numbered
         try:
             yield
         except (InputError, SolveError) as problem:
-            said = self.named(str(problem))
-            if said.startswith(f"{self._top.document.name}:"):
-                raise type(problem)(said) from None
-            first = re.match(r"(support|load|contact) (\d+): ", said)
-            if first and int(first[2]) < len(places[first[1]]):
-                one = [*places[first[1]].values()][int(first[2])]
-                raise type(problem)(one.place.about(said[first.end() :], one.keys)) from None
             place, keys = self._top / kind, {}
             if kind == "analysis" and isinstance(self.content[kind], dict):
                 at = place / self.analysis
                 keys = {key: at / key for key in at.table(self.content[kind][self.analysis])}
-            raise type(problem)(place.about(said, keys)) from None
+            raise self._names.located(problem, place, keys) from None

@@ -5,11 +5,13 @@ are those of its signature, what they mean is in its docstring.
 """
 
 from dataclasses import replace
+from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
 from isorod.files.data import POINTS
-from isorod.files.form import CONTACT, PARTNER, ROD, SUPPORT, Form
+from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
 from isorod.files.material import BULK, CONSTANTS, FIBRE
+from isorod.files.msh import MESH
 from isorod.files.values import Kind
 
 CURVES = {
@@ -82,6 +84,16 @@ LOADS = {
     "pressure": _on_rod("isorod.model.load:Pressure"),
     "body_force": _on_rod("isorod.model.load:BodyForce"),
 }
+
+
+def _on_group(name: str, **more: Any) -> Form:
+    return Form(f"isorod.files.solid:{name}", kinds={"group": GROUP} | more)
+
+
+# Of finite element bodies what else they have, what holds and what loads them.
+SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH})
+HELD = _on_group("held")
+SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
 SPIN = Form("isorod.model.load:Spin")
 OBSTACLES = {
     "Plane": Form("isorod.model.contact:Plane"),
@@ -90,6 +102,7 @@ OBSTACLES = {
     "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
+TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
 _RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep".split())
@@ -115,15 +128,18 @@ MEASURES = {
     "energy": _measure("energy", rod=ROD),
     "stiffness": _measure("stiffness", support=SUPPORT),
     "contact_force": _measure("contact_force", contact=CONTACT),
+    "tie_force": _measure("tie_force", tie=TIE),
+    "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
 # What a record has besides what is measured.
 RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
     "machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
-    "linear_iterations load_steps cuts residual_norms pressures contacts contact_area penetration augmentations "
-    "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
-    "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
-    "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
-    "stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues deviation time_error".split()
+    "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
+    "augmentations residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored "
+    "contact_energy added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step "
+    "critical_step microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points "
+    "stabilisation stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues "
+    "deviation time_error".split()
 )

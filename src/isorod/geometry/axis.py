@@ -19,6 +19,9 @@ _KEPT_SIZE = 2**14
 # Refinements up to this many elements are kept: the same ones are asked for again and again.
 _KEPT_ELEMENTS = 1000
 
+# Knots so near, as a share of the axis, are the same.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Axis(Checked):
@@ -180,14 +183,18 @@ class Axis(Checked):
     def with_knots(self, places: ArrayLike, continuity: int) -> "Axis":
         """Return the axis with knots at more places ``(k,)``, at which functions are that often differentiable.
 
-        At a place that is named twice they are continuous alone; it may be a knot already.
+        At a place that is named twice they are continuous alone; it may be a knot already.  What is a knot but for
+        rounding is that knot.
 
         Raises
         ------
         InputError
             If a place is not inside the axis, is there three times, or a knot already and named once.
         """
-        u, times = np.unique(np.asarray(places, dtype=float), return_counts=True)
+        wanted = np.atleast_1d(np.asarray(places, dtype=float))
+        nearest = self.breaks[np.abs(wanted[:, None] - self.breaks).argmin(axis=1)]
+        rounded = np.abs(wanted - nearest) <= _ROUNDING * (self.breaks[-1] - self.breaks[0])
+        u, times = np.unique(np.where(rounded, nearest, wanted), return_counts=True)
         inside = (u > self.breaks[0]) & (u < self.breaks[-1])
         right = inside & (times <= 2) & (~np.isin(u, self.breaks) | (times == 2))
         if not right.all():

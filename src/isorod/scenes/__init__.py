@@ -124,6 +124,10 @@ class Scene(Checked):
         """Return the names of the rods, where they have names."""
         return []
 
+    def tie_names(self) -> list[str]:
+        """Return the names of the ties, where they have names."""
+        return []
+
     def named(self, text: str) -> str:
         """Return a text with the scene's own names in the place of numbers."""
         return text

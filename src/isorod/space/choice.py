@@ -222,7 +222,9 @@ def halved(space: Any) -> dict[str, object]:
     even = space.rod.axis.refine(elements // space.rod.axis.elements, space.degree, space.continuity).breaks
     more = np.sort(np.concatenate([space.knots or (), 0.5 * (breaks[:-1] + breaks[1:])]))
     apart = np.abs(more[:, None] - even).min(axis=1) > 1e-9 * (breaks[-1] - breaks[0])
-    return {"elements": elements, "knots": tuple(map(float, more[apart]))}
+    # A kink may be at an even one.
+    kinks = np.array([np.count_nonzero(more == u) == 2 for u in more])
+    return {"elements": elements, "knots": tuple(map(float, more[apart | kinks]))}
 
 
 def turned(rod: Rod, angle: float, degree: int | None, continuity: int | None) -> dict[str, Any]:

@@ -1,0 +1,105 @@
+"""The names in a scene file: what they stand for, and which of them numbers in messages stand for."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from isorod.errors import InputError, SolveError
+from isorod.files.document import Place
+from isorod.files.form import Call, Name
+from isorod.files.rod import RodPlan
+from isorod.files.solid import SolidPlan
+from isorod.files.values import Kind
+
+
+@dataclass(frozen=True)
+class Names:
+    """What of a file has names, in the order in which analyses number it."""
+
+    rods: Mapping[str, RodPlan]
+    solids: Mapping[str, SolidPlan]
+    supports: Mapping[str, Call]
+    loads: Mapping[str, Call]
+    obstacles: Mapping[str, Call]
+    contacts: Mapping[str, Call]
+    ties: Mapping[str, Call]
+
+    def of(self, one: Call) -> dict[str, Any]:
+        """Return what the names among the arguments of a call stand for; the only rod need not be named."""
+        found = {}
+        for parameter in one.form.parameters.values():
+            if not isinstance(parameter.kind, Kind) or not parameter.kind.name:
+                continue
+            said = one.arguments.get(parameter.name)
+            if isinstance(said, Name):
+                found[parameter.name] = said.among(self._known(parameter.kind.name))
+            elif len(self.rods) > 1:
+                raise one.place.error(f"rod is missing: which of {', '.join(self.rods)}?")
+        return found
+
+    def _known(self, kind: str) -> Mapping[str, Any]:
+        """Return what names of a kind stand for."""
+        rods = {name: k for k, name in enumerate(self.rods)}
+        if kind == "surface":
+            # Loads what models are made of.
+            from isorod.files.ties import surfaces
+
+            return surfaces(rods, {name: [*plan.grid.groups] for name, plan in self.solids.items()})
+        if kind == "rod or obstacle":
+            return rods | dict(self.obstacles)
+        return {name: k for k, name in enumerate(self._numbered["body" if kind == "rod" else kind])}
+
+    def check(self, top: Place) -> None:
+        """Raise `InputError` if something is named that is not there, or which is not said."""
+        for group in (self.supports, self.loads, self.contacts, self.ties):
+            for one in group.values():
+                self.of(one)
+        for kind, several in (("obstacle", self.obstacles), ("solid", self.solids)):
+            both = next((name for name in several if name in self.rods), None)
+            if both is not None:
+                raise (top / kind / both).error("a rod has this name; choose another")
+
+    def touching(self) -> list[Name]:
+        """Return the names of what touches."""
+        said = [one.arguments.get(key) for one in self.contacts.values() for key in ("first", "second")]
+        return [one for one in said if isinstance(one, Name)]
+
+    def tied(self, rod: int) -> list[float]:
+        """Return the lengths along a rod, by its number, at which ties of a part of it begin and end."""
+        own = [one for one in self.ties.values() if getattr(self.of(one)["slave"], "body", None) == rod]
+        return [length for one in own for length in one.arguments.get("along") or ()]
+
+    @property
+    def _numbered(self) -> dict[str, Mapping[str, Any]]:
+        """What analyses know by their numbers."""
+        return {
+            "support": self.supports,
+            "load": self.loads,
+            "contact": self.contacts,
+            "tie": self.ties,
+            "body": self.rods,
+            "solid": self.solids,
+        }
+
+    def named(self, text: str) -> str:
+        """Return a text with these names in the place of numbers."""
+
+        def name(match: re.Match[str]) -> str:
+            names = [*self._numbered[match[1]]]
+            k = int(match[2])
+            return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
+
+        return re.sub(r"\b(support|load|contact|tie|body|solid) (\d+)\b(?!: )", name, text)
+
+    def located(self, problem: InputError | SolveError, at: Place, keys: Mapping[str, Place]) -> Exception:
+        """Return an error of the model or its analysis as one of the file: of what it names, or of a place."""
+        said = self.named(str(problem))
+        if said.startswith(f"{at.document.name}:"):
+            return type(problem)(said)
+        first = re.match(r"(support|load|contact|tie) (\d+): ", said)
+        several = [*self._numbered[first[1]].values()] if first else []
+        if first and int(first[2]) < len(several):
+            one = several[int(first[2])]
+            return type(problem)(one.place.about(said[first.end() :], one.keys))
+        return type(problem)(at.about(said, keys))

@@ -1,0 +1,189 @@
+"""Finite element bodies of a scene file: a mesh with groups of facets, a law, what holds and loads it."""
+
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from isorod.errors import InputError
+from isorod.files import msh, schema
+from isorod.files.document import Place
+from isorod.files.form import Call, Name, call, choice
+
+if TYPE_CHECKING:
+    from isorod.fenics.groups import Groups
+    from isorod.fenics.loads import Held, Load
+    from isorod.fenics.solid import Solid
+
+
+def solid(mesh: msh.Grid, degree: int = 2, density: float = 0.0) -> tuple[msh.Grid, int, float]:
+    """Return what makes a finite element body (`isorod.fenics.solid.Solid`), which takes dolfinx.
+
+    Parameters
+    ----------
+    mesh
+        Of gmsh, version 2.2 or 4.1: tetrahedra or hexahedra, of degree 1 or 2, in the units of the rods. Its physical
+        groups of surfaces have names, by which supports, loads and ties know them.
+    degree
+        Of the displacement, 1 or 2; one of 1 locks in bending.
+    density
+        Mass per reference volume.
+    """
+    return mesh, degree, density
+
+
+def held(group: str, components: str = "xyz", displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> "Held":
+    """Return what holds the facets of a group.
+
+    Parameters
+    ----------
+    group
+        Which facets.
+    components
+        Letters of ``"xyz"``.
+    displacement
+        At load factor 1, shape ``(3,)``, units of length.
+    """
+    from isorod.fenics.loads import Held
+
+    if not components or set(components) - set("xyz"):
+        raise InputError(f"components: got {components!r}, need some of 'xyz'")
+    return Held(group, components, displacement)
+
+
+def force(force: tuple[float, float, float], group: str) -> "Load":
+    """Return a force spread evenly over the facets of a group, at rest.
+
+    Parameters
+    ----------
+    force
+        In all, at load factor 1, shape ``(3,)``.
+    group
+        Which facets.
+    """
+    from isorod.fenics.loads import Load
+
+    return Load(group, force, total=True)
+
+
+def traction(traction: tuple[float, float, float], group: str) -> "Load":
+    """Return a force per reference area on the facets of a group.
+
+    Parameters
+    ----------
+    traction
+        At load factor 1, shape ``(3,)``.
+    group
+        Which facets.
+    """
+    from isorod.fenics.loads import Load
+
+    return Load(group, traction)
+
+
+def pressure(pressure: float, group: str) -> "Load":
+    """Return a pressure on the facets of a group, along their normals at rest.
+
+    Parameters
+    ----------
+    pressure
+        Force per area at load factor 1; positive where it pushes the surface into the body.
+    group
+        Which facets.
+    """
+    from isorod.fenics.loads import Load
+
+    return Load(group, pressure=pressure)
+
+
+def body_force(density: tuple[float, float, float]) -> "Load":
+    """Return a uniform force per reference volume, such as weight `density * gravity`.
+
+    Parameters
+    ----------
+    density
+        Force per reference volume at load factor 1, shape `(3,)`.
+    """
+    from isorod.fenics.loads import Load
+
+    return Load(None, density)
+
+
+class SolidPlan:
+    """What a file says of a finite element body.
+
+    Attributes
+    ----------
+    grid
+        Its mesh.
+
+    Raises
+    ------
+    InputError
+        If something is not known, missing, or not of its kind.
+    """
+
+    KEYS = ("law", "held", "load")
+
+    def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
+        self.place = place
+        own = {key: one for key, one in table.items() if key not in self.KEYS}
+        known = (*schema.SOLID.parameters, *self.KEYS)
+        for key in own:
+            if key not in known:
+                raise (place / key).unknown_key(known)
+        self._solid = call(place, schema.SOLID, own)
+        self.grid: msh.Grid = self._solid.arguments["mesh"]
+        if "law" not in table:
+            raise place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
+        self.law = choice(place / "law", schema.LAWS, table["law"])
+        self._held = [self._one_held(at, one) for at, one in _several(place / "held", table.get("held", []))]
+        self._loads = [
+            choice(at, schema.SOLID_LOADS, one) for at, one in _several(place / "load", table.get("load", []))
+        ]
+        for one in (*self._held, *self._loads):
+            self._group(one)
+
+    def _one_held(self, place: Place, said: Any) -> Call:
+        if isinstance(said, str):
+            return Call(place, schema.HELD, {"group": (said, place)})
+        return call(place, schema.HELD, place.table(said))
+
+    def _group(self, one: Call) -> dict[str, str]:
+        """Return the group that a call names, having made sure that it is there."""
+        said = one.arguments.get("group")
+        if not isinstance(said, Name):
+            return {}
+        said.among(self.grid.groups)
+        return {"group": said.name}
+
+    def body(self) -> "tuple[Solid, Groups]":
+        """Return the body, and the facets of its groups."""
+        show = warnings.showwarning
+        try:
+            from isorod.fenics import groups
+            from isorod.fenics.solid import Solid
+        except ImportError as problem:
+            raise self.place.error(
+                f"finite element bodies need dolfinx, and {problem.name} is not installed (docs/installation.md)"
+            ) from None
+        finally:
+            # ffcx would have all warnings in its log.
+            warnings.showwarning = show
+        grid, degree, density = self._solid.make()
+        if degree not in (1, 2):
+            raise (self.place / "degree").error(f"got {degree}, need 1 or 2")
+        if not density >= 0.0:
+            raise (self.place / "density").error(f"got {density:g}, need a mass per volume, not negative")
+        fixed = [one.make(**self._group(one)) for one in self._held]
+        loads = [one.make(**self._group(one)) for one in self._loads]
+        law = self.law.make()
+        with self.place.locating(self._solid.keys):
+            found = groups.Groups(*grid)
+            space = groups.space_of(found, degree)
+            conditions, external = groups.conditions(space, found, fixed), groups.external(space, found, loads)
+            return Solid(space, law, density, conditions, external), found
+
+
+def _several(place: Place, said: Any) -> list[tuple[Place, Any]]:
+    """Return each of a list, or the only one, and where it stands."""
+    return [(place / k, one) for k, one in enumerate(said)] if isinstance(said, list) else [(place, said)]

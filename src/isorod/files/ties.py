@@ -1,0 +1,61 @@
+"""Ties of a scene file: surfaces by their names, as ``"spring.end"``."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from isorod.arrays import Index
+from isorod.errors import InputError
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
+
+
+class Facets(NamedTuple):
+    """The facets of a group of a solid, by its number, or all of its surface."""
+
+    solid: int
+    group: str | None
+
+
+def surfaces(rods: Mapping[str, int], solids: Mapping[str, Sequence[str]]) -> dict[str, Surface | Facets]:
+    """Return the surfaces that a file may name, of rods by their numbers, of solids with their groups.
+
+    ``ROD.start`` and ``ROD.end`` are the end faces, ``ROD.outer`` the lateral surface, ``ROD.inner`` that of the hole;
+    ``SOLID.GROUP`` are the facets of a group, ``SOLID`` the whole surface.
+    """
+    found: dict[str, Surface | Facets] = {}
+    for name, number in rods.items():
+        found |= {f"{name}.{which}": EndFace(number, which) for which in ("start", "end")}
+        found |= {f"{name}.{which}": LateralSurface(number, surface=which) for which in ("outer", "inner")}
+    for k, (name, groups) in enumerate(solids.items()):
+        found |= {name: Facets(k, None)} | {f"{name}.{group}": Facets(k, group) for group in groups}
+    return found
+
+
+def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> Surface:
+    """Return a surface, that of a solid with the numbers of its facets, which are those of each solid's groups."""
+    if not isinstance(surface, Facets):
+        return surface
+    return SolidSurface(surface.solid, None if surface.group is None else facets[surface.solid][surface.group])
+
+
+def tie(slave: Surface, master: Surface, along: tuple[float, float] | None = None, gap: float | None = None) -> Tie:
+    """Return the weld of two surfaces, whose meshes need not match (`isorod.model.tie.Tie`).
+
+    Parameters
+    ----------
+    slave, master
+        `"ROD.start"`, `"ROD.end"`, `"ROD.outer"` (the lateral surface) or `"ROD.inner"` (that of the hole);
+        `"SOLID.GROUP"`, the facets of a group, or `"SOLID"`, those of its surface that are near.  The finer of the two,
+        or the one that the other covers wholly, is the slave; of a rod and a solid, the rod.
+    along
+        Lengths along the slave's centre line, from the start, the first below the second, between which its lateral
+        surface is tied; all of it where not given.
+    gap
+        The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
+        the slave's size, the root of its area over pi.
+    """
+    if along is not None:
+        if not isinstance(slave, LateralSurface):
+            raise InputError("along: it goes with a lateral surface, ROD.outer or ROD.inner, and no other")
+        slave = replace(slave, along=along)
+    return Tie(slave, master, gap)
