@@ -38,7 +38,14 @@ def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> S
     return SolidSurface(surface.solid, None if surface.group is None else facets[surface.solid][surface.group])
 
 
-def tie(slave: Surface, master: Surface, along: tuple[float, float] | None = None, gap: float | None = None) -> Tie:
+def tie(
+    slave: Surface,
+    master: Surface,
+    along: tuple[float, float] | None = None,
+    gap: float | None = None,
+    kind: str = "weld",
+    bond: float = 0.0,
+) -> Tie:
     """Return the weld of two surfaces, whose meshes need not match (`isorod.model.tie.Tie`).
 
     Parameters
@@ -53,9 +60,14 @@ def tie(slave: Surface, master: Surface, along: tuple[float, float] | None = Non
     gap
         The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
         the slave's size, the root of its area over pi.
+    kind
+        `"weld"`; `"slide"`: displacements along the normal alone are the same; or `"mean"`: mean displacement and
+        rotation of the slave alone (a distributing coupling).
+    bond
+        Of what slides: tangential traction per slip, force / length^3.
     """
     if along is not None:
         if not isinstance(slave, LateralSurface):
             raise InputError("along: it goes with a lateral surface, ROD.outer or ROD.inner, and no other")
         slave = replace(slave, along=along)
-    return Tie(slave, master, gap)
+    return Tie(slave, master, gap, kind, bond)
