@@ -31,4 +31,8 @@ def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
     matrix = create_matrix(assembler.comm, sizes, assembler.block, indices)
     set_values(matrix, joined([2.0 * across[pair] * mass.entries for pair in _PAIRS], float))
     assembler.note("Coriolis forces")
-    return matrix
+    if assembler.coupling is None:
+        return matrix
+    system = assembler.coupling.matrix(matrix, (), symmetric=False, stiffness=False)
+    assembler.coupling.fill(system, ())
+    return system

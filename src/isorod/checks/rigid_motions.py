@@ -140,6 +140,11 @@ def left_to_contact(model: Model) -> list[tuple[int, Array]]:
         named = {body for body, _ in contact.sides}
         # Contact with itself alone holds no body.
         touching |= named if contact.obstacle is not None or len(named) > 1 else set()
+    if model.ties:
+        from isorod.checks.tied_motions import groups
+
+        # What is tied to a body that may touch is held with it.
+        touching = {b for group in groups(model) if touching.intersection(group.bodies) for b in group.bodies}
     _refuse(model, [(body, motion) for body, motion in loose if body not in touching])
     return loose
 

@@ -67,6 +67,8 @@ class Model(Checked):
         super().__post_init__()
         if not self.bodies:
             raise InputError("model: got no bodies, need at least one")
+        if self.spin is not None and self.solids:
+            raise InputError("spin: finite element bodies know no centrifugal force; leave out the spin or the solids")
         for b, body in enumerate(self.bodies):
             if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")

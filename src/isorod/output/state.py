@@ -300,11 +300,6 @@ class State(Deformation):
     pressures: Sequence[Array | None] = field(default=(), kw_only=True)
     solids: Sequence[Array] = field(default=(), kw_only=True)
 
-    def function(self, solid: int = 0) -> Any:
-        """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
-        number = whole_number("solid", solid, 0, len(self.model.solids) - 1)
-        return self.model.solids[number].function(self.solids[number])
-
     def deformation_gradient(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the deformation gradient at points of a body, shape ``(..., 3, 3)``."""
         points = self._points(body, u, xi)

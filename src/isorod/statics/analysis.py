@@ -155,6 +155,11 @@ class Equilibrium(State, Animated):
         known: Error | None = self.__dict__.get("_errors")
         return None if known is None else known.stress
 
+    def function(self, solid: int = 0) -> Any:
+        """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
+        number = whole_number("solid", solid, 0, len(self.model.solids) - 1)
+        return self.model.solids[number].function(self.solids[number])
+
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
         from isorod.output.matrices import matrices

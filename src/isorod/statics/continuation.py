@@ -357,7 +357,7 @@ class _Path:
         """Return the tangent's eigenvalue nearest to zero and its vector of unit length, by inverse iteration."""
         vector = self.assembler.vector()
         rows = slice(*vector.getOwnershipRange())
-        vector.array_w[:] = np.random.default_rng(1).standard_normal(self.assembler.model.unknowns)[rows]
+        vector.array_w[:] = np.random.default_rng(1).standard_normal(vector.getSize())[rows]
         value = np.inf
         for _ in range(_INVERSE):
             vector.normalize()
