@@ -11,9 +11,14 @@ from conftest import as_array
 from mpi4py import MPI
 
 from isorod.errors import InputError
+from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from isorod.material.muscle import Muscle
+from isorod.material.ogden import Ogden
+from isorod.material.orthotropic import Orthotropic
+from isorod.material.yeoh import Yeoh
 from isorod.tensors import rotation
 from tests import solids
 from tests.refused import refused
@@ -63,6 +68,40 @@ def test_energy_of_a_homogeneous_deformation_is_the_laws(body):
     for factor in (0.0, 1.0):
         expected = MUSCLE.at(factor).energy(np.eye(3) + change) * solids.SIZES.prod()
         assert body.energy(u, factor) == pytest.approx(expected, rel=1e-12)
+
+
+LAWS = [
+    Ogden([0.63, -0.1], [1.3, -2.0], 20.0),
+    HolzapfelGasserOgden(3.0, 2.4, 0.8, 50.0, fibre=((1.0, 2.0, 0.0), (1.0, -2.0, 0.5))),
+    Orthotropic((10.0, 2.0, 3.0), (0.3, 0.2, 0.25), (1.0, 1.5, 2.0), axes=((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))),
+    Yeoh(1.0, 0.2, 0.1, 30.0),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_laws_are_those_of_rods(law):
+    body = solid("tetrahedron", counts=(1, 1, 1), law=law)
+    change = 0.1 * np.random.default_rng(2).normal(size=(3, 3))
+    u = (body.positions @ change.T).ravel()
+    volume = solids.SIZES.prod()
+    assert body.energy(u, 1.0) == pytest.approx(law.energy(np.eye(3) + change) * volume, rel=1e-8)
+    # The work of the stress on linear fields.
+    got = np.einsum("na,nb->ab", body.residual(u, 1.0).reshape(-1, 3), body.positions)
+    expected = volume * law.stress(np.eye(3) + change)
+    assert np.abs(got - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+def test_another_value_of_a_constant_compiles_nothing(monkeypatch):
+    def signatures(law):
+        made = []
+        monkeypatch.setattr(compat, "form", lambda integrals, flags: made.append(integrals.signature()))
+        solid("hexahedron", counts=(1, 1, 1), law=law)
+        return made
+
+    muscle = Muscle(E=3.0, nu=0.2, sigma_max=0.5, m1=0.1, m2=1.0, activation=0.3, fibre=(0.0, 1.0, 2.0))
+    assert signatures(MUSCLE) == signatures(muscle)
+    assert len(signatures(MUSCLE)) == 3
 
 
 def test_masses_add_up_and_weigh_linear_fields_exactly(body):
@@ -224,8 +263,6 @@ def flat():
 
 
 def element_space(domain, family="Lagrange", degree=1, size=3):
-    from isorod.fenics import compat
-
     return compat.function_space(domain, compat.element(domain, family, degree, size))
 
 

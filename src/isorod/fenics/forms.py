@@ -10,6 +10,7 @@ from ufl.classes import Sum
 
 from isorod.errors import InputError
 from isorod.fenics import stored
+from isorod.material import symbols
 from isorod.material.law import Material
 
 
@@ -34,16 +35,19 @@ def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, 
     """
     if law.follows:
         raise InputError("law: its fibres follow a rod; on a finite element body give them as a vector")
-    directions = law.fibres(()).reshape(-1, 3)
-    fibres = tuple(ufl.as_vector([float(one) for one in direction]) for direction in directions)
+    mesh = unknown.function_space.mesh
+    # No numbers: code is compiled once for all values.
+    given = [dolfinx.fem.Constant(mesh, one) for one in stored.constants_of(law)]
+    fibres = tuple(dolfinx.fem.Constant(mesh, one) for one in law.fibres(()).reshape(-1, 3))
+    values = dict(zip(law.stored.constants, given, strict=True)) | {symbols.activation: factor}
     F = ufl.Identity(3) + ufl.grad(unknown)
-    dx = ufl.dx(domain=unknown.function_space.mesh, metadata={"quadrature_degree": degree})
-    energy = stored.energy_of(law, factor, fibres)(F) * dx
+    dx = ufl.dx(domain=mesh, metadata={"quadrature_degree": degree})
+    energy = stored.density(law.stored.expression, F, values, fibres) * dx
     test = ufl.TestFunction(unknown.function_space)
     residual = ufl.derivative(energy, unknown, test)
     if not law.linear:
         # Else stress without a logarithm, as where nu = 0, has a value where there is no volume.
-        nothing = dolfinx.fem.Constant(unknown.function_space.mesh, 0.0)
+        nothing = dolfinx.fem.Constant(mesh, 0.0)
         residual += nothing * ufl.ln(ufl.det(F)) * ufl.div(test) * dx
     return energy, residual
 
