@@ -170,13 +170,18 @@ def test_conditions_on_components_and_the_later_one_wins():
     assert dict(zip(dofs.tolist(), values.tolist(), strict=True)) == expected
 
 
-def test_a_form_is_the_law_and_its_terms_without_the_unknown_are_loads():
+@pytest.mark.parametrize("way", ["terms", "derivative"])
+def test_a_form_is_the_law_and_its_value_at_rest_the_loads(way):
     one = space(mesh("tetrahedron", place=box), 2)
     u, v = dolfinx.fem.Function(one), ufl.TestFunction(one)
     strain = ufl.sym(ufl.grad(u))
     stress = 1.5 * ufl.tr(strain) * ufl.Identity(3) + 2.0 * strain
     dx = ufl.dx(metadata={"quadrature_degree": 2})
-    by_form = Solid(one, form=ufl.inner(stress, ufl.grad(v)) * dx - load_of(one), unknown=u)
+    form = ufl.inner(stress, ufl.grad(v)) * dx - load_of(one)
+    if way == "derivative":
+        work = 0.5 * ufl.inner(stress, strain) * dx - ufl.replace(load_of(one), {v: u})
+        form = ufl.derivative(work, u, v)
+    by_form = Solid(one, form=form, unknown=u)
     nu = 1.5 / (2.0 * (1.5 + 1.0))
     by_law = Solid(one, LinearElastic(E=2.0 * (1.0 + nu), nu=nu), load=load_of(one))
     given = noise(by_law, 0.1)
@@ -186,6 +191,17 @@ def test_a_form_is_the_law_and_its_terms_without_the_unknown_are_loads():
     assert np.abs(by_form.external() - by_law.external()).max() < 1e-13
     with pytest.raises(InputError, match="given as a form, which stores none"):
         by_form.energy(given, 1.0)
+
+
+def test_springs_of_a_form_are_stretched_by_the_load_factor():
+    """``k (u - u0)`` on the surface: the load stands in a product with the unknown."""
+    one = space(mesh("hexahedron", (2, 2, 2), place=box), 1)
+    u, v = dolfinx.fem.Function(one), ufl.TestFunction(one)
+    strain, there = ufl.sym(ufl.grad(u)), ufl.as_vector([0.1, 0.2, -0.3])
+    body = Solid(one, form=ufl.inner(strain, ufl.grad(v)) * ufl.dx + 5.0 * ufl.inner(u - there, v) * ufl.ds, unknown=u)
+    for factor in (0.0, 0.5, 1.0):
+        moved = np.tile(factor * np.array([0.1, 0.2, -0.3]), body.nodes)
+        assert np.abs(body.residual(moved, factor)).max() < 1e-14
 
 
 def test_a_pressure_that_follows_the_body_is_in_the_tangent():

@@ -250,7 +250,7 @@ def answers(path):
     for facets in (None, where(body.mesh, lambda x: np.hypot(x[0], x[1]) < 1.0 + 1e-9)):
         rows = body.rows(points, facets)
         found += [rows.gap[:, None], body.values(rows, field)]
-    trace = body.surface.trace(where(body.mesh, lambda x: x[1] < 1e-9))
+    trace = body.surface.trace(solids.boundary(body.mesh))
     table = np.column_stack(
         [trace.points, trace.normals, trace.weights, np.einsum("qm,qma->qa", trace.values, field(body.x)[trace.nodes])]
     )

@@ -1,12 +1,10 @@
 """The forms of a body: of a law's stored energy, or of a user's residual, split into inner and outer work."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import dolfinx.fem
 import ufl
 from ufl.algorithms import extract_coefficients
-from ufl.classes import Sum
 
 from isorod.errors import InputError
 from isorod.fenics import stored
@@ -53,29 +51,17 @@ def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, 
 
 
 def split(form: Any, unknown: Any) -> tuple[Any, Any]:
-    """Return the terms of a residual in which the unknown stands, and the others with their sign changed: the loads.
+    """Return a residual less its value at rest, and minus that value: inner forces, and loads.
+
+    At load factor 1 they are the residual as it was given, at 0 rest is an equilibrium; what is in between is right of
+    loads that do not follow the body.
 
     Raises
     ------
     InputError
-        If it stands in none.
+        If the unknown does not stand in it.
     """
-    inner, outer = ufl.Form([]), ufl.Form([])
-    for integral in form.integrals():
-        for term in _terms(integral.integrand()):
-            part = ufl.Form([integral.reconstruct(term)])
-            if unknown in extract_coefficients(term):
-                inner += part
-            else:
-                outer -= part
-    if inner.empty():
+    if unknown not in extract_coefficients(form):
         raise InputError("form of the solid: its unknown does not stand in it")
-    return inner, outer
-
-
-def _terms(integrand: Any) -> Iterator[Any]:
-    if isinstance(integrand, Sum):
-        for operand in integrand.ufl_operands:
-            yield from _terms(operand)
-    else:
-        yield integrand
+    at_rest = ufl.replace(form, {unknown: dolfinx.fem.Function(unknown.function_space)})
+    return form - at_rest, -at_rest
