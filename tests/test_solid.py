@@ -11,9 +11,14 @@ from conftest import as_array
 from mpi4py import MPI
 
 from isorod.errors import InputError
+from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from isorod.material.muscle import Muscle
+from isorod.material.ogden import Ogden
+from isorod.material.orthotropic import Orthotropic
+from isorod.material.yeoh import Yeoh
 from isorod.tensors import rotation
 from tests import solids
 from tests.refused import refused
@@ -63,6 +68,40 @@ def test_energy_of_a_homogeneous_deformation_is_the_laws(body):
     for factor in (0.0, 1.0):
         expected = MUSCLE.at(factor).energy(np.eye(3) + change) * solids.SIZES.prod()
         assert body.energy(u, factor) == pytest.approx(expected, rel=1e-12)
+
+
+LAWS = [
+    Ogden([0.63, -0.1], [1.3, -2.0], 20.0),
+    HolzapfelGasserOgden(3.0, 2.4, 0.8, 50.0, fibre=((1.0, 2.0, 0.0), (1.0, -2.0, 0.5))),
+    Orthotropic((10.0, 2.0, 3.0), (0.3, 0.2, 0.25), (1.0, 1.5, 2.0), axes=((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))),
+    Yeoh(1.0, 0.2, 0.1, 30.0),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_laws_are_those_of_rods(law):
+    body = solid("tetrahedron", counts=(1, 1, 1), law=law)
+    change = 0.1 * np.random.default_rng(2).normal(size=(3, 3))
+    u = (body.positions @ change.T).ravel()
+    volume = solids.SIZES.prod()
+    assert body.energy(u, 1.0) == pytest.approx(law.energy(np.eye(3) + change) * volume, rel=1e-8)
+    # The work of the stress on linear fields.
+    got = np.einsum("na,nb->ab", body.residual(u, 1.0).reshape(-1, 3), body.positions)
+    expected = volume * law.stress(np.eye(3) + change)
+    assert np.abs(got - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+def test_another_value_of_a_constant_compiles_nothing(monkeypatch):
+    def signatures(law):
+        made = []
+        monkeypatch.setattr(compat, "form", lambda integrals, flags: made.append(integrals.signature()))
+        solid("hexahedron", counts=(1, 1, 1), law=law)
+        return made
+
+    muscle = Muscle(E=3.0, nu=0.2, sigma_max=0.5, m1=0.1, m2=1.0, activation=0.3, fibre=(0.0, 1.0, 2.0))
+    assert signatures(MUSCLE) == signatures(muscle)
+    assert len(signatures(MUSCLE)) == 3
 
 
 def test_masses_add_up_and_weigh_linear_fields_exactly(body):
@@ -131,13 +170,18 @@ def test_conditions_on_components_and_the_later_one_wins():
     assert dict(zip(dofs.tolist(), values.tolist(), strict=True)) == expected
 
 
-def test_a_form_is_the_law_and_its_terms_without_the_unknown_are_loads():
+@pytest.mark.parametrize("way", ["terms", "derivative"])
+def test_a_form_is_the_law_and_its_value_at_rest_the_loads(way):
     one = space(mesh("tetrahedron", place=box), 2)
     u, v = dolfinx.fem.Function(one), ufl.TestFunction(one)
     strain = ufl.sym(ufl.grad(u))
     stress = 1.5 * ufl.tr(strain) * ufl.Identity(3) + 2.0 * strain
     dx = ufl.dx(metadata={"quadrature_degree": 2})
-    by_form = Solid(one, form=ufl.inner(stress, ufl.grad(v)) * dx - load_of(one), unknown=u)
+    form = ufl.inner(stress, ufl.grad(v)) * dx - load_of(one)
+    if way == "derivative":
+        work = 0.5 * ufl.inner(stress, strain) * dx - ufl.replace(load_of(one), {v: u})
+        form = ufl.derivative(work, u, v)
+    by_form = Solid(one, form=form, unknown=u)
     nu = 1.5 / (2.0 * (1.5 + 1.0))
     by_law = Solid(one, LinearElastic(E=2.0 * (1.0 + nu), nu=nu), load=load_of(one))
     given = noise(by_law, 0.1)
@@ -147,6 +191,17 @@ def test_a_form_is_the_law_and_its_terms_without_the_unknown_are_loads():
     assert np.abs(by_form.external() - by_law.external()).max() < 1e-13
     with pytest.raises(InputError, match="given as a form, which stores none"):
         by_form.energy(given, 1.0)
+
+
+def test_springs_of_a_form_are_stretched_by_the_load_factor():
+    """``k (u - u0)`` on the surface: the load stands in a product with the unknown."""
+    one = space(mesh("hexahedron", (2, 2, 2), place=box), 1)
+    u, v = dolfinx.fem.Function(one), ufl.TestFunction(one)
+    strain, there = ufl.sym(ufl.grad(u)), ufl.as_vector([0.1, 0.2, -0.3])
+    body = Solid(one, form=ufl.inner(strain, ufl.grad(v)) * ufl.dx + 5.0 * ufl.inner(u - there, v) * ufl.ds, unknown=u)
+    for factor in (0.0, 0.5, 1.0):
+        moved = np.tile(factor * np.array([0.1, 0.2, -0.3]), body.nodes)
+        assert np.abs(body.residual(moved, factor)).max() < 1e-14
 
 
 def test_a_pressure_that_follows_the_body_is_in_the_tangent():
@@ -224,8 +279,6 @@ def flat():
 
 
 def element_space(domain, family="Lagrange", degree=1, size=3):
-    from isorod.fenics import compat
-
     return compat.function_space(domain, compat.element(domain, family, degree, size))
 
 

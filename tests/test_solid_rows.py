@@ -182,6 +182,18 @@ def test_many_points_of_thin_and_unequal_cells():
     assert np.abs(body.values(rows, linear) - linear(points)).max() < 1e-12
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_body_far_from_the_origin_has_no_gaps_between_its_cells(shape):
+    away = np.array([3e7, -1e7, 2e7])
+    body = Body(shape, 1, 1, lambda points: away + points, counts=(6, 6, 6), comm=MPI.COMM_SELF)
+    x = np.random.default_rng(10).uniform(size=(5000, 3))
+    # On faces between cells.
+    x[:, 0] = np.round(6.0 * x[:, 0]) / 6.0
+    rows = body.rows(away + x)
+    assert rows.gap.max() < 1e-7
+    assert np.abs(body.values(rows, lambda y: linear(y - away)) - linear(x)).max() < 1e-6
+
+
 def test_boxes_near_points_are_all_found():
     random = np.random.default_rng(8)
     for count in (1, 2, 3, 7, 64, 101):
@@ -238,7 +250,7 @@ def answers(path):
     for facets in (None, where(body.mesh, lambda x: np.hypot(x[0], x[1]) < 1.0 + 1e-9)):
         rows = body.rows(points, facets)
         found += [rows.gap[:, None], body.values(rows, field)]
-    trace = body.surface.trace(where(body.mesh, lambda x: x[1] < 1e-9))
+    trace = body.surface.trace(solids.boundary(body.mesh))
     table = np.column_stack(
         [trace.points, trace.normals, trace.weights, np.einsum("qm,qma->qa", trace.values, field(body.x)[trace.nodes])]
     )

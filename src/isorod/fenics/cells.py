@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.fenics import compat
 from isorod.tensors import inverse
 
-# Points outside the reference cell by so much count as within.
+# Points outside the reference cell by so much count as within, at least.
 SLACK = 1e-9
 
 # Where a cell's map is so flat, in the cube of its size, gradients are taken a hundredth nearer to its middle: two
@@ -44,6 +44,8 @@ class Cells:
         Vertices of each of its facets, shape ``(facets, 3 or 4)``.
     affine
         Whether all maps are.
+    slack
+        How far points outside the reference cell still count as within: rounding, more far from the origin.
     """
 
     def __init__(self, space: Any) -> None:
@@ -59,6 +61,9 @@ class Cells:
         self.faces: Index = np.array(basix.topology(kind)[2], dtype=np.int64)
         self.simplex = len(self.corners) == 4
         self.affine = self.simplex and self.geometry.degree == 1
+        sizes = np.ptp(self.x, axis=1).max(axis=1, initial=0.0)
+        far = np.abs(self.x).max(initial=0.0) / sizes.min(initial=np.inf, where=sizes > 0.0)
+        self.slack = max(SLACK, 64.0 * float(np.finfo(float).eps * far))
 
     @property
     def middle(self) -> Array:
@@ -101,7 +106,7 @@ class Cells:
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = (inverse(J)[0] @ (points[active] - x)[..., None])[..., 0]
             X[active] += np.clip(step, -0.5, 0.5)
-            active = active[(np.abs(step).max(axis=1) > 1e-12) & (self.outside(X[active]) < 2.0)]
+            active = active[(np.abs(step).max(axis=1) > 0.1 * self.slack) & (self.outside(X[active]) < 2.0)]
         X[active] = np.nan
         return X
 

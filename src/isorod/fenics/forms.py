@@ -1,15 +1,14 @@
 """The forms of a body: of a law's stored energy, or of a user's residual, split into inner and outer work."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import dolfinx.fem
 import ufl
 from ufl.algorithms import extract_coefficients
-from ufl.classes import Sum
 
 from isorod.errors import InputError
 from isorod.fenics import stored
+from isorod.material import symbols
 from isorod.material.law import Material
 
 
@@ -34,44 +33,35 @@ def of_law(law: Material, unknown: Any, factor: Any, degree: int) -> tuple[Any, 
     """
     if law.follows:
         raise InputError("law: its fibres follow a rod; on a finite element body give them as a vector")
-    directions = law.fibres(()).reshape(-1, 3)
-    fibres = tuple(ufl.as_vector([float(one) for one in direction]) for direction in directions)
+    mesh = unknown.function_space.mesh
+    # No numbers: code is compiled once for all values.
+    given = [dolfinx.fem.Constant(mesh, one) for one in stored.constants_of(law)]
+    fibres = tuple(dolfinx.fem.Constant(mesh, one) for one in law.fibres(()).reshape(-1, 3))
+    values = dict(zip(law.stored.constants, given, strict=True)) | {symbols.activation: factor}
     F = ufl.Identity(3) + ufl.grad(unknown)
-    dx = ufl.dx(domain=unknown.function_space.mesh, metadata={"quadrature_degree": degree})
-    energy = stored.energy_of(law, factor, fibres)(F) * dx
+    dx = ufl.dx(domain=mesh, metadata={"quadrature_degree": degree})
+    energy = stored.density(law.stored.expression, F, values, fibres) * dx
     test = ufl.TestFunction(unknown.function_space)
     residual = ufl.derivative(energy, unknown, test)
     if not law.linear:
         # Else stress without a logarithm, as where nu = 0, has a value where there is no volume.
-        nothing = dolfinx.fem.Constant(unknown.function_space.mesh, 0.0)
+        nothing = dolfinx.fem.Constant(mesh, 0.0)
         residual += nothing * ufl.ln(ufl.det(F)) * ufl.div(test) * dx
     return energy, residual
 
 
 def split(form: Any, unknown: Any) -> tuple[Any, Any]:
-    """Return the terms of a residual in which the unknown stands, and the others with their sign changed: the loads.
+    """Return a residual less its value at rest, and minus that value: inner forces, and loads.
+
+    At load factor 1 they are the residual as it was given, at 0 rest is an equilibrium; what is in between is right of
+    loads that do not follow the body.
 
     Raises
     ------
     InputError
-        If it stands in none.
+        If the unknown does not stand in it.
     """
-    inner, outer = ufl.Form([]), ufl.Form([])
-    for integral in form.integrals():
-        for term in _terms(integral.integrand()):
-            part = ufl.Form([integral.reconstruct(term)])
-            if unknown in extract_coefficients(term):
-                inner += part
-            else:
-                outer -= part
-    if inner.empty():
+    if unknown not in extract_coefficients(form):
         raise InputError("form of the solid: its unknown does not stand in it")
-    return inner, outer
-
-
-def _terms(integrand: Any) -> Iterator[Any]:
-    if isinstance(integrand, Sum):
-        for operand in integrand.ufl_operands:
-            yield from _terms(operand)
-    else:
-        yield integrand
+    at_rest = ufl.replace(form, {unknown: dolfinx.fem.Function(unknown.function_space)})
+    return form - at_rest, -at_rest

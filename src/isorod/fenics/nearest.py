@@ -51,7 +51,7 @@ class Nearest:
     def __init__(self, cells: Cells, some: Index, carrier: Index, face: Index) -> None:
         self._cells, self._some, self._carrier, self._face = cells, some, carrier, face
         # Within rounding, or where the nodes are not the hull.
-        self._margin = SLACK if cells.geometry.degree == 1 else _CURVED
+        self._margin = cells.slack if cells.geometry.degree == 1 else _CURVED
         if len(some):
             self._boxes = self._around(cells.x[some])
         if len(carrier):
@@ -84,7 +84,7 @@ class Nearest:
         cell = self._some[things]
         X = self._cells.pulled_back(cell, points[of])
         outside = self._cells.outside(X)
-        within = np.flatnonzero(outside <= SLACK)
+        within = np.flatnonzero(outside <= self._cells.slack)
         within = within[_first_of(of[within], outside[within])]
         to = own[of[within]]
         place.cell[to], place.X[to], place.distance[to] = cell[within], X[within], 0.0

@@ -41,8 +41,9 @@ class Solid:
     load
         UFL linear form: external virtual work at load factor 1.
     form
-        UFL residual instead of a law: virtual work of the stresses less that of the loads at load factor 1.  Summands
-        in which ``unknown`` does not stand are loads; quadrature is as the form says.
+        UFL residual instead of a law: virtual work of the stresses less that of the loads at load factor 1, with a
+        quadrature of its own.  Its value at rest is taken for the loads: at load factor ``f`` the residual is ``F(u) -
+        (1 - f) F(0)``.  Loads that follow the body are better given as ``load``.
     unknown
         The Function that stands for the displacement in ``form`` and ``load``; it is overwritten.
 
