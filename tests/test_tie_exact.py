@@ -307,3 +307,30 @@ def test_a_tie_carries_what_the_load_says_whatever_the_section(inner, turned):
     assert tie.force == pytest.approx(sign * force, rel=1e-8)
     assert tie.moment == pytest.approx(sign * np.cross([0.0, 0.0, 4.0 - tie.center[2]], force), abs=1e-12)
     assert found.reactions.sum(axis=0) == pytest.approx(-force, rel=1e-8)
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["rod slave", "sleeve slave"])
+@pytest.mark.parametrize("elements", [1, 4])
+def test_constant_tractions_pass_up_to_ends_that_are_held(turned, elements):
+    """Traces of functions that are held are no multipliers of their own, and yet constants are among these."""
+    gradient = np.array([[0.8, -0.5, 0.0], [0.3, -0.4, 0.0], [0.0, 0.0, 0.6]])
+    solution = exact.Uniform(1.0, 0.3, gradient)
+    core = bar(2.0, order=2, elements=elements, degree=3)
+    tube = bar(2.0, radius=2.0, rings=(0.5, 1.0), section_degree=3, elements=elements, degree=3, quadrature="full")
+    supports = [
+        on_face(space, which, lambda x: solution.displacement(x, 0), body)
+        for body, space in enumerate((core, tube))
+        for which in ("start", "end")
+    ]
+    surfaces = LateralSurface(0), LateralSurface(1, surface="inner")
+    model = Model(
+        [Body(space, LinearElastic(1.0, 0.3)) for space in (core, tube)],
+        supports,
+        loads=[Traction(LateralSurface(1), lambda x: SIZE * solution.traction(x))],
+        ties=[Tie(*(surfaces[::-1] if turned else surfaces))],
+    )
+    found = statics.solve(model)
+    moved = solution.displacement(np.concatenate([core.positions, tube.positions]), 0)
+    assert found.displacement.reshape(-1, 3) / SIZE == pytest.approx(moved, abs=1e-9)
+    tie = found.ties[0]
+    assert tie.traction / SIZE == pytest.approx((-1.0 if turned else 1.0) * solution.traction(tie.points), abs=1e-6)

@@ -357,3 +357,22 @@ def roots(function: Callable[[float], float], step: float, count: int) -> list[f
             found.append(float(brentq(function, low, high, xtol=1e-15, rtol=1e-14)))
         low = high
     return found
+
+
+class Uniform:
+    """A constant strain, the same in both bodies of one law: ``u = gradient x``."""
+
+    def __init__(self, E: float, nu: float, gradient: Array) -> None:
+        self.gradient = np.asarray(gradient, dtype=float)
+        lam, mu = lame(E, nu)
+        strain = 0.5 * (self.gradient + self.gradient.T)
+        self.stress = lam * np.trace(strain) * np.eye(3) + 2.0 * mu * strain
+        self.density = 0.5 * float((self.stress * strain).sum())
+
+    def displacement(self, x: Array, body: int) -> Array:
+        """Return the displacement."""
+        return x @ self.gradient.T
+
+    def traction(self, x: Array) -> Array:
+        """Return the traction of the rod on its surface."""
+        return polar(x)[1] @ self.stress

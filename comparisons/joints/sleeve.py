@@ -88,7 +88,13 @@ def composite(E: tuple[float, float] = (10.0, 1.0), nu: tuple[float, float] = (0
     return Problem(exact.Composite(E, nu, RADIUS, 3.0), E, nu, circle(3.0), 2.0, "z", outside=False)
 
 
-PROBLEMS = {"torsion": torsion, "axial": axial, "inclusion": inclusion, "composite": composite}
+def patch() -> Problem:
+    """A constant strain of rod and box of one law: what is left is the error of the hole's shape."""
+    gradient = np.array([[0.8, -0.5, 0.0], [0.3, -0.4, 0.0], [0.0, 0.0, 0.6]])
+    return Problem(exact.Uniform(1.0, 0.3, gradient), (1.0, 1.0), (0.3, 0.3), square(3.0), 2.0, "xyz")
+
+
+PROBLEMS = {"torsion": torsion, "axial": axial, "inclusion": inclusion, "composite": composite, "patch": patch}
 
 
 @dataclass(frozen=True)
@@ -165,13 +171,19 @@ def _pinned(space: Any, problem: Problem) -> list[Any]:
 
 
 def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
-    """Return what is prescribed of the rod: of its ends, in the mean of the section."""
-    middle = np.array([[1e-9, 0.0, 0.0], [1e-9, 0.0, problem.length]])
-    moved = AMPLITUDE * problem.solution.displacement(middle, 0).round(6)
-    return [
-        Support.end(space, which, problem.ends, displacement=tuple(u))
-        for which, u in zip(("start", "end"), moved, strict=True)
-    ]
+    """Return what is prescribed of the rod's ends, which is linear in the positions."""
+    layers = np.arange(space.nodes).reshape(space.layers, -1)
+    supports = []
+    for which in ("start", "end"):
+        nodes = layers[space.end(which)]
+        corners = np.eye(3) * [RADIUS, RADIUS, 0.0] + [0.0, 0.0, problem.length * (which == "end")]
+        moved = problem.solution.displacement(corners, 0)
+        # Of functions that are no carriers positions are nothing, and so is what does not move with these.
+        weights = space.positions[nodes, :2] / RADIUS
+        rest = space.is_carrier[nodes] - weights.sum(axis=1)
+        given = np.column_stack([weights, rest]) @ moved
+        supports.append(Support(nodes, problem.ends, displacement=AMPLITUDE * given, space=space))
+    return supports
 
 
 def solve(
@@ -220,6 +232,8 @@ def stored(problem: Problem) -> float:
     solution = problem.solution
     if hasattr(solution, "energy"):
         return float(solution.energy)
+    if isinstance(solution, exact.Uniform):
+        return float(solution.density * 4.0 * problem.outline(np.zeros(1))[0, 0] ** 2 * problem.length)
     if isinstance(solution, exact.Composite):
         return 0.5 * solution.force * solution.strain * problem.length
     return float(solution.box(float(problem.outline(np.zeros(1))[0, 0])) * problem.length)

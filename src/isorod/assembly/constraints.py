@@ -7,10 +7,12 @@ functions that no support holds, is solved for the slave's coefficients (`isorod
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse import csr_array, diags, vstack
 
 from isorod.arrays import Array, Index
+from isorod.assembly.multipliers import passed_on_along, passed_on_near
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
@@ -54,6 +56,8 @@ class Tied(NamedTuple):
         Largest distance of the surfaces at rest.
     bond : (dofs, dofs)
         Stiffness of what slides, if there is a bond.
+    multipliers
+        Of a weld, for each component, at the points, one for each of its degrees of freedom among ``slaves``.
     """
 
     trace: Trace
@@ -63,6 +67,7 @@ class Tied(NamedTuple):
     jump: csr_array
     gap: float
     bond: csr_array | None
+    multipliers: dict[int, csr_array]
 
 
 class Constraints:
@@ -151,8 +156,9 @@ class Constraints:
         other = self._on_nodes(tie.master, near.nodes, near.values)
         jump = csr_array(other - own)
         candidates = self._first(tie.slave) + trace.independent
+        multipliers: dict[int, csr_array] = {}
         found, rows = (
-            self._welded(tie, trace, own, other, candidates)
+            self._welded(tie, trace, own, other, candidates, multipliers)
             if tie.kind == "weld"
             else self._condensed(_tested(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
@@ -160,26 +166,49 @@ class Constraints:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
         self._taken[found] = True
         bond = _bond(tie.bond, trace, jump) if tie.bond else None
-        return Tied(trace, found, rows, own, jump, float(near.gap.max()), bond)
+        return Tied(trace, found, rows, own, jump, float(near.gap.max()), bond, multipliers)
 
     def _welded(
-        self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, candidates: Index
+        self,
+        tie: Tie,
+        trace: Trace,
+        own: csr_array,
+        other: csr_array,
+        candidates: Index,
+        multipliers: dict[int, csr_array],
     ) -> tuple[Index, csr_array]:
-        """Return the slaves of a weld, and their rows: of each component the same, where supports hold none."""
+        """Return the slaves of a weld, and their rows: of each component the same, where supports hold none.
+
+        Their multipliers are added to those given, by component.
+        """
         jump = csr_array(other - own)
         tests, balanced = self._tests(tie, trace, own, other, candidates)
-        slaves, rows, known = [], [], {}
+        slaves, rows = [], []
+        known: dict[bytes, tuple[csr_array, csr_array]] = {}
         for a in range(3):
             free = ~self._taken[3 * candidates + a]
             mine = candidates[free]
             key = mine.tobytes()
             if mine.size and key not in known:
-                known[key] = _projection(own, jump, mine, tests[:, free], balanced)
+                chosen = tests[:, free]
+                if mine.size < candidates.size:
+                    chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
+                rest = csr_array(chosen / trace.weights[:, None])
+                known[key] = _projection(own, jump, mine, chosen, balanced), rest
             if mine.size:
                 slaves.append(3 * mine + a)
-                rows.append(_of_component(known[key], a))
+                rows.append(_of_component(known[key][0], a))
+                multipliers[a] = known[key][1]
         nothing = np.empty(0, dtype=np.int64), csr_array((0, 3 * self._nodes))
         return (np.concatenate(slaves), csr_array(vstack(rows, format="csr"))) if slaves else nothing
+
+    def _passed_on(
+        self, surface: Surface, trace: Trace, own: csr_array, candidates: Index, free: NDArray[np.bool_]
+    ) -> csr_array:
+        """Return to which multipliers traces of what is held are added ``(held, free)``."""
+        if isinstance(surface, SolidSurface):
+            return passed_on_near(trace.points, trace.weights, own[:, candidates], free)
+        return passed_on_along(self._model.bodies[surface.body].space, candidates - self._first(surface), free)
 
     def _condensed(self, tests: Array, jump: csr_array, candidates: Index) -> tuple[Index, csr_array]:
         """Return slaves and their rows where multipliers are vectors ``(k, q, 3)``, weights included."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from isorod.arrays import Array
 from isorod.model.tie import Tie
@@ -78,7 +79,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         if tied.bond is not None:
             nodal[own] -= (tied.bond @ moved.ravel())[own]
         nodal = nodal.reshape(-1, 3)
-        trace, traction = tied.trace, _traction(tie, tied, nodal)
+        trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
         arms = trace.points - center
         found[k] = TieResult(
@@ -96,24 +97,22 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
     return [one for one in found if one is not None]
 
 
-def _traction(tie: Tie, tied: "Tied", nodal: Array) -> Array:
+def _traction(tied: "Tied", nodal: Array) -> Array:
     """Return tractions at the points, of nodal forces ``(nodes, 3)`` on the slave.
 
-    Those of a weld are combinations of the functions that are tied, of each component; others of all.
+    Those of a weld are combinations of its multipliers, others of the slave's functions.
     """
-    sets: dict[bytes, list[int]] = {}
-    everything = np.flatnonzero(nodal.any(axis=1))
-    for a in range(3):
-        mine = tied.slaves[tied.slaves % 3 == a] // 3 if tie.kind == "weld" else everything
-        sets.setdefault(mine.tobytes(), []).append(a)
-    result = np.zeros(tied.trace.points.shape)
-    for key, components in sets.items():
-        nodes = np.frombuffer(key, dtype=np.int64)
-        values = tied.own[:, nodes].toarray()
-        matrix = values.T @ (tied.trace.weights[:, None] * values)
-        coefficients = np.linalg.lstsq(matrix, nodal[nodes][:, components], rcond=None)[0]
-        result[:, components] = values @ coefficients
-    return result
+    points, weights = tied.trace.points, tied.trace.weights[:, None]
+    if tied.multipliers:
+        result = np.zeros(points.shape)
+        for a, multipliers in tied.multipliers.items():
+            nodes = tied.slaves[tied.slaves % 3 == a] // 3
+            matrix = (tied.own[:, nodes].T @ csr_array(multipliers.multiply(weights))).toarray()
+            result[:, a] = multipliers @ np.linalg.solve(matrix, nodal[nodes, a])
+        return result
+    nodes = np.flatnonzero(nodal.any(axis=1))
+    values = tied.own[:, nodes].toarray()
+    return np.asarray(values @ np.linalg.lstsq(values.T @ (weights * values), nodal[nodes], rcond=None)[0])
 
 
 def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
