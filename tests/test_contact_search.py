@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import surfaces
 import test_contact_groups as groups
 from conftest import straight
 from test_contact_mesh import ball, on
@@ -65,6 +66,7 @@ WANDERING = [
     *((scene, seed, room) for scene in (groups.group, *SELF) for seed in range(3) for room in (tables.NEAR, 2)),
     *((crossing, seed, tables.NEAR) for seed in range(4)),
     (on_mesh, 6, tables.NEAR),
+    *((surfaces.inside, seed, tables.NEAR) for seed in range(3)),
 ]
 
 
@@ -77,7 +79,8 @@ def test_bodies_that_wander_touch_as_fresh_searches_say(scene, seed, room, monke
     packed = pack(model)
     steps = {groups.spring: 30, crossing: 150, on_mesh: 80}.get(scene, 60)
     within = {crossing: {"deepest": -0.25}, on_mesh: {"rtol": 1e-12}}.get(scene, {"deepest": -0.3})
-    states = wandering(model, scene in SELF, seed, steps, [1.0, 1.5, 1.0] if scene is crossing else 1.0)
+    scale = {crossing: [1.0, 1.5, 1.0], surfaces.inside: [0.15, 0.15, 1.0]}.get(scene, 1.0)
+    states = wandering(model, scene in SELF, seed, steps, scale)
     touched, left = sum(assert_as_fresh(packed, fresh, x, **within) for x in states)
     assert touched > 5
     assert left > packed.areas.size

@@ -52,12 +52,17 @@ def test_a_pin_in_a_hole_presses_as_on_finer_spaces():
     coarse, fine = pinned(6, 8), pinned(8, 11)
     assert coarse.resultant == pytest.approx(fine.resultant, rel=5e-3, abs=2e-5)
     assert abs(coarse.peak / fine.peak - 1.0) < coarse.peak_error
-    # The patch is round the bottom, on both surfaces, as wide as it is.
+    # The patch is round the bottom, on both surfaces, as wide on one as on the other.
+    widths = []
     for result in (coarse, fine):
         for body in range(2):
-            here = (result.body == body) & (result.pressure > 0.0)
-            assert np.degrees(np.ptp(result.parameters[here, 1] % (2.0 * np.pi))) == pytest.approx(96.0, abs=10.0)
-            assert np.degrees(np.mean(result.parameters[here, 1] % (2.0 * np.pi))) == pytest.approx(270.0, abs=1.0)
+            here = result.body == body
+            load = (result.areas * result.pressure)[here]
+            angle = np.degrees(result.parameters[here, 1]) % 360.0
+            middle = load @ angle / load.sum()
+            assert middle == pytest.approx(270.0, abs=0.5)
+            widths.append(np.sqrt(load @ (angle - middle) ** 2 / load.sum()))
+    assert widths == pytest.approx([widths[-1]] * 4, rel=0.05)
 
 
 @pytest.mark.parametrize(("degree", "error"), [(6, 0.03), (8, 0.035)])
@@ -161,7 +166,8 @@ def test_a_wire_in_a_tube_from_a_file(tmp_path, command):
     told = FILE.replace("space = {section_degree = 4, elements = 6, degree = 2}", points)
     (tmp_path / "points.toml").write_text(told)
     expected = command.record("run", tmp_path / "points.toml")
-    assert found["force"] == pytest.approx(expected["force"], rel=0.03)
+    # At the edge of the tube's mouth, of which both are warned.
+    assert found["force"] == pytest.approx(expected["force"], rel=0.05)
     assert found["contacts"][0]["resultant"][1] == pytest.approx(found["force"], rel=0.01)
     bad = tmp_path / "bad.toml"
     bad.write_text(FILE.replace('second_surface = "inner"', 'first_surface = "inner"'))

@@ -7,7 +7,7 @@ from conftest import straight
 from scipy.sparse import coo_matrix
 
 from isorod import Axis, LinearElastic, NeoHookean, Rod, Space, circle, helix
-from isorod.contact import force_kernel
+from isorod.contact import force_kernel, lift_kernel
 from isorod.contact.tables import pack
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 
@@ -126,7 +126,14 @@ class Pressing(NamedTuple):
 
 
 def add_forces(packed, positions, forces):
-    return Pressing(*force_kernel.add_forces(packed, positions, forces))
+    """Add forces on the model's nodes, through control points where surfaces have others."""
+    behind = ((0, len(packed.before) - len(positions)), (0, 0))
+    places, found = np.pad(positions, behind), np.pad(forces, behind)
+    lift_kernel.lift(packed, places)
+    said = Pressing(*force_kernel.add_forces(packed, places, found))
+    lift_kernel.lower(packed, found)
+    forces[:] = found[: len(forces)]
+    return said
 
 
 def forces_at(model, displacement):

@@ -20,12 +20,13 @@ from isorod.space.basis import SectionBasis
 from isorod.space.graded import Graded
 from isorod.space.space import Space
 
-# Share of a trace that control points may miss, and the fewest of them.  A ring under two planes, section degree 4,
-# changes by 2e-6 with a tenth of it.
-_MISSED, _FEWEST = 5e-3, 16
+# Share of a trace that control points may miss, and of those of the first three functions, the coordinates: of the
+# rod's own map; the fewest points.  A ring between planes, section degrees 4 and 8, changes by 1e-4 with a fiftieth.
+_MISSED, _MAP, _FEWEST = 5e-3, 1e-5, 16
+_PLANE = 3
 
-# Part of a singular value that is none, and Gauss points of an arc.
-_NONE, _POINTS = 1e-7, 6
+# Size of a function, or of a singular value, beside the largest that is as good as none; Gauss points of an arc.
+_LITTLE, _POINTS = 1e-2, 6
 
 
 class Trace(NamedTuple):
@@ -70,7 +71,7 @@ def trace(space: Space, inner: bool) -> Trace:
 @lru_cache(maxsize=16)
 def _projected(basis: SectionBasis, own: int, radius: float, inner: bool) -> Trace:
     """Return the surface at a radius of the disk; ``own`` are the control points of the rod's own sections."""
-    multiple, sense, last = -(-_FEWEST // own), -1.0 if inner else 1.0, np.inf
+    multiple, sense = -(-_FEWEST // own), -1.0 if inner else 1.0
     while True:
         n, turn = own * multiple, refinement_turn(own, multiple)
         arc_of, arcs = _arcs(np.ones(n, dtype=np.int64), turn)
@@ -82,14 +83,16 @@ def _projected(basis: SectionBasis, own: int, radius: float, inner: bool) -> Tra
         for c in range(3):
             across[np.arange(angle.size), (np.repeat(np.arange(n), _POINTS) + c - 1) % n] += functions[:, c]
         lift = np.linalg.lstsq(root * across, mine, rcond=None)[0]
-        modes, sizes, _ = np.linalg.svd(mine, full_matrices=False)
-        modes = modes[:, sizes > _NONE * sizes[0]]
-        frame = np.linalg.qr(root * across)[0]
-        missed = float(np.linalg.norm(modes - frame @ (frame.T @ modes), axis=0).max())
-        dimension = modes.shape[1]
-        if n >= dimension and (missed <= _MISSED or 2 * n > MAX_COUNT or missed > 0.9 * last):
+        norms = np.linalg.norm(mine, axis=0)
+        # Functions that vanish there are none.
+        norms = np.maximum(norms, _LITTLE * norms.max())
+        missed = np.linalg.norm(mine - root * across @ lift, axis=0) / norms
+        sizes = np.linalg.svd(mine / norms, compute_uv=False)
+        dimension = int((sizes > _LITTLE * sizes[0]).sum())
+        exact = missed.max() <= _MISSED and missed[:_PLANE].max() <= _MAP
+        if n >= dimension and (exact or 2 * n > MAX_COUNT):
             return found._replace(dimension=dimension, lift=lift)
-        multiple, last = multiple + -(-multiple // 4), missed
+        multiple += -(-multiple // 4)
 
 
 def _arcs(parts: Index, turn: float) -> tuple[Index, Array]:
