@@ -266,8 +266,6 @@ def _check_loads(model: Model, integrator: str) -> None:
     """Raise `InputError` if the model has loads that the steps do not know."""
     if model.loads and integrator == "explicit":
         raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
-    if model.following:
-        raise InputError("loads: follower pressure is not supported in dynamics")
 
 
 def _check_turns(model: Model) -> None:
