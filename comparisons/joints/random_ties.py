@@ -13,6 +13,7 @@ import numpy as np
 
 from isorod import CenterLine, InputError, NeoHookean, Rod, SolveError, Space, arc, circle, statics, straight
 from isorod.model import Body, EndFace, LateralSurface, Model, SectionLoad, Support, Tie
+from isorod.model.tie import Surface
 
 # A difference of more than this counts as wrong where nothing is said.
 WRONG = 5e-3
@@ -43,10 +44,15 @@ def _space(rng: np.random.Generator, rod: Rod) -> Space:
     kind = rng.integers(4)
     if kind == 0:
         return Space(rod)
-    along = {"elements": rod.axis.elements * int(rng.integers(2, 5)), "degree": int(rng.integers(3, 6))}
+    along: dict[str, Any] = {"elements": rod.axis.elements * int(rng.integers(2, 5)), "degree": int(rng.integers(3, 6))}
     if kind == 1:
         return Space(rod, section_degree=int(rng.integers(3, 6)), **along)
     return Space(rod, order=int(rng.integers(2, 4)), **along)
+
+
+def _either(rng: np.random.Generator, first: Surface, second: Surface) -> Tie:
+    """Return the tie of two surfaces, either of them the slave."""
+    return Tie(first, second) if rng.random() < 0.5 else Tie(second, first)
 
 
 def _judged(solution: statics.Equilibrium, found: Any, exact: Any) -> tuple[str, str]:
@@ -83,7 +89,7 @@ def _cut(rng: np.random.Generator) -> tuple[str, str]:
     rods = [line(*ends).sweep(circle(int(rng.integers(6, 13)), radius)) for ends in ((0.0, place), (place, 1.0))]
     spaces = [_space(rng, rod) for rod in rods]
     surfaces = [EndFace(0, "end"), EndFace(1, "start")]
-    tie = Tie(*(surfaces if rng.random() < 0.5 else surfaces[::-1]))
+    tie = _either(rng, *surfaces)
     bodies = [Body(space, law) for space, law in zip(spaces, laws, strict=True)]
     force = _force(rng, laws[0], radius, length)
     model = Model(
@@ -98,7 +104,7 @@ def _cut(rng: np.random.Generator) -> tuple[str, str]:
         [Body(space, law) for space, law in zip(fine, laws, strict=True)],
         [Support.end(fine[0], "start")],
         loads=[SectionLoad.end(fine[1], "end", force, body=1)],
-        ties=[Tie(*surfaces)],
+        ties=[Tie(surfaces[0], surfaces[1])],
     )
     return _judged(solved, solved.at(1, "end"), statics.solve(finer).at(1, "end"))
 
@@ -115,7 +121,7 @@ def _sleeve(rng: np.random.Generator) -> tuple[str, str]:
         Space(whole.with_rings((share, 1.0)), section_degree=int(rng.integers(3, 6)), elements=4, degree=4),
     ]
     surfaces = [LateralSurface(0), LateralSurface(1, surface="inner")]
-    tie = Tie(*(surfaces if rng.random() < 0.5 else surfaces[::-1]))
+    tie = _either(rng, *surfaces)
     force = np.array(_force(rng, laws[1], radius, length))
     area = share**2
     loads = [

@@ -81,6 +81,11 @@ class Pressing:
         They are symmetric but for terms along the edges of the surface at free ends, which Newton's method does
         without.
         """
+        result = self.derivatives(nodal)
+        return 0.5 * (result + np.swapaxes(result, 1, 2))
+
+    def derivatives(self, nodal: Array) -> Array:
+        """Return the derivatives of the forces, shape ``(E, l n 3, l n 3)``."""
         size = nodal[0].size
         result = np.zeros((nodal.shape[0], size, size))
         for s in self._surfaces:
@@ -90,4 +95,4 @@ class Pressing:
             whole = np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.axial, by_around, optimize=True)
             whole += np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.slopes, by_along, optimize=True)
             result += whole.reshape(result.shape)
-        return 0.5 * (result + np.swapaxes(result, 1, 2))
+        return result

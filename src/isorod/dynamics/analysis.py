@@ -273,8 +273,6 @@ def _check_loads(model: Model, integrator: str) -> None:
         raise InputError("ties: not supported in dynamics with the mixed formulation; use 'displacement'")
     if model.solids:
         raise InputError("solids: finite element bodies are not supported in dynamics; use statics or modes")
-    if model.following:
-        raise InputError("loads: follower pressure is not supported in dynamics")
 
 
 def _check_turns(model: Model) -> None:

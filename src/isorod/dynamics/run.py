@@ -12,7 +12,7 @@ import numpy as np
 from isorod import __version__
 from isorod.arrays import Array
 from isorod.checks.reactions import support_forces
-from isorod.dynamics.explicit.step_kernel import PUSHED, activation
+from isorod.dynamics.explicit.step_kernel import FOLLOWED, PUSHED, activation
 from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError, SolveError
 
@@ -209,7 +209,7 @@ class Run(ABC):
             "penetration": max(0.0, -deepest),
             "contact_energy": energy,
             "pressure": np.empty(0),
-            "load_work": float(self.system.model.external @ moved),
+            "load_work": float(self.system.model.external @ moved + self.system.state.sums[FOLLOWED]),
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
@@ -232,7 +232,7 @@ class Run(ABC):
         error = total(seen) - self._energy - seen["muscle_work"] - seen["load_work"] + seen["dissipated"]
         state = self.system.state
         amount = float(np.abs(self._moving(state.velocity)).sum())
-        amount += float(np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:]).sum())
+        amount += float(np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:FOLLOWED]).sum())
         amount += self.time * float(np.abs(self._loaded).sum())
         loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
@@ -252,7 +252,7 @@ class Run(ABC):
         state = self.system.state
         moved = state.displacement - self.lag * self.step * state.velocity
         moving = self._moving(state.velocity + self.settings.damping * moved)
-        given = self._by_support(state.impulse).sum(axis=0) + state.sums[PUSHED:] + self.time * self._loaded
+        given = self._by_support(state.impulse).sum(axis=0) + state.sums[PUSHED:FOLLOWED] + self.time * self._loaded
         return moving.reshape(-1, 3).sum(axis=0) - given
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
@@ -262,6 +262,7 @@ class Run(ABC):
         digest.update(system.digest().encode())
         mixed = [body for body in system.model.bodies if body.formulation == "mixed"]
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
+        digest.update(repr(system.model.following).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
             *([law.lame for law in body.laws] for body in mixed),

@@ -5,8 +5,7 @@ axis parameters ``u`` and disk points ``xi``: ``u`` is a number, ``"start"`` or 
 ``xi`` has the shape ``(2,)`` or ``(..., 2)`` and is the centre ``(0, 0)`` where not given; the centre of a hollow rod
 is where its inner surface is in the mean, and has a displacement but no stress.  The answer is on the grid of both: its
 shape is that of ``u``, then that of ``xi`` without its last axis, then that of one value.  At a knot the element above
-it is meant, at a radius where two rings meet the outer one.  Every rank has the whole answer, and none waits for
-another.
+it is meant, at a radius where two rings meet the outer one.  Every rank has the whole answer, none waits for another.
 """
 
 from collections.abc import Iterator, Sequence

@@ -32,8 +32,9 @@ from isorod.dynamics.explicit.mesh import MESH, Mesh
 # contact; bodies in contact go through each other.
 DONE, INVERTED, BLOWN, LOST, DEEP = 0, 1, 2, 3, 4
 
-# Where in `State.sums`: dissipated energy, work of the activation's changes, and the impulse of rigid obstacles (3).
-DISSIPATED, ACTIVATED, PUSHED = 0, 1, 2
+# Where in `State.sums`: dissipated energy, work of the activation's changes, the impulse of rigid obstacles and of
+# pressures that follow (3), and the work of these, which implicit steps alone have.
+DISSIPATED, ACTIVATED, PUSHED, FOLLOWED = 0, 1, 2, 5
 
 
 class State(NamedTuple):
@@ -50,8 +51,8 @@ class State(NamedTuple):
     impulse
         Time integral of the supports' forces on the model, shape of ``held``.
     sums
-        Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), and
-        the impulse of rigid obstacles on the model, shape ``(5,)``.
+        Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), the
+        impulse of rigid obstacles and of pressures that follow on the model, and the work of these, shape ``(6,)``.
     """
 
     displacement: Array

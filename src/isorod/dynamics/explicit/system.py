@@ -66,7 +66,7 @@ class System:
             forces=np.zeros(model.dofs),
             held=self.order[model.held].astype(np.uint64),
             impulse=np.zeros(model.held.size),
-            sums=np.zeros(5),
+            sums=np.zeros(6),
         )
         # Momenta of the highest frequency found last.
         self.highest = np.zeros(self.free.size)

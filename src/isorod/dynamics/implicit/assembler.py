@@ -5,10 +5,11 @@ CMAME 190 (2000) 1763-1783),
 
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = p,
 
-where the loads ``p`` are constant and the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on
-``u_1 - u_0`` (`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum
-stay what they are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact
-has its forces at the mean of both states: they keep both momenta, and the energy to second order.
+where the loads ``p`` are constant, but pressures that follow a surface, which are as in the middle of the step, and the
+internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
+(`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
+are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact has its forces at
+the mean of both states: they keep both momenta, and the energy to second order.
 """
 
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.gradients import add_stress
@@ -100,7 +101,7 @@ class StepAssembler(Assembler):
         self.amount = self.rounding = 0.0
         self.pressure = np.empty(0)
         self._rates = 0.0, 0.0
-        self._velocity = np.zeros(self._exchange.size)
+        self._velocity = self._start = np.zeros(self._exchange.size)
 
     def _part(self, share: Share) -> Part:
         return StepPart(share, self._exchange)
@@ -120,13 +121,13 @@ class StepAssembler(Assembler):
 
     def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
         """Set the state a step starts from (all degrees of freedom), its length and the damping."""
-        self._velocity = self.local(velocity)
+        self._velocity, self._start = self.local(velocity), self.local(displacement)
         self._rates = 2.0 / step**2 + damping / step, 2.0 / step
         self.rounding = 0.0
         # Inertia is in the elements' tangent, and the next step may be another one.
         self._elements = None
         for part in self.parts:
-            part.begin(self.local(displacement))
+            part.begin(self._start)
             part.inertia = self._rates[0]
         if self.contact is not None:
             self.contact.start = displacement
@@ -140,9 +141,24 @@ class StepAssembler(Assembler):
         if self.contact is not None:
             internal -= self._once(self.contact.forces(self._everywhere)[0])
         change, past = self._rates
-        inertial = self._momenta(change * local - past * self._velocity)
-        self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, self._external))
-        return inertial + internal - self._external
+        inertial, loads = self._momenta(change * local - past * self._velocity), self._loads(self._middle(local))
+        self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, loads))
+        return inertial + internal - loads
+
+    def _middle(self, local: Array) -> Array:
+        """Return the displacement in the middle of a step that changes it by ``local``."""
+        return self._start + 0.5 * local
+
+    def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
+        part = self.parts[k]
+        whole = part.padded_matrices(self._pressing[k].derivatives(part.nodal(self._middle(local))))
+        return -0.5 * whole[which].reshape(which.size, *[part.dofs.shape[1]] * 2)
+
+    def following(self, displacement: Array) -> Array:
+        """Return the forces of pressures that follow, both of all degrees of freedom, on every rank."""
+        if not self.model.following:
+            return np.zeros(self.model.dofs)
+        return self.everywhere(self._loads(self.local(displacement)) - self._external)
 
     def _momenta(self, velocity: Array) -> Array:
         return self._sums(part.masses(velocity) for part in self.parts)

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 # Newton's iterations to a state that keeps volumes or to pressures, and the share of these that is none.
 _MOST, _NONE = 20, 1e-12
 
+# A step of these that is so small beside the model is the last: the next one would be its square.
+_CLOSE = 1e-7
+
 # MUMPS puts off the pivots that are too small, which takes more room than it foresees: percent more, until it is
 # enough.
 _ROOM = (100, 400, 1600)
@@ -114,12 +117,16 @@ class MixedInertia(Inertia):
             return assembler.change(self._solved(grown))
 
         for _ in range(_MOST):
-            grown = self._sums(partial(_integrate, assembler.local(displacement)), lambda part: part.rigid)
+            grown = self._sums(partial(_gaps, assembler.local(displacement)), lambda part: part.rigid)
             size = grown.norm()
             if size <= _NONE * whole:
                 break
             if np.isfinite(size):
-                displacement = displacement + lost(displacement, grown)
+                nearer = lost(displacement, grown)
+                displacement = displacement + nearer
+                # Where some of a body is compressible, pressures of both have integrals that need not be zero.
+                if np.abs(nearer).max() <= _CLOSE * assembler.model.size:
+                    break
         else:
             raise InputError(
                 "initial displacement: its projection onto volume-preserving states did not converge (incompressible "
@@ -219,9 +226,9 @@ class MixedInertia(Inertia):
         raise SolveError("pressures of the mixed formulation: MUMPS cannot factorise the mass and the constraints")
 
 
-def _integrate(local: Array, part: "MixedStepPart", sums: Array) -> None:
-    """Add the integrals of ``theta`` of a displacement."""
-    part.add_integrals(local, sums)
+def _gaps(local: Array, part: "MixedStepPart", sums: Array) -> None:
+    """Add the integrals of ``theta`` of a displacement that are to be zero."""
+    part.add_gaps(local, sums)
 
 
 def _beyond(part: "MixedStepPart", p: Array) -> Array:

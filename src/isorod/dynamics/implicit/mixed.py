@@ -12,8 +12,10 @@ that rounding leaves adds up, and ``p`` does no work.  Of other energies ``U(the
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array
@@ -116,10 +118,19 @@ class MixedStepPart(MixedPart, StepPart):
         least = np.where(bend == 0.0, _LEAST / self.body.pressure_unit, 0.0)
         return value + 0.5 * least * at_points**2, slope + least * at_points, bend + least
 
+    def add_gaps(self, local: Array, volumes: Array) -> None:
+        """Add the integrals of ``theta`` over what is incompressible: those that are to be zero."""
+        self.add_volumes(self._held * volume_change(self.volumes, self.gradients(local))[0], volumes)
+
     def add_rates(self, local: Array, velocity: Array, volumes: Array) -> None:
-        """Add the rates of the integrals of ``theta``."""
+        """Add the rates of the integrals of ``theta`` over what is incompressible."""
         slope = volume_change(self.volumes, self.gradients(local))[1]
-        self.add_volumes(np.sum(slope * self.changes(velocity), axis=(-2, -1)), volumes)
+        self.add_volumes(self._held * np.sum(slope * self.changes(velocity), axis=(-2, -1)), volumes)
+
+    @cached_property
+    def _held(self) -> NDArray[np.bool_]:
+        """Whether points are incompressible, ``(E, t, q)``."""
+        return complementary(self.volumes, np.zeros(self.table.weights.shape))[2] == 0.0
 
     def add_bends(self, local: Array, velocity: Array, volumes: Array) -> None:
         """Add what the second rates of the integrals of ``theta = ln J`` are where nothing accelerates."""

@@ -8,7 +8,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.assembly.factorisation import is_mixed
 from isorod.dynamics import run
-from isorod.dynamics.explicit.step_kernel import ACTIVATED, DISSIPATED, PUSHED
+from isorod.dynamics.explicit.step_kernel import ACTIVATED, DISSIPATED, FOLLOWED, PUSHED
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.dynamics.implicit.inertia import Inertia, MixedInertia
@@ -167,9 +167,12 @@ class Run(run.Run):
         system, state = self.system, self.system.state
         state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
         self.assembler.accept(self.newton.x)
+        followed = self.assembler.following(state.displacement[system.order] + 0.5 * change)
+        state.sums[FOLLOWED] += float(followed @ change)
+        state.sums[PUSHED:FOLLOWED] += dt * (followed * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(change)[0] * self._carried
-            state.sums[PUSHED:] += dt * pushed.reshape(-1, 3).sum(axis=0)
+            state.sums[PUSHED:FOLLOWED] += dt * pushed.reshape(-1, 3).sum(axis=0)
             state.sums[DISSIPATED] += self.assembler.contact.accept(change)
         mean = change / dt
         state.sums[DISSIPATED] += dt * self.settings.damping * float(mean @ self.assembler.momenta(mean))
@@ -189,8 +192,9 @@ class Run(run.Run):
         velocity = state.velocity[system.order]
         forces, contact = system.forces(state.displacement, self.level(self.time))
         momenta = self.assembler.momenta(velocity)
-        balance = forces[system.order] + self.settings.damping * momenta - model.external
         displacement = state.displacement[system.order]
+        loads = model.external + self.assembler.following(displacement)
+        balance = forces[system.order] + self.settings.damping * momenta - loads
         held, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
         return self._seen(velocity, held[model.held], contact) | {
             "kinetic": 0.5 * float(velocity @ momenta),
