@@ -1,13 +1,16 @@
 """What preconditioners that options name are told of a model: rigid motions, and which unknowns are whose."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.coupling import Coupling
 from isorod.checks.rigid_motions import near_null_space
-from isorod.checks.tied_motions import motions
 from isorod.petsc.matrix import orthonormalise
+
+if TYPE_CHECKING:
+    from isorod.assembly.coupling import Coupling
 
 _MULTIGRID = ("gamg", "ml", "hypre")
 
@@ -25,8 +28,10 @@ def prepare(assembler: Assembler, matrix: PETSc.Mat, pc: PETSc.PC) -> None:
         pc.setFieldSplitIS(("rods", rods), ("solids", solids))
 
 
-def _rigid_motions(assembler: Assembler, coupling: Coupling, field: PETSc.IS) -> PETSc.NullSpace:
+def _rigid_motions(assembler: Assembler, coupling: "Coupling", field: PETSc.IS) -> PETSc.NullSpace:
     """Return the rigid motions of all solids on their unknowns."""
+    from isorod.checks.tied_motions import motions
+
     vectors, nothing = [], np.zeros(assembler.model.dofs)
     for k, solid in enumerate(assembler.model.solids):
         for motion in motions(solid.positions, np.ones(len(solid.positions), dtype=bool)).T:
