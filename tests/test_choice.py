@@ -140,9 +140,9 @@ def test_a_rod_in_contact_has_no_kinks():
     assert choice.touching(rod, 8) == {"elements": 8, "degree": 5, "continuity": 1}
     assert choice.touching(rod, degree=1) == {"elements": 154, "degree": 1, "continuity": 0}
     # 48 points are 2 pi r / 48 apart round the section, and no more along it.
-    assert choice.touching_points(rod, 8, 12, 5, 64) == (6, 7)
-    assert choice.touching_points(rod, 8, 2, 5, 64) == (6, 39)
-    assert choice.touching_points(rod, 24, 1, 1, 64) == (3, 64)
+    assert choice.touching_points(rod, 8, 12, 5, 3, 64) == (6, 7)
+    assert choice.touching_points(rod, 8, 2, 5, 3, 64) == (6, 39)
+    assert choice.touching_points(rod, 24, 1, 1, 3, 64) == (3, 64)
     assert choice.touching(rod, None, 3, 2) == {"elements": 29, "degree": 3, "continuity": 2}
 
 

@@ -6,7 +6,7 @@ import surfaces
 import test_contact_groups as groups
 from conftest import straight
 from test_contact_mesh import ball, on
-from touching import LAW, across, add_forces, assert_as_fresh, reference
+from touching import LAW, across, add_forces, among, assert_as_fresh, moved, reference
 
 from isorod import Body, Contact, Model, Rod, Space
 from isorod.contact import tables
@@ -86,6 +86,21 @@ def test_bodies_that_wander_touch_as_fresh_searches_say(scene, seed, room, monke
     assert left > packed.areas.size
     if room == 2:
         assert packed.counts.max() > 2
+
+
+def test_a_rod_that_was_too_far_to_be_listed_comes_near_before_the_next_list_is_made():
+    """While another one, which has been near, goes away, so that points are sought in between."""
+    rod = straight(8, radius=0.5, height=4.0, breaks=(0.0, 1.0, 2.0))
+    places = (0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 6.6, 0.0)
+    model = among([Space.paper(moved(rod, place)) for place in places], Contact(0, (1, 2), 10.0, points=(3, 3)))
+    packed, fresh, x = pack(model), pack(model), reference(model)
+    for one in (packed, fresh):
+        one.listed[0] = 5.0
+    assert_as_fresh(packed, fresh, x)
+    for ways in ([0.0, 2.0], [2.0, 0.0], [0.0, -2.0]), ([0.0, 0.9], [0.0, 0.0], [0.0, -0.9]):
+        x[:, :2] += np.repeat(ways, np.diff(model.first_node), axis=0) * model.is_carrier[:, None]
+        touch, _ = assert_as_fresh(packed, fresh, x)
+    assert touch
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -165,7 +165,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, projection: Foo
             if count < 0:
                 # Balls say cheaply that a point is far, searches how far: worth it where it has been near before.
                 reach = limit + deep + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
-                count, free = find_places(packed, one, point, reach, work.places)
+                count, free = find_places(packed, one, point, limit + deep, reach, work.places)
             if not _start(packed, point, positions, work, count):
                 packed.clear[point] = packed.travel[0] + 0.5 * max(min(free - deep, nearest) - limit, 0.0)
                 return nearest

@@ -257,8 +257,8 @@ def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array,
     return arcs[at, 0] - np.pi * arcs[at, 6] + turn
 
 
-@njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, F2), **FAST)
-def find_places(packed: Packed, one: Row, point: int, reach: float, places: Array) -> tuple[int, float]:
+@njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, f8, F2), **FAST)
+def find_places(packed: Packed, one: Row, point: int, limit: float, reach: float, places: Array) -> tuple[int, float]:
     """Find where searches for what is nearest to a point start.
 
     Of sections one after the other along a rod, whose balls hold the point, the one that is nearer than those beside it
@@ -268,8 +268,8 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
     ----------
     packed, one, point
         All contacts, the pass, and the point.
-    reach
-        Balls are larger by it; not less than the gap of zero pressure.
+    limit, reach
+        Gap of zero pressure, and what balls are larger by, which is no less.
     places
         Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(rungs, 3)``.
 
@@ -284,7 +284,8 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
     listed = packed.counts[at.element] <= packed.near.shape[1]
     first = 0 if listed else packed.surfaces[one.master].first_element
     looked_at = packed.counts[at.element] if listed else _last_row(packed, one) - first
-    free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), reach)
+    # What is not in a list may have come nearer than the reach since that was made.
+    free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), limit) if listed else reach
     count, last, surface = 0, -2, -1
     before, leaves = np.inf, False
     for k in range(looked_at):
