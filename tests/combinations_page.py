@@ -1,7 +1,7 @@
 """The page of what can be combined, from the record of its cells: ``python -m tests.combinations_page``.
 
-``--run ANALYSIS FEATURE ...`` runs cells first and records each: what it answered or why it was refused, and how long
-that took.  Without a feature all of them are run, and with ``--word`` some words alone.  Nothing else fills the record.
+``--run TABLE ROW ...`` runs cells first and records each: what it answered or why it was refused, and how long that
+took.  Without a row all of them are run, and with ``--word`` some columns alone.  Nothing else fills the record.
 """
 
 import argparse
@@ -27,7 +27,8 @@ Each analysis with each feature of a scene and each word of the command, as a sm
 (`tests/combinations.py`): the command answers, or says in one line why not. The lines stand below each table; an answer
 that took more than {long:.0f} seconds says so. Of {all} combinations {yes} are answered and {no} are refused{rest}.
 
-The words are those of [`isorod run FILE`](using.md), and `compare` and two ranks; `alone` is without any.
+In the first tables the words are those of [`isorod run FILE`](using.md), and `compare` and two ranks; `alone` is
+without any.
 `--tolerance` refines the spaces until the estimated error is small enough.
 """
 
@@ -36,10 +37,17 @@ TITLES = {
     "modes": "Modes",
     "implicit": "Motion, implicit steps",
     "explicit": "Motion, explicit steps",
+    "sections": "Sections",
 }
 
+SECTIONS = """
+Solid sections by functions of control points (`order`, `section_points`) or by polynomials (`section_degree`), one with
+a hole, a core in its sheath, and a tube of two layers (`rings`). Of layers the inner one has the law of the row, the
+other ν = 0.3. `mixed` is ν = 0.5 and, of fibres, no change of volume.
+"""
 
-def run(analysis: str, feature: str, word: str, seconds: float) -> dict[str, Any]:
+
+def run(table: str, row: str, column: str, seconds: float) -> dict[str, Any]:
     """Return what is recorded of a cell: ``refused`` (empty if it answers) and ``seconds``, or ``unfinished``, seconds.
 
     What did neither is ``broken``.
@@ -47,7 +55,7 @@ def run(analysis: str, feature: str, word: str, seconds: float) -> dict[str, Any
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         try:
-            done = combinations.outcome(analysis, feature, word, Path(folder) / "cell", seconds)
+            done = combinations.outcome(table, row, column, Path(folder) / "cell", seconds)
         except subprocess.TimeoutExpired:
             return {"unfinished": seconds}
         took = time.perf_counter() - start
@@ -59,34 +67,30 @@ def run(analysis: str, feature: str, word: str, seconds: float) -> dict[str, Any
 
 
 def read() -> dict[str, Any]:
-    """Return the record: cells by analysis, feature and word."""
+    """Return the record: cells by table, row and column."""
     return json.loads(RECORD.read_text()) if RECORD.exists() else {}
 
 
 def keep(record: dict[str, Any]) -> None:
     """Write the record, in the order of the table."""
     ordered = {
-        analysis: {
-            feature: {word: record[analysis][feature][word] for word in combinations.OPTIONS}
-            for feature in combinations.FEATURES
-            if feature in record[analysis]
-        }
-        for analysis in combinations.ANALYSES
-        if analysis in record
+        table: {row: {column: record[table][row][column] for column in columns} for row in rows if row in record[table]}
+        for table, (rows, columns) in combinations.TABLES.items()
+        if table in record
     }
     RECORD.write_text(_lines(ordered))
 
 
 def _lines(record: dict[str, Any]) -> str:
     """Return JSON with a line for each cell, so that a change shows what changed."""
-    analyses = []
-    for analysis, features in record.items():
-        rows = []
-        for feature, cells in features.items():
-            own = ",\n".join(f"   {json.dumps(word)}: {json.dumps(cell)}" for word, cell in cells.items())
-            rows.append(f"  {json.dumps(feature)}: {{\n{own}}}")
-        analyses.append(f" {json.dumps(analysis)}: {{\n" + ",\n".join(rows) + "}")
-    return "{\n" + ",\n".join(analyses) + "}\n"
+    tables = []
+    for table, rows in record.items():
+        lines = []
+        for row, cells in rows.items():
+            own = ",\n".join(f"   {json.dumps(column)}: {json.dumps(cell)}" for column, cell in cells.items())
+            lines.append(f"  {json.dumps(row)}: {{\n{own}}}")
+        tables.append(f" {json.dumps(table)}: {{\n" + ",\n".join(lines) + "}")
+    return "{\n" + ",\n".join(tables) + "}\n"
 
 
 def page(record: dict[str, Any]) -> str:
@@ -99,24 +103,23 @@ def page(record: dict[str, Any]) -> str:
         raise SystemExit("combinations: a cell is broken: see the record, mend it and run it again")
     rest = f"; of {open_} nobody waited for the end (`?`, or not run)" if open_ else ""
     parts = [HEAD.format(long=LONG, all=len(cells), yes=yes, no=no, rest=rest)]
-    parts += [_table(analysis, features) for analysis, features in record.items()]
+    parts += [_table(table, rows) for table, rows in record.items()]
     return "\n".join(parts)
 
 
-def _table(analysis: str, features: dict[str, Any]) -> str:
-    """Return the table of one analysis and the lines of what it refuses, each once."""
-    words = list(combinations.OPTIONS)
+def _table(table: str, features: dict[str, Any]) -> str:
+    """Return a table and the lines of what it refuses, each once."""
+    words = list(combinations.TABLES[table][1])
     lines: list[str] = []
     rows = [
-        "| | "
-        + " | ".join(word if " " in word or word in ("alone", "compare") else f"`{word}`" for word in words)
-        + " |",
+        "| | " + " | ".join(f"`{word}`" if word.startswith("--") else word for word in words) + " |",
         "|---|" + "---|" * len(words),
     ]
     for feature, cells in features.items():
         rows.append(f"| {feature} | " + " | ".join(_cell(cells[word], lines) for word in words) + " |")
     notes = [f"{number}. `{line}`" for number, line in enumerate(lines, 1)]
-    return "\n".join([f"## {TITLES[analysis]}\n", *rows, *([""] if notes else []), *notes, ""])
+    head = f"## {TITLES[table]}\n" + (SECTIONS if table == "sections" else "")
+    return "\n".join([head, *rows, *([""] if notes else []), *notes, ""])
 
 
 def _cell(cell: dict[str, Any], lines: list[str]) -> str:
@@ -132,19 +135,20 @@ def _cell(cell: dict[str, Any], lines: list[str]) -> str:
 def main(arguments: list[str] | None = None) -> None:
     """Run cells if asked for, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--run", nargs="+", metavar="NAME", help="an analysis, and features")
-    parser.add_argument("--word", action="append", choices=combinations.OPTIONS, help="these words alone")
+    parser.add_argument("--run", nargs="+", metavar="NAME", help="a table, and rows")
+    parser.add_argument("--word", action="append", help="these columns alone")
     parser.add_argument("--seconds", type=float, default=180.0, help="how long a cell may take")
     chosen = parser.parse_args(arguments)
     record = read()
     if chosen.run:
-        analysis, *features = chosen.run
-        own = record.setdefault(analysis, {})
-        for feature in features or combinations.FEATURES:
-            row = own.setdefault(feature, {key: {"unfinished": 0.0} for key in combinations.OPTIONS})
-            for word in chosen.word or combinations.OPTIONS:
-                row[word] = run(analysis, feature, word, chosen.seconds)
-                print(f"{analysis:9} {feature:13} {word:13} {row[word]}", flush=True)
+        table, *some = chosen.run
+        rows, columns = combinations.TABLES[table]
+        own = record.setdefault(table, {})
+        for name in some or rows:
+            row = own.setdefault(name, {key: {"unfinished": 0.0} for key in columns})
+            for column in chosen.word or columns:
+                row[column] = run(table, name, column, chosen.seconds)
+                print(f"{table:9} {name:13} {column:13} {row[column]}", flush=True)
                 keep(record)
     PAGE.write_text(page(record))
 

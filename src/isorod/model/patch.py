@@ -4,6 +4,7 @@ import numpy as np
 
 from isorod.arrays import Index
 from isorod.errors import InputError
+from isorod.geometry.quadrature import WHOLE
 from isorod.space.space import Space
 
 # Places round an arc at which functions are looked at.
@@ -15,9 +16,9 @@ _SMALL, _ROUNDED = 1e-9, 1e-6
 def patch_nodes(space: Space, around: tuple[float, float], along: tuple[float, float]) -> Index:
     """Return the nodes whose functions act on a patch (see `isorod.model.support.Support.patch`), ``(m,)``."""
     if not space.basis.on_surface:
-        raise InputError(
-            "patch: the section functions have no control points on the surface; give the space an order, such as 2"
-        )
+        whole = space.rod.rings == WHOLE
+        right = "give the space an order, such as 2" if whole else "no rod with a hole or layers has"
+        raise InputError(f"patch: the section functions have no control points on the surface; {right}")
     first, last = (float(angle) for angle in around)
     if not (np.isfinite([first, last]).all() and 0.0 < last - first <= 360.0):
         raise InputError(f"patch: around is from {first:g} to {last:g} degrees, need a positive angle of at most 360")
