@@ -354,13 +354,15 @@ def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, bala
     right = np.asarray((others[:, columns].T @ tests).T)
     if balanced is not None:
         right += balanced[mine][:, columns].toarray()
-    scale = 1.0 / np.sqrt(np.abs(np.diag(left)))
-    scaled = left * scale * scale[:, None]
+    # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
+    scale = 1.0 / np.linalg.norm(left, axis=0)
+    rows = 1.0 / np.linalg.norm(left * scale, axis=1)
+    scaled = left * scale * rows[:, None]
     if not np.linalg.cond(scaled) < _SINGULAR:
         raise InputError(
             "the slave's functions are not independent on its surface; take the whole surface, or the other as slave"
         )
-    found = scale[:, None] * np.linalg.solve(scaled, scale[:, None] * right)
+    found = scale[:, None] * np.linalg.solve(scaled, rows[:, None] * right)
     found[np.abs(found) < _DROPPED * np.abs(found).max(initial=0.0)] = 0.0
     small = csr_array(found)
     return csr_array((small.data, columns[small.indices], small.indptr), shape=(mine.size, jump.shape[1]))

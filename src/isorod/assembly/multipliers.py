@@ -1,9 +1,12 @@
 """Multipliers of a weld whose surface ends at a support: what becomes of the traces of functions that are held.
 
 Were they left out, multipliers would vanish at the edge, constant tractions would not be among them, and the bodies
-would come apart between the support and the next functions.  Each is added to the nearest one that is free, so that
-constants stay (Bernardi, Maday and Patera 1994, for linear functions on a line).
+would come apart between the support and the next functions.  Each is added to the nearest ones that are free, so that
+constants stay, along a rod all polynomials of one degree less than the functions' (Bernardi, Maday and Patera 1994, for
+linear functions on a line).
 """
+
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +31,34 @@ def passed_on_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_
     """
     held, rest = np.flatnonzero(~free), np.flatnonzero(free)
     layer, function = np.divmod(nodes, space.layer_nodes)
-    apart = np.abs(layer[held][:, None] - layer[rest]).astype(float)
-    if space.rod.closed:
-        apart = np.minimum(apart, space.layers - apart)
-    apart[function[held][:, None] != function[rest]] = np.inf
-    to = apart.argmin(axis=1)
-    found = np.flatnonzero(np.isfinite(apart[np.arange(held.size), to]))
-    return csr_array((np.ones(found.size), (found, to[found])), shape=(held.size, rest.size))
+    powers = _powers(space)
+    row, column, value = [], [], []
+    for k, one in enumerate(held):
+        apart = np.abs(layer[rest] - layer[one])
+        if space.rod.closed:
+            apart = np.minimum(apart, space.layers - apart)
+        same = np.flatnonzero(function[rest] == function[one])
+        near = same[np.argsort(apart[same], kind="stable")[: space.axis.degree]]
+        if near.size:
+            known = powers[: 1 if space.rod.closed else near.size]
+            shares = np.linalg.lstsq(known[:, layer[rest[near]]], known[:, layer[one]], rcond=None)[0]
+            row += [k] * near.size
+            column += near.tolist()
+            value += shares.tolist()
+    return csr_array((value, (row, column)), shape=(held.size, rest.size))
+
+
+def _powers(space: Space) -> Array:
+    """Return the coefficients along the axis of Legendre's polynomials of degrees 0 to degree - 1, a row each."""
+    axis = space.axis
+    low, high = axis.breaks[[0, -1]]
+    u = np.unique(np.concatenate([np.linspace(a, b, axis.degree + 2) for a, b in pairwise(axis.breaks)]))
+    first, values, _ = axis.local(u)
+    functions = np.zeros((len(u), space.layers))
+    columns = (first[:, None] + np.arange(axis.degree + 1)) % space.layers
+    np.add.at(functions, (np.arange(len(u))[:, None], columns), values)
+    wanted = np.polynomial.legendre.legvander(2.0 * (u - low) / (high - low) - 1.0, axis.degree - 1)
+    return np.asarray(np.linalg.lstsq(functions, wanted, rcond=None)[0].T)
 
 
 def passed_on_near(points: Array, weights: Array, traces: csr_array, free: NDArray[np.bool_]) -> csr_array:
