@@ -139,7 +139,7 @@ def sleeve(problem: Problem, cells: tuple[int, int, int], element: str) -> tuple
     shape, degree, geometry = ELEMENTS[element]
     made = ring(RADIUS, problem.outline, problem.length, cells, shape, geometry)
     mesh = made.mesh
-    space = compat.function_space(mesh, compat.element(mesh, "Lagrange", degree, 3))
+    space = vectors(mesh, degree)
     given = fem.Function(space)
     given.interpolate(lambda x: AMPLITUDE * problem.solution.displacement(x.T.copy(), 1).T)
     conditions = []
@@ -155,6 +155,11 @@ def sleeve(problem: Problem, cells: tuple[int, int, int], element: str) -> tuple
         dofs = fem.locate_dofs_topological((part, own), 2, made.ends)
         conditions.append(fem.dirichletbc(value, dofs, part))
     return made, Solid(space, LinearElastic(problem.E[1], problem.nu[1]), conditions=conditions)
+
+
+def vectors(mesh: Any, degree: int) -> Any:
+    """Return the space of vectors of a degree."""
+    return compat.function_space(mesh, compat.element(mesh, "Lagrange", degree, 3))
 
 
 def _pinned(space: Any, problem: Problem) -> list[Any]:
