@@ -28,6 +28,10 @@ VIEWS: dict[str, dict[str, Any]] = {
     "muscle": {"view": (0.2, -1.0, 0.3), "size": UPRIGHT},
     "wing": {"view": (1.0, -1.0, 0.35), "size": UPRIGHT},
     "trefoil": {"view": (0.3, -0.6, 1.0)},
+    "weld": {"view": (1.0, -0.2, 0.25), "scale": 200.0, "size": UPRIGHT},
+    "tendon": {"view": (-0.2, -1.0, 0.25), "size": UPRIGHT},
+    "screw": {"view": (1.0, -0.2, 0.25), "scale": 50.0, "size": UPRIGHT},
+    "stent": {"view": (1.0, -1.4, 0.6)},
     "flower": {"view": (1.0, -1.4, 1.2)},
     "ring": {"view": (1.0, -1.4, 1.2)},
 }

@@ -85,7 +85,7 @@ def test_examples_choose_no_space():
     assert [name for name in new.EXAMPLES if "space =" in (EXAMPLES / f"{name}.toml").read_text()] == ["spring"]
 
 
-SLOW = dict.fromkeys(("crossing", "wing", "cable"), pytest.mark.slow)
+SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw"), pytest.mark.slow)
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in new.EXAMPLES])
