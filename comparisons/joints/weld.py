@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 import gmsh
 import numpy as np
 from dolfinx import fem
-from dolfinx.io import gmshio
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 import isorod
@@ -129,7 +127,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         gmsh.model.mesh.generate(3)
         if order > 1:
             gmsh.model.mesh.setOrder(order)
-        mesh, _, facets = gmshio.model_to_mesh(gmsh.model, MPI.COMM_WORLD, 0)
+        mesh, _, facets = compat.from_gmsh(gmsh.model)[:3]
     finally:
         gmsh.finalize()
     return Block(mesh, facets.find(1), facets.find(2))

@@ -7,6 +7,7 @@ import inspect
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 import basix
@@ -35,6 +36,7 @@ __all__ = [
     "expression",
     "exterior_facets",
     "form",
+    "from_gmsh",
     "function_space",
     "geometry_dofs",
     "geometry_element",
@@ -282,3 +284,12 @@ def impose(condition: Any, array: Array) -> None:
         condition.set(array)
     else:
         fem.set_bc(array, [condition])
+
+
+def from_gmsh(model: Any) -> Any:
+    """Return the mesh of a gmsh model on all ranks, with the tags of its cells and facets."""
+    try:
+        reader = import_module("dolfinx.io.gmsh")
+    except ImportError:
+        reader = import_module("dolfinx.io.gmshio")
+    return reader.model_to_mesh(model, MPI.COMM_WORLD, 0)
