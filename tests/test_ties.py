@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isorod import LinearElastic, NeoHookean, Space, circle, modal, statics, straight
+from isorod import LinearElastic, NeoHookean, Space, circle, dynamics, modal, statics, straight
 from isorod.assembly.constraints import Constraints
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError, SolveError
@@ -252,3 +252,39 @@ def test_a_mean_tie_passes_force_and_moment_and_lets_the_section_breathe():
     strain = solved.at(1, 0.9)[2] - solved.at(1, 0.1)[2]
     assert edge[0] == pytest.approx(-0.3 * strain / 2.4, rel=1e-2)
     assert solved.ties[0].force == pytest.approx(solved.reactions[0], abs=1e-10)
+
+
+def test_a_tie_to_a_face_that_is_held_pulls_at_its_support():
+    lower, upper = pair()
+    law = LinearElastic(10.0, 0.0)
+    supports = [Support.end(lower, "start"), Support.end(lower, "end")]
+    load = SectionLoad.end(upper, "end", (2e-3, 0.0, 1e-3), body=1)
+    solved = statics.solve(Model([Body(lower, law), Body(upper, law)], supports, loads=[load], ties=[WELD]))
+    assert solved.reactions == pytest.approx(np.array([[0.0] * 3, [-2e-3, 0.0, -1e-3]]), abs=1e-11)
+
+
+def test_welded_bars_swing_as_one():
+    kinds = {"order": 2, "degree": 3, "continuity": 0}
+    lower, upper = (bar(2.0, (0.0, 0.0, z), elements=2, **kinds) for z in (0.0, 2.0))
+    one, law = bar(4.0, elements=4, **kinds), NeoHookean(10.0, 0.3)
+
+    def swung(spaces, ties):
+        last = len(spaces) - 1
+        load = SectionLoad.end(spaces[last], "end", (5e-2, 0.0, 0.0), body=last)
+        bodies = [Body(space, law, 1.0) for space in spaces]
+        model = Model(bodies, [Support.end(spaces[0], "start")], loads=[load], ties=ties)
+        found = dynamics.solve(model, 4.0, 0.5, integrator="implicit", outputs=4)
+        return found, [state.at(last, "end") for _, state in found.frames()]
+
+    found, path = swung([lower, upper], [WELD])
+    alone, expected = swung([one], [])
+    assert np.array(path) == pytest.approx(np.array(expected), abs=1e-8)
+    assert np.array(found.reactions) == pytest.approx(np.array(alone.reactions), abs=1e-7)
+    assert np.abs(found.energy_error).max() < 1e-10
+
+
+def test_explicit_steps_take_no_ties():
+    lower, upper = pair()
+    bodies = [Body(space, NeoHookean(10.0, 0.3), 1.0) for space in (lower, upper)]
+    with pytest.raises(InputError, match="ties: not supported by explicit steps"):
+        dynamics.solve(Model(bodies, [Support.end(lower, "start")], ties=[WELD]), 1.0)

@@ -1,6 +1,7 @@
 """Rotations; determinants and inverses of many 3 x 3 matrices: LAPACK's, one by one, take ten times as long."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Numbers
 
@@ -66,3 +67,13 @@ def _minors(entries: Array) -> Array:
     result[3], result[4], result[5] = h * c - i * b, i * a - g * c, g * b - h * a
     result[6], result[7], result[8] = b * f - c * e, c * d - a * f, a * e - b * d
     return result
+
+
+def motions_of(places: Array, carriers: NDArray[np.bool_]) -> Array:
+    """Return translations and turns about the origin of nodes at places ``(nodes, 3)``, shape ``(3 nodes, 6)``."""
+    columns = np.zeros((*places.shape, 6))
+    for a in range(3):
+        columns[carriers, a, a] = 1.0
+        b, c = (a + 1) % 3, (a + 2) % 3
+        columns[:, b, 3 + a], columns[:, c, 3 + a] = -places[:, c], places[:, b]
+    return columns.reshape(-1, 6)

@@ -11,6 +11,7 @@ from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
+from isorod.tensors import motions_of
 
 # A motion counts as free if it moves held components by less than this share of its size.
 _TOLERANCE = 1e-8
@@ -29,13 +30,7 @@ def motions(space: Space, moved: Array | float = 0.0) -> Array:
     A rod reproduces them exactly, since its functions reproduce its own map.  They are those of the rod where it has
     ``moved`` to, by ``(nodes, 3)``.
     """
-    arm = _arms(space, moved)
-    columns = np.zeros((*arm.shape, 6))
-    for a in range(3):
-        columns[space.is_carrier, a, a] = 1.0
-        b, c = (a + 1) % 3, (a + 2) % 3
-        columns[:, b, 3 + a], columns[:, c, 3 + a] = -arm[:, c], arm[:, b]
-    return np.linalg.qr(columns.reshape(-1, 6))[0]
+    return np.linalg.qr(motions_of(_arms(space, moved), space.is_carrier))[0]
 
 
 def _arms(space: Space, moved: Array | float = 0.0) -> Array:

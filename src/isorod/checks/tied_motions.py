@@ -9,6 +9,7 @@ from isorod.assembly.constraints import trace_of
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.model.tie import SolidSurface, Surface, Tie
+from isorod.tensors import motions_of
 
 # A motion counts as free if it moves what is held by less than this share of its size.
 _TOLERANCE = 1e-8
@@ -74,7 +75,7 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
         for b in group.bodies:
             space = model.bodies[b].space
             places = space.positions if displacement is None else space.positions + model.nodal(displacement, b)
-            shapes[b] = motions((places - space.is_carrier[:, None] * center) / size, space.is_carrier)
+            shapes[b] = motions_of((places - space.is_carrier[:, None] * center) / size, space.is_carrier)
             free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
             add(part_of["body", b], shapes[b][free < 0])
             # What tied components move apart.
@@ -83,7 +84,7 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
             add(part_of["body", b], (shapes[b] - shapes[b][first[unknown]])[apart])
         for s in group.solids:
             solid = model.solids[s]
-            own = motions((solid.positions - center) / size, np.ones(len(solid.positions), dtype=bool))
+            own = motions_of((solid.positions - center) / size, np.ones(len(solid.positions), dtype=bool))
             held = own[solid.held[0] - 3 * solid.owned[0]]
             add(part_of["solid", s], np.concatenate(solid.comm.allgather(held)))
         for tie in model.ties:
@@ -121,7 +122,7 @@ def _frame(model: Model, group: Group) -> tuple[float, Array]:
 def _normal_motions(model: Model, tie: Tie, center: Array, size: float) -> Array:
     """Return what each rigid motion moves the points of a tie's slave along its normals, shape ``(q, 6)``."""
     trace = trace_of(model, tie.slave)
-    moved = motions((trace.points - center) / size, np.ones(len(trace.points), dtype=bool)).reshape(-1, 3, 6)
+    moved = motions_of((trace.points - center) / size, np.ones(len(trace.points), dtype=bool)).reshape(-1, 3, 6)
     return np.asarray(np.einsum("qa,qak->qk", trace.normals, moved))
 
 
@@ -138,24 +139,14 @@ def spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]:
         raise InputError("modes: what slides freely has rigid motions; give the tie a bond, or support the body")
     group = next(one for one in groups(model) if body in one.bodies)
     space = model.bodies[body].space
-    of_body = motions(space.positions, space.is_carrier)
+    of_body = motions_of(space.positions, space.is_carrier)
     amounts = np.linalg.lstsq(of_body, motion.ravel(), rcond=None)[0]
     rods = np.zeros(model.dofs)
     for b in group.bodies:
         space = model.bodies[b].space
-        model.nodal(rods, b)[:] = (motions(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
+        model.nodal(rods, b)[:] = (motions_of(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
     solids = []
     for k, solid in enumerate(model.solids):
-        moved = motions(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
+        moved = motions_of(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
         solids.append(moved if k in group.solids else 0.0 * moved)
     return rods, solids
-
-
-def motions(places: Array, carriers: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> Array:
-    """Return the six infinitesimal rigid motions of nodes at places ``(nodes, 3)``, shape ``(3 nodes, 6)``."""
-    columns = np.zeros((len(places), 3, 6))
-    for a in range(3):
-        columns[carriers, a, a] = 1.0
-        b, c = (a + 1) % 3, (a + 2) % 3
-        columns[:, b, 3 + a], columns[:, c, 3 + a] = -places[:, c], places[:, b]
-    return columns.reshape(-1, 6)

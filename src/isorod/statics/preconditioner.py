@@ -8,6 +8,7 @@ from petsc4py import PETSc
 from isorod.assembly.assembler import Assembler
 from isorod.checks.rigid_motions import near_null_space
 from isorod.petsc.matrix import orthonormalise
+from isorod.tensors import motions_of
 
 if TYPE_CHECKING:
     from isorod.assembly.coupling import Coupling
@@ -30,11 +31,9 @@ def prepare(assembler: Assembler, matrix: PETSc.Mat, pc: PETSc.PC) -> None:
 
 def _rigid_motions(assembler: Assembler, coupling: "Coupling", field: PETSc.IS) -> PETSc.NullSpace:
     """Return the rigid motions of all solids on their unknowns."""
-    from isorod.checks.tied_motions import motions
-
     vectors, nothing = [], np.zeros(assembler.model.dofs)
     for k, solid in enumerate(assembler.model.solids):
-        for motion in motions(solid.positions, np.ones(len(solid.positions), dtype=bool)).T:
+        for motion in motions_of(solid.positions, np.ones(len(solid.positions), dtype=bool)).T:
             others = [np.zeros(3 * len(one.positions)) for one in assembler.model.solids]
             others[k] = motion
             everywhere = assembler.state(nothing, (), others)
