@@ -36,8 +36,10 @@ class Assembler(Parts):
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         # What the elements had in the last tangent, kept where there is contact.
         self._elements: Array | None = None
-        # The displacement of the whole model that the last local state is of, where there is contact.
+        # The displacement of the whole model that the last local state is of, where there is contact, that of facets
+        # that rods touch behind it; and the forces on these.
         self._everywhere: Array = np.empty(0)
+        self._pushed: Array = np.empty(0)
         super().__init__(model, comm)
         with self._timed():
             self.contact = self._contact()
@@ -56,8 +58,20 @@ class Assembler(Parts):
         if self.contact is not None:
             self.contact.place(factor)
             # Surfaces meet those of other ranks' elements.
-            self._everywhere = self.displacement(x, factor) if self.comm.getSize() > 1 else self._moves(local)
+            moved = self.displacement(x, factor) if self.comm.getSize() > 1 else self._moves(local)
+            self._everywhere = self._with_facets(moved, x, factor)
         return local
+
+    def _with_facets(self, moved: Array, x: PETSc.Vec, factor: float) -> Array:
+        """Return a displacement of the rods ``(dofs,)`` with that of facets that they touch behind it."""
+        if self.coupling is None or self.contact is None or not self.contact.beyond.size:
+            return moved
+        solids = self.coupling.everywhere(self.coupling.solids(x, factor))
+        return np.append(moved, solids[self.contact.beyond - self.model.dofs])
+
+    def touching(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return the displacement that contact takes: all degrees of freedom, and those of facets behind them."""
+        return self._with_facets(self.displacement(x, factor), x, factor)
 
     def _followers(self) -> "list[Pressing]":
         """Return the pressures that follow each part, if any does."""
@@ -124,7 +138,8 @@ class Assembler(Parts):
         """Return row and column of each entry, or of contact's alone, those of held degrees of freedom negative."""
         found = [] if pattern is None else [pattern.indices()]
         if self.contact is not None:
-            found.append((self.unknown_of[self.contact.rows], self.unknown_of[self.contact.columns]))
+            some = self.contact.of_rods
+            found.append((self.unknown_of[self.contact.rows[some]], self.unknown_of[self.contact.columns[some]]))
         rows, columns = zip(*found, strict=True)
         return (rows[0], columns[0]) if len(found) == 1 else (np.concatenate(rows), np.concatenate(columns))
 
@@ -142,8 +157,18 @@ class Assembler(Parts):
         if spin is not None:
             total -= factor * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
-            total -= self._once(self.contact.forces(self._everywhere)[0])
+            forces = self.contact.forces(self._everywhere)[0]
+            own, self._pushed = np.split(forces, [self.model.dofs])
+            total -= self._once(own)
         return total - factor * self._loads(local)
+
+    def _solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return what `_forces`, of the same state and called before, is of solids: on those of this rank."""
+        assert self.coupling is not None
+        forces = self.coupling.solid_forces(x, factor)
+        if self.contact is not None and self._pushed.size:
+            self.coupling.push(-self._pushed, self.contact.beyond, forces)
+        return forces
 
     def extrapolate(self) -> None:
         """Let the next tangent be exact; those of slender bodies then extrapolate (`isorod.assembly.extrapolation`)."""
@@ -164,7 +189,7 @@ class Assembler(Parts):
             self._store(forces, out)
             own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
             if self.coupling is not None:
-                solids = self.coupling.solid_forces(x, factor)
+                solids = self._solid_forces(x, factor)
                 self.coupling.add(solids, out)
                 self.coupling.add_bonds(x, self.coupling.given(factor), out)
                 own += self.coupling.carried(solids, factor)
@@ -185,7 +210,7 @@ class Assembler(Parts):
         assert self.coupling is not None
         with self._timed():
             rods = self.everywhere(self._forces(self._state(x, factor), factor))
-            found = np.append(rods, self.coupling.everywhere(self.coupling.solid_forces(x, factor)))
+            found = np.append(rods, self.coupling.everywhere(self._solid_forces(x, factor)))
             if self.coupling.bonds is None:
                 return found
             return found + self.coupling.bonds @ self.system_displacement(x, factor)
@@ -204,7 +229,7 @@ class Assembler(Parts):
             total = self._forces(self._state(x, factor), factor)[slots]
             own: Array = np.bincount(moved[loose] % 3, total[loose], 3).astype(float)
             if self.coupling is not None:
-                own = own + self.coupling.unheld(self.coupling.solid_forces(x, factor))
+                own = own + self.coupling.unheld(self._solid_forces(x, factor))
             return np.asarray(self.comm.tompi4py().allreduce(own))
 
     def inside(self, x: PETSc.Vec, factor: float) -> float:
@@ -241,7 +266,7 @@ class Assembler(Parts):
                 self._add_stiffness(pattern, local, factor, entries)
             if self.contact is not None:
                 self._elements = entries
-                entries = np.concatenate([entries, self.contact.tangent(self._everywhere)])
+                entries = np.concatenate([entries, self.contact.tangent(self._everywhere)[self.contact.of_rods]])
                 # Of any rank's entries.
                 if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
                     if not fits(out, pattern.total, *self._indices(None)):
@@ -249,7 +274,7 @@ class Assembler(Parts):
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, entries)
             if self.coupling is not None:
-                self.coupling.fill(system, self.coupling.tangents(x, factor))
+                self.coupling.fill(system, self.coupling.tangents(x, factor), self.contact)
 
     def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
         """Add the parts' tangents to the entries of a pattern."""
@@ -289,12 +314,20 @@ class Assembler(Parts):
             total = -step * self._loads(local)
             for k in range(len(self.parts)):
                 self._add_change(k, local, factor, move, step, total)
+            pushed = np.empty(0)
             if self.contact is not None:
-                total += self._once(self.contact.product(way))
-                total -= self._once(self.contact.carried_along(self._everywhere, factor, step))
+                if self.contact.beyond.size:
+                    assert self.coupling is not None
+                    change = self.coupling.given(factor + step) - self.coupling.given(factor)
+                    way = np.append(way, change[self.contact.beyond])
+                change = self.contact.product(way) - self.contact.carried_along(self._everywhere, factor, step)
+                own, pushed = np.split(change, [self.model.dofs])
+                total += self._once(own)
             self._store(total, out)
             if self.coupling is not None:
                 self.coupling.add_load_forces(x, factor, step, out)
+                if self.contact is not None and pushed.size:
+                    self.coupling.add(self.coupling.push(pushed, self.contact.beyond), out)
 
     def _add_change(self, k: int, local: Array, factor: float, move: Array, step: float, total: Array) -> None:
         """Add a part's to `load_forces`: supports ``move`` its nodes."""

@@ -333,7 +333,7 @@ def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | No
         if surface.facets is None:
             raise InputError(f"the slave is solid {surface.solid}: name its facets")
         found = model.solids[surface.solid].trace(surface.facets)
-        return Trace(*found, independent=np.unique(found.nodes))
+        return Trace(*found[:-1], independent=np.unique(found.nodes))
     space = model.bodies[surface.body].space
     if isinstance(surface, EndFace):
         return end_trace(space, surface.which, finer)

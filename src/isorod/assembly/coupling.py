@@ -6,6 +6,7 @@ The rods' assembler and the solids keep unknowns of their own, of which those of
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -14,11 +15,17 @@ from scipy.sparse import csr_array
 from isorod.arrays import Array, Index
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
-from isorod.petsc.matrix import create_matrix, keep_symmetric, preallocate, renewed, set_values
+from isorod.petsc.matrix import create_matrix, fits, keep_symmetric, preallocate, renewed, set_values
 from isorod.petsc.rows import local_rows
+
+if TYPE_CHECKING:
+    from isorod.contact.operator import ContactOperator
 
 # Attributes of a matrix of the system: the rods' own, and what rods and solids add to it.
 _RODS, _ADDED = "isorod_rods", "isorod_added"
+
+# Attribute of another: the pattern of contact that it has room for.
+_CONTACT = "isorod_contact"
 
 
 class Coupling:
@@ -82,13 +89,12 @@ class Coupling:
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
         self._transformations = [self._rods, *self._solids]
         self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
+        # What of the unknowns each degree of freedom is made, and which of these solids have in contact.
+        plain = np.flatnonzero(of_dofs >= 0)
+        whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
+        place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
+        self._whole = whole = csr_array(whole + place @ dependent)
         if self.bonds is not None:
-            plain = np.flatnonzero(of_dofs >= 0)
-            whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
-            place = csr_array(
-                (np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size)
-            )
-            whole = csr_array(whole + place @ dependent)
             first = int(np.count_nonzero(rank < comm.getRank()))
             self._pushed = csr_array((whole.T @ self.bonds)[first : first + self.rows])
             stiffness = csr_array(self._pushed @ whole)
@@ -173,6 +179,15 @@ class Coupling:
         """Return what each solid has on this rank, on every rank, one solid behind the other."""
         found = [np.concatenate(self._comm.tompi4py().allgather(one)) for one in own]
         return np.concatenate([np.empty(0), *found])
+
+    def push(self, forces: Array, where: Index, to: Sequence[Array] | None = None) -> Sequence[Array]:
+        """Add forces on some degrees of freedom, the same on all ranks, to those of each solid's on this rank."""
+        to = [np.zeros(own.size) for own in self._own_dofs] if to is None else to
+        for own, force in zip(self._own_dofs, to, strict=True):
+            if own.size:
+                here = (where >= own[0]) & (where <= own[-1])
+                force[where[here] - own[0]] += forces[here]
+        return to
 
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the internal less the external forces of each solid's degrees of freedom on this rank."""
@@ -259,21 +274,43 @@ class Coupling:
         """Return the rods' own matrix of one of the system."""
         return matrix.getAttr(_RODS)
 
-    def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat]) -> None:
-        """Fill a matrix of the system from the rods' own, which is filled, and the solids'."""
+    def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat], contact: "ContactOperator | None" = None) -> None:
+        """Fill a matrix of the system from the rods' own, which is filled, the solids', and their contact with rods."""
         rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
+        entries = self._of_contact(contact)
         if renewed(rods):
             # Contact has come where there was none.
             added[0].destroy()
             added[0] = self._added(0, rods)
-            preallocate(matrix, *self._places(added))
+            matrix.setAttr(_CONTACT, None)
+        version = None if contact is None else contact.version
+        if self._comm.tompi4py().allreduce(matrix.getAttr(_CONTACT) != version):
+            rows, columns = self._places(added)
+            if not (matrix.getAttr(_CONTACT) is not None and fits(matrix, rows.size, *entries[:2])):
+                preallocate(matrix, np.append(rows, entries[0]), np.append(columns, entries[1]))
+            matrix.setAttr(_CONTACT, version)
         values = []
         for k, product in enumerate(added):
             own = (rods, *solids, product)[min(k, 1 + len(solids))]
             if product is not own:
                 own.PtAP(self._transformations[k], result=product)
             values += [local_rows(product).own.values, local_rows(product).others.values]
-        set_values(matrix, np.concatenate(values))
+        set_values(matrix, np.concatenate([*values, entries[2]]))
+
+    def _of_contact(self, contact: "ContactOperator | None") -> tuple[Index, Index, Array]:
+        """Return rows, columns and values of this rank's entries of contact that are not between rods alone."""
+        if contact is None or not contact.beyond.size:
+            return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
+        some, whole = np.flatnonzero(~np.asarray(contact.of_rods)), self._whole
+        dofs = np.append(np.arange(self._model.dofs), contact.beyond)
+        row, column = dofs[contact.rows[some]], dofs[contact.columns[some]]
+        counts = np.diff(whole.indptr)
+        each = counts[row] * counts[column]
+        entry = np.repeat(np.arange(some.size), each)
+        down, across = np.divmod(np.arange(entry.size) - np.repeat(np.cumsum(each) - each, each), counts[column][entry])
+        down, across = whole.indptr[row][entry] + down, whole.indptr[column][entry] + across
+        values = contact.values[some][entry] * whole.data[down] * whole.data[across]
+        return whole.indices[down].astype(np.int64), whole.indices[across].astype(np.int64), values
 
     def _added(self, k: int, own: PETSc.Mat) -> PETSc.Mat:
         """Return what a part's own matrix, rods' or a solid's, adds: a product, or itself where it has no slaves."""

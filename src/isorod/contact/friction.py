@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def pack(model: "Model", packed: Packed) -> Friction:
     """Return the friction of a model's contacts, without history."""
-    each, passes = [one.friction for one in model.contacts], [len(one.sides) for one in model.contacts]
+    each, passes = [one.friction for one in model.contacts], [one.passes for one in model.contacts]
     return Friction.of(np.repeat(each, passes), packed.areas.size)
 
 

@@ -8,11 +8,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
+from isorod.contact.facets import nodes_of
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.lift_kernel import lift, lower
 from isorod.contact.packed import Friction, Packed, Row
@@ -43,7 +45,8 @@ _CLOSER = 1.8
 class ContactOperator:
     """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
 
-    Friction has one (`accept`).
+    Friction has one (`accept`).  Degrees of freedom are those of the model, and behind them three of each node of
+    facets of finite element bodies that rods touch.
 
     Attributes
     ----------
@@ -52,7 +55,9 @@ class ContactOperator:
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
     points
-        Points round an arc and along an element, of each side of the contacts.
+        Points round an arc and along an element, of each pass of the contacts.
+    beyond
+        Which degrees of freedom of rods and finite element bodies together those of facets are.
     friction
         Friction of the contacts that have some, or None.
     stiffness
@@ -73,11 +78,13 @@ class ContactOperator:
         self.points = points_of(model)
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
-        reference = np.concatenate([body.space.positions for body in model.bodies])
+        nodes, places = nodes_of(model)
+        self.beyond: Index = (3 * nodes[:, None] + np.arange(3)).ravel()
+        reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
         self._nodes = len(reference)
         self._base = np.pad(reference, ((0, len(self.packed.before) - self._nodes), (0, 0)))
         self._places = self.packed.passes["point"].copy()
-        travel = [contact.travel for contact in model.contacts for _ in contact.sides]
+        travel = [contact.travel for contact in model.contacts for _ in range(contact.passes)]
         self._ways = np.array(travel)[:, None] * self.packed.passes["direction"]
         self._blocks = Blocks(PATCH)
         self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
@@ -186,6 +193,13 @@ class ContactOperator:
         self.values = self._lifts.lower(self.rows, self.columns, self.values, self.version)
         self.rows, self.columns = self._lifts.rows, self._lifts.columns
 
+    @property
+    def of_rods(self) -> NDArray[np.bool_] | slice:
+        """Which entries of the last tangent are between degrees of freedom of the model."""
+        if not self.beyond.size:
+            return slice(None)
+        return np.maximum(self.rows, self.columns) < self.model.dofs
+
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""
         own = np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
@@ -254,10 +268,10 @@ class ContactOperator:
 
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
-        sides = [body for contact in self.model.contacts for body, _ in contact.sides]
+        slaves = self.packed.surfaces["body"][self.packed.passes["slave"]]
         even = points_of(self.model, even=True)
         # Where elements are short at patches alone, as many in each are close enough there.
-        self.points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(sides)]
+        self.points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(slaves.tolist())]
         self._take(self._fresh())
 
     def see_better(self, displacement: Array, between: bool) -> bool:

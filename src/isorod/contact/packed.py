@@ -2,7 +2,7 @@
 
 A contact is a number of passes, in each of which the points of one surface, the slave, are held against a rigid
 obstacle, or against the nearest of some surfaces, the masters, which may be the slave itself.  There may be any number
-of surfaces, each the slave of one pass and a master of any number of passes.
+of surfaces, each the slave of one pass, or of none, and a master of any number of passes.
 
 Of its own body a point meets only what is at least half a turn of its radius away along the axis: a rod that is bent
 as tightly as it can, with no radius left inside, has touched itself there (its centre line then turns with the radius
@@ -42,23 +42,24 @@ PLANE, CYLINDER, SPHERE, MESH = -1, -2, -3, -4
 # Elements near an element that there is room for in its list; where there are more, all are looked at.
 NEAR = 96
 
-# Axis functions that an element has room for: ``l``.
-FUNCTIONS = MAX_DEGREE + 1
+# Functions that an element has room for: ``l``, along an axis, or of a facet of a finite element body of third degree.
+FUNCTIONS = max(MAX_DEGREE + 1, 10)
 
 # A table of rows with named fields, and one of its rows.
 Table = NDArray[Any]
 Row = Any
 
-# A surface: its body, control points round its section, axis functions of an element, its elements, the pass in which
-# it is slave (its points start searches for closest points on it), the number of equal fine arcs round its section,
-# of which each arc has some, and the cells along an element and round the section (`isorod.contact.cells`); the angle
-# of the middle of the first of these, the length of the whole axis where that is closed, else infinity, and of an inner
-# surface, whose angles are counted backwards, how deep beyond it a point may be in the wall, else 0; of each fine arc
-# the arc; and of each arc its middle angle, of the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of
-# the control point before at its beginning and of that after at its end, and its part of the circle.
+# A surface: its body, control points round its section, axis functions of an element, its elements, whether others than
+# obstacles touch it, the number of equal fine arcs round its section, of which each arc has some, and the cells along
+# an element and round the section (`isorod.contact.cells`); the angle of the middle of the first of these, the length
+# of the whole axis where that is closed, else infinity, and of an inner surface, whose angles are counted backwards,
+# how deep beyond it a point may be in the wall, else 0; of each fine arc the arc; and of each arc its middle angle, of
+# the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of the control point before at its beginning and
+# of that after at its end, and its part of the circle.  Facets of a finite element body are a surface whose elements
+# are facets, with one control point round the section.
 SURFACE = np.dtype(
     [
-        *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "own_pass")),
+        *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "sought")),
         *((name, np.int64) for name in ("fine", "cells", "cells_round")),
         *((name, np.float64) for name in ("turn", "period", "deep")),
         ("arc_of", np.int64, MAX_COUNT),

@@ -51,6 +51,9 @@ def patches(model: Model, contacts: Sequence[ContactResult]) -> dict[int, list[P
     if all(not one.points_across or one.cells_across >= ENOUGH * asked.across for asked, one in own):
         return {}
     for asked, one in own:
+        # The mesh of a finite element body stays what it is.
+        if one.on_facets:
+            return {}
         made = _of_contact(model, asked, one)
         if made is None:
             return {}

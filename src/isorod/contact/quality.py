@@ -1,7 +1,8 @@
 """How well points and surfaces see the patch of a contact, and what is said where they do not.
 
 The width of the patch is counted in points and in cells (`isorod.contact.cells`), the run of points under pressure in
-which each lies: its mean by their loads, round the section or along the axis, whichever is the less.  Passes that carry
+which each lies: its mean by their loads, round the section or along the axis, whichever is the less.  Facets of finite
+element bodies have no rows: there it is that of an even load of the same second moments on the rods.  Passes that carry
 less than a tenth of what the one with most does are left out.
 """
 
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array
 from isorod.contact.cells import grids
-from isorod.contact.packed import Packed
+from isorod.contact.facets import MOST as MOST_OF_FACETS
+from isorod.contact.packed import Packed, Row
 from isorod.model.contact import MAX_POINTS
 
 # Points across the patch below which more are taken, as many as are then looked for, and those of an element at most:
@@ -35,12 +37,20 @@ PEAK = 0.3
 _LITTLE = 0.1
 
 
+# Nodes that a facet has for itself, by how many stand on it.
+_NODES = {3: 0.5, 6: 2.0, 10: 4.5, 4: 1.0, 9: 4.0}
+
+# Mean of the unit vectors of angles below which a load is all round the section.
+_ROUND = 0.3
+
+
 class Width(NamedTuple):
-    """The patch of a pass: its load, and its mean width in points along the axis and round the section."""
+    """The patch of a pass: its load, its mean width in points along the axis and round the section, and in cells."""
 
     load: float
     along: float
     around: float
+    cells: float
 
 
 def widths(packed: Packed) -> list[Width]:
@@ -48,17 +58,64 @@ def widths(packed: Packed) -> list[Width]:
     found = []
     loads = packed.areas * packed.states["pressure"]
     for one, load in zip(packed.passes, grids(packed, loads), strict=True):
+        surface = packed.surfaces[one["slave"]]
+        if is_facets(surface) and load.any():
+            found.append(_of_facets(packed, one, load))
+            continue
         whole = load.reshape(load.shape[0] * load.shape[1], -1)
         rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
         total = float(whole.sum())
         if not total > 0.0:
-            found.append(Width(0.0, 0.0, 0.0))
+            found.append(Width(0.0, 0.0, 0.0, 0.0))
             continue
-        closed = bool(np.isfinite(packed.surfaces[one["slave"]]["period"]))
+        closed = bool(np.isfinite(surface["period"]))
         around = _mean(whole[rows], True)
         along = _mean(whole[:, columns].T, closed)
-        found.append(Width(total, along, around))
+        cells = along / one["along"] * surface["cells"], around / one["across"] * surface["cells_round"] / load.shape[2]
+        found.append(Width(total, along, around, min(cells)))
     return found
+
+
+def is_facets(surface: Row) -> bool:
+    """Whether a surface is one of a finite element body."""
+    return bool(surface["around"] == 1)
+
+
+def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
+    """Return the width of the patch of facets, whose points have some loads: as the rods that they touch see it."""
+    first, loads = int(one["first_point"]), load.ravel()
+    pressed = np.flatnonzero(loads)
+    starts, loads = packed.starts[first + pressed], loads[pressed]
+    elements = packed.elements[starts["element"]]
+    masters = packed.surfaces[elements["surface"]]
+    lengths = elements["end"] - elements["begin"]
+    places = elements["begin"] + 0.5 * (starts["s"] + 1.0) * lengths
+
+    def mean(values: Array, groups: Array) -> Array:
+        """Return the means by loads of values at the points of each group, at these points."""
+        number = np.unique(groups, return_inverse=True)[1]
+        real, imaginary, total = (
+            np.bincount(number, weights) for weights in (loads * values.real, loads * values.imag, loads)
+        )
+        return np.asarray((real + 1j * imaginary)[number] / total[number])
+
+    spread = mean((places - mean(places, elements["surface"]).real) ** 2, elements["surface"]).real
+    turned = np.abs(mean(np.exp(1j * starts["theta"]), starts["element"]))
+    # Of an even load as wide as w the second moment is w^2 / 12.
+    along = np.sqrt(12.0 * spread)
+    around = elements["radius"] * np.where(turned < _ROUND, np.inf, np.sqrt(24.0 * (1.0 - np.minimum(turned, 1.0))))
+    area = float(packed.areas[first : first + load.size].mean())
+    facet = area * load.shape[1]
+    node = np.sqrt(facet / _NODES[int(packed.surfaces[one["slave"]]["functions"])])
+    cells = np.minimum(
+        np.minimum(along, around) / node,
+        np.minimum(
+            along / lengths * masters["cells"], around / (2.0 * np.pi * elements["radius"]) * masters["cells_round"]
+        ),
+    )
+    total = float(loads.sum())
+    widths = (float(loads @ each / total) for each in (along / np.sqrt(area), around / np.sqrt(area), cells))
+    return Width(total, *widths)
 
 
 def _mean(loads: Array, cyclic: bool) -> float:
@@ -94,16 +151,8 @@ def across(packed: Packed, chosen: Sequence[int]) -> tuple[float, float]:
     own = [chosen[k] for k in carrying([found[k] for k in chosen])]
     if not own:
         return 0.0, 0.0
-    points = min(min(found[k].along, found[k].around) for k in own)
-    surfaces = packed.surfaces[packed.passes["slave"]]
-    cells = [
-        min(
-            found[k].along / packed.passes[k]["along"] * surfaces[k]["cells"],
-            found[k].around / packed.passes[k]["across"] * surfaces[k]["cells_round"] / surfaces[k]["around"],
-        )
-        for k in own
-    ]
-    return (points, min(cells)) if np.isfinite(points) else (0.0, 0.0)
+    points, cells = min(min(found[k].along, found[k].around) for k in own), min(found[k].cells for k in own)
+    return (points, cells) if np.isfinite(points) else (0.0, 0.0)
 
 
 def more(
@@ -123,7 +172,9 @@ def more(
             min(MAX_POINTS, int(np.ceil(count * WANTED / width - 1e-9))) if width < FEWEST else count
             for count, width in zip(old, seen, strict=True)
         ]
-        room = np.sqrt(MOST / (packed.surfaces[k]["around"] * new[0] * new[1]))
+        surface = packed.surfaces[packed.passes[k]["slave"]]
+        most = min(MOST, MOST_OF_FACETS / surface["elements"]) if is_facets(surface) else MOST
+        room = np.sqrt(most / (surface["around"] * new[0] * new[1]))
         across, along = (max(was, int(count * min(1.0, room))) for was, count in zip(old, new, strict=True))
         if across * along >= _WORTH * old[0] * old[1]:
             changed[k] = across, along
@@ -134,10 +185,13 @@ def _is_near(packed: Packed, k: int) -> bool:
     """Whether a surface that bulges as the slave's of a pass does could touch between two of its points."""
     one = packed.passes[k]
     slave = packed.surfaces[one["slave"]]
-    elements = packed.elements[slave["first_element"] :][: slave["elements"]]
+    round_it = packed.surfaces[one["master"]] if is_facets(slave) else slave
+    elements = packed.elements[round_it["first_element"] :][: round_it["elements"]]
     radius = float(elements["radius"].max())
     lengths = elements["end"] - elements["begin"]
-    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["fine"] * one["across"]))
     count = slave["elements"] * one["along"] * slave["around"] * one["across"]
+    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["fine"] * one["across"]))
+    if is_facets(slave):
+        apart = float(np.sqrt(packed.areas[one["first_point"] :][:count].max()))
     gaps = packed.states["gap"][one["first_point"] :][:count]
     return bool((gaps < 0.5 * apart**2 / radius).any())

@@ -65,6 +65,9 @@ class ContactResult:
         and the axis parameter and angle of their projection on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
     cells
         Numbers of the cells of the points (`isorod.contact.cells`), shape ``(q,)``.
+    on_facets
+        Whether the points are on facets of a finite element body, its number behind those of rods; parameters are then
+        numbers of facets.
     tractions, slips
         Friction at the points, force per reference area, and which of those under pressure slip, ``(q, 3)``, ``(q,)``.
     friction
@@ -95,6 +98,7 @@ class ContactResult:
     partners: Index
     projections: Array
     cells: Index
+    on_facets: bool
     tractions: Array
     slips: NDArray[Any]
     friction: Array
@@ -127,11 +131,15 @@ class ContactResult:
             return None
         k = int(np.argmax(self.pressure))
         where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
+        if self.on_facets:
+            where = "facets at " + ", ".join(f"{x:.4g}" for x in self.positions[k])
         if self.cells_across < quality.CELLS:
             times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))
             more = f"{times:.0f} times as many section points"
             if not self.has_points:
                 more = "a higher section degree, of solid rods order and section points in its place"
+            if self.on_facets:
+                more = "smaller facets there, " + more
             return (
                 f"contact patch under-resolved: {self.cells_across:.2g} control points wide on {where}, peak pressure "
                 f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, contact too stiff; use {more}, or "
@@ -155,7 +163,7 @@ def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, 
     """Yield each contact of a model with the numbers of its passes, and where its slave points are."""
     first, end = [*packed.passes["first_point"], packed.areas.size], 0
     for contact in model.contacts:
-        begin, end = end, end + len(contact.sides)
+        begin, end = end, end + contact.passes
         yield contact, range(begin, end), slice(first[begin], first[end])
 
 
@@ -187,7 +195,7 @@ def measure(
             tractions[:], slips[:] = friction.tractions[chosen], friction.slipping[chosen]
         # Forces on the first side, and the reactions to those on the second.
         sign = np.where(np.isin(bodies[chosen], contact.groups[0]), 1.0, -1.0)
-        if contact.obstacle is None and len(contact.groups) == 1:
+        if contact.second is None:
             sign[:] = 0.0
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
         force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
@@ -220,6 +228,7 @@ def measure(
                 partners=partners[chosen],
                 projections=projections[chosen],
                 cells=numbers[chosen],
+                on_facets=contact.facets is not None,
                 tractions=tractions,
                 slips=slips,
                 friction=(sign * areas) @ tractions,

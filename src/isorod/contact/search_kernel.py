@@ -156,7 +156,7 @@ def place(packed: Packed, positions: Array) -> None:
     layers = np.empty((FUNCTIONS, 4))
     for k in range(packed.surfaces.size):
         surface = packed.surfaces[k]
-        if packed.passes[surface.own_pass].master < 0:
+        if not surface.sought:
             continue
         for row in range(surface.first_element, surface.first_element + surface.elements):
             _surround(packed, surface, row, positions, layers)

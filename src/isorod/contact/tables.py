@@ -12,14 +12,16 @@ joints of arcs.  Newton's method converges quadratically once that has settled; 
 runs out of iterations and is cut (see `isorod.statics`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.contact import facets
 from isorod.contact.cells import functions
+from isorod.contact.facets import Facets
 from isorod.contact.packed import (
     CYLINDER,
     ELEMENT,
@@ -81,7 +83,9 @@ class _Tables:
         self.matrices: list[Array] = []
         self.size = size
 
-    def surface(self, body: int, space: "Space", first_node: int, own: Trace, chosen: Sequence[int]) -> None:
+    def surface(
+        self, body: int, space: "Space", first_node: int, own: Trace, chosen: Sequence[int], sought: bool
+    ) -> None:
         """Add a surface, to be the slave of the next pass.
 
         Parameters
@@ -90,6 +94,8 @@ class _Tables:
             What it is the surface of, the first of its nodes in the model, and which it is.
         chosen
             Elements of its axis.
+        sought
+            Whether others than obstacles touch it.
         """
         axis, arc_of, arcs = space.axis, own.arc_of, own.arcs
         n, stride = len(arcs), space.layer_nodes
@@ -99,7 +105,7 @@ class _Tables:
         rows = {e: first + k for k, e in enumerate(chosen)}
         along = space.rod.arc_length(axis.breaks)
         period = along[-1] if space.rod.closed else np.inf
-        counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space), own.dimension
+        counts = axis.degree + 1, first, len(rows), sought, len(arc_of), functions(space), own.dimension
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
         self.surfaces.append((body, n, *counts, own.turn, period, deepest(space, own.sense < 0.0), *padded))
         for e in chosen:
@@ -142,10 +148,35 @@ class _Tables:
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, rule.across, rule.along, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
-        self.around.extend(rule.around)
-        self.along_rows.extend(rule.axial)
-        self.shares.append(np.tile(rule.shares, len(rule.areas)))
-        self.areas.append(share * rule.areas.ravel())
+        self._points(rule.around, rule.axial, np.tile(rule.shares, len(rule.areas)), share * rule.areas)
+
+    def _points(self, around: Array, along: Iterable[Array], shares: Array, areas: Array) -> None:
+        """Add the points of a pass."""
+        self.around.extend(around)
+        self.along_rows.extend(along)
+        self.shares.append(shares)
+        self.areas.append(areas.ravel())
+
+    def facets(self, own: Facets, first_node: int, masters: tuple[int, int], contact: Contact, force: float) -> None:
+        """Add facets of a finite element body, and the pass in which they are the slave (`slave`)."""
+        (count, points), size = own.areas.shape, own.nodes.shape[1]
+        first_point, first = sum(areas.size for areas in self.areas), len(self.elements)
+        arcs = np.zeros((MAX_COUNT, 7))
+        arcs[0, 6] = 1.0
+        counts = 1, size, first, count, True, 1, 1, 1
+        self.surfaces.append((own.body, *counts, 0.0, np.inf, 0.0, np.zeros(MAX_COUNT, dtype=np.int64), arcs))
+        nodes = np.pad(first_node + own.nodes, ((0, 0), (0, FUNCTIONS - size)))
+        for e, layers in enumerate(nodes):
+            # Rungs are at the nodes.
+            ladder = (0.0, len(self.rungs) + e * size, size, (e, e + 1))
+            nothing = np.zeros((FUNCTIONS, FUNCTIONS)), (-1, -1), 0.0, 0.0, np.inf
+            self.elements.append((len(self.surfaces) - 1, layers, *nothing, *ladder))
+        self.rungs.extend(np.tile(np.eye(size, FUNCTIONS), (count, 1)))
+        self.carriers.append(first_node + np.unique(own.nodes))
+        starts = (first_point, 1, points, len(self.around), len(self.along_rows))
+        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
+        along = np.pad(own.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
+        self._points(np.array([[0.0, 1.0, 0.0]]), along, np.zeros(len(along)), own.areas)
 
     def obstacle(self, contact: Contact) -> tuple[int, int]:
         """Add what a contact's obstacle needs; return its kind and the first of its boxes, if it has any."""
@@ -257,17 +288,25 @@ def penalty(model: "Model", contact: Contact) -> float:
         softest = min(law.surface_modulus for law in model.bodies[body].laws)
         count = space.points_around if own.lift is None else own.dimension
         stiffness.append(softest * count / (2.0 * np.pi * radius))
+    if contact.facets is not None:
+        law = model.solids[contact.facets.solid].law
+        if law is not None:
+            size = facets.facets(model, contact, 1, facets.nodes_of(model)[0]).size
+            stiffness.append(law.surface_modulus / size)
     return _STIFF * min(stiffness)
 
 
 def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
-    """Return the points round an arc and along an element of each side of the contacts of a model.
+    """Return the points round an arc and along an element of each pass of the contacts of a model, of facets alike.
 
     Where they are not given these are 3, of functions without control points as many for each of these, and degree + 1
     or, where ``even``, as many as make them as close along as round (`isorod.space.choice.touching_points`).
     """
     found = []
     for contact in model.contacts:
+        if contact.facets is not None:
+            found.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact), even))
+            continue
         for body, _ in contact.sides:
             space = model.bodies[body].space
             surface = trace(space, contact.is_inner(body))
@@ -315,9 +354,11 @@ def _polynomials(axis: Axis, e: int) -> Array:
 def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Packed:
     """Return all contacts of a model as tables for the compiled loops.
 
-    ``points`` are those of each side (`points_of`), which they are where not given.
+    ``points`` are those of each pass (`points_of`), which they are where not given.  Nodes of facets
+    (`isorod.contact.facets.nodes_of`) come after those of the rods.
     """
-    tables, rules = _Tables(int(model.first_node[-1])), iter(points_of(model) if points is None else points)
+    first_node, known = int(model.first_node[-1]), facets.nodes_of(model)[0]
+    tables, rules = _Tables(first_node + known.size), iter(points_of(model) if points is None else points)
     for contact in model.contacts:
         first, groups = len(tables.surfaces), contact.groups
         sizes = [len(bodies) for bodies in groups]
@@ -332,9 +373,14 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
             own = trace(space, contact.is_inner(body))
-            rule = _Rule(space, own, chosen, next(rules))
-            tables.surface(body, space, int(model.first_node[body]), own, chosen)
-            tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
+            tables.surface(body, space, int(model.first_node[body]), own, chosen, contact.obstacle is None)
+            if contact.facets is None:
+                rule = _Rule(space, own, chosen, next(rules))
+                tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
+        if contact.facets is not None:
+            tables.facets(
+                facets.facets(model, contact, max(next(rules)), known), first_node, masters[0], contact, force
+            )
     areas = np.concatenate([np.empty(0), *tables.areas])
     rows = np.array(tables.elements, ELEMENT)
     margin = 0.5 * float(rows["radius"].min(initial=np.inf))

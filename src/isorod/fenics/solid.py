@@ -97,10 +97,14 @@ class Solid:
         self._tangent = compat.form(tangent, FAST)
 
     @property
+    def degree(self) -> int:
+        """Degree of the shape functions."""
+        return int(self.space.element.basix_element.degree)
+
+    @property
     def _degree(self) -> int:
         """Degree of quadrature."""
-        degree = int(self.space.element.basix_element.degree)
-        return 2 * degree if self._bricks else max(1, 2 * degree - 2)
+        return 2 * self.degree if self._bricks else max(1, 2 * self.degree - 2)
 
     @property
     def _bricks(self) -> bool:
@@ -164,7 +168,7 @@ class Solid:
     @cached_property
     def _mass(self) -> PETSc.Mat:
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
-        degree, geometry = self.space.element.basix_element.degree, compat.geometry_element(self.space.mesh).degree
+        degree, geometry = self.degree, compat.geometry_element(self.space.mesh).degree
         # With the determinant of the map's gradient.
         exact = 2 * degree + (3 * geometry - 1 if self._bricks else 3 * (geometry - 1))
         dx = ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": exact})
@@ -220,20 +224,23 @@ class Solid:
             raise InputError(f"points: got shape {where.shape}, need finite positions, shape (q, 3)")
         return self._surface.rows(where, facets)
 
-    def trace(self, facets: Index) -> Trace:
+    def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
         """Return points of quadrature on exterior facets, of all ranks on each.
 
         Parameters
         ----------
         facets
-            This rank's numbers of them.
+            This rank's numbers of them; all exterior facets if None.
+        pieces
+            Pieces into which each side of a facet is divided, with a rule of degree 2 in each; where not given, one
+            rule that is exact for products of shape functions.
 
         Raises
         ------
         InputError
             If there are none on all ranks, or not all are exterior.
         """
-        return self._surface.trace(facets)
+        return self._surface.trace(facets, pieces)
 
     @cached_property
     def _surface(self) -> Surface:

@@ -47,6 +47,8 @@ class Trace(NamedTuple):
         Global numbers of the nodes whose shape functions do not vanish on the facet, shape ``(q, m)``.
     values
         These shape functions, shape ``(q, m)``.
+    each
+        Number of points of a facet, which follow each other.
     """
 
     points: Array
@@ -54,6 +56,7 @@ class Trace(NamedTuple):
     weights: Array
     nodes: Index
     values: Array
+    each: int
 
 
 class Surface:
@@ -87,12 +90,15 @@ class Surface:
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return Rows(nodes, values, least)
 
-    def trace(self, facets: Index) -> Trace:
+    def trace(self, facets: Index | None, pieces: int | None) -> Trace:
         """Return the `Trace` of exterior facets."""
         cells = self._cells
-        carrier, face = self._places(self._own(facets))
+        carrier, face = self._places(self._exterior if facets is None else self._own(facets))
         kind = basix.CellType.triangle if cells.simplex else basix.CellType.quadrilateral
-        s, w = basix.make_quadrature(kind, 2 * cells.element.degree + 2 * cells.geometry.degree)[:2]
+        degree = 2 * cells.element.degree + 2 * cells.geometry.degree
+        s, w = basix.make_quadrature(kind, degree if pieces is None else 2)[:2]
+        if pieces is not None:
+            s, w = _in_pieces(s, w, pieces, cells.simplex)
         parts = []
         layout = self._space.dofmap.dof_layout
         normals = basix.cell.facet_outward_normals(cells.element.cell_type)
@@ -110,9 +116,9 @@ class Surface:
             outward = np.einsum("kba,b->ka", inverse(J)[0], normals[f])
             area *= np.sign(np.einsum("ka,ka->k", area, outward))[:, None] / size[:, None]
             nodes = np.repeat(cells.nodes[own][:, on], len(s), axis=0)
-            parts.append(Trace(x, area, np.tile(w, len(own)) * size, nodes, np.tile(values, (len(own), 1))))
+            parts.append((x, area, np.tile(w, len(own)) * size, nodes, np.tile(values, (len(own), 1))))
         mine = [np.concatenate(part) for part in zip(*parts, strict=True)]
-        return Trace(*(np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)))
+        return Trace(*(np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)), len(s))
 
     def _own(self, facets: Index) -> Index:
         """Return the given facets that are this rank's own."""
@@ -142,3 +148,14 @@ class Surface:
         carrier = cells[first[facets]]
         table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[carrier]
         return carrier, (table == facets[:, None]).argmax(axis=1)
+
+
+def _in_pieces(s: Array, w: Array, pieces: int, simplex: bool) -> tuple[Array, Array]:
+    """Return a rule on the reference triangle or square, in each of the equal pieces of its sides."""
+    corner = np.stack(np.meshgrid(*2 * [np.arange(pieces)], indexing="ij"), axis=-1).reshape(-1, 2)
+    whole = corner[:, None] + s
+    if simplex:
+        # The other half of each square.
+        turned = corner[:, None] + 1.0 - s
+        whole = np.concatenate([whole[corner.sum(axis=1) < pieces], turned[corner.sum(axis=1) < pieces - 1]])
+    return whole.reshape(-1, 2) / pieces, np.tile(w, len(whole)) / pieces**2

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.errors import Checked, InputError, finite, positive, whole_number
+from isorod.model.tie import SolidSurface
 from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
@@ -84,7 +85,8 @@ class Contact(Checked):
     ----------
     first, second
         Index of a body of the model, or of several; ``second`` may be an obstacle: `Plane`, `Cylinder`, `Sphere` or
-        `TriangleMesh`.  Without it, those of ``first`` touch each other and themselves.
+        `TriangleMesh`, or facets of a finite element body.  Without it, those of ``first`` touch each other and
+        themselves.
     penalty
         Pressure per depth of penetration, force / length^3; where not given, twice ``E / (1 - nu^2)`` of the
         softest side over the distance of its control points round the section (`isorod.contact.tables`), of polynomials
@@ -92,9 +94,9 @@ class Contact(Checked):
     first_elements, second_elements
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
-        Gauss points round each arc of the section and along each element.  Where not given, 3 and degree + 1 in
-        motions; statics begins with points no farther apart than a 48th of the way round, and takes more until there
-        are enough across the patch.
+        Gauss points round each arc of the section and along each element; of facets, points along each side, twice.
+        Where not given, 3 and degree + 1 in motions; statics begins with points no farther apart than a 48th of the
+        way round, and takes more until there are enough across the patch.
     penetration
         Statics solves an augmented Lagrangian (`isorod.statics.contact_policy`): multipliers are added until no point
         penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
@@ -118,7 +120,7 @@ class Contact(Checked):
     """
 
     first: int | Sequence[int]
-    second: "int | Sequence[int] | Obstacle | None" = None
+    second: "int | Sequence[int] | Obstacle | SolidSurface | None" = None
     penalty: float | None = None
     first_elements: Sequence[int] | None = None
     second_elements: Sequence[int] | None = None
@@ -157,7 +159,7 @@ class Contact(Checked):
         """Raise `InputError` where inner surfaces would touch none that are in their holes."""
         inner = [name == "inner" for name in (self.first_surface, self.second_surface)]
         if inner[1] and len(self.groups) == 1:
-            raise InputError("contact: second_surface is given, but the second partner is rigid or none")
+            raise InputError("contact: second_surface is given, but the second partner is no rod")
         if all(inner):
             raise InputError("contact: both surfaces are inner ones, which never touch; one has to be an outer one")
         if inner[0] and self.second is None:
@@ -166,7 +168,7 @@ class Contact(Checked):
     def _check_groups(self) -> None:
         """Raise `InputError` where a side is empty, a body stands twice, or elements of several bodies are named."""
         if self.second_elements is not None and len(self.groups) == 1:
-            raise InputError("contact: second_elements are given, but the second partner is rigid or none")
+            raise InputError("contact: second_elements are given, but the second partner is no rod")
         for bodies, elements in zip(self.groups, (self.first_elements, self.second_elements), strict=False):
             if not bodies:
                 raise InputError("contact: a side without a body; name at least one")
@@ -184,6 +186,16 @@ class Contact(Checked):
     def obstacle(self) -> Obstacle | None:
         """The second partner, where it is rigid."""
         return self.second if isinstance(self.second, Obstacle) else None
+
+    @property
+    def facets(self) -> SolidSurface | None:
+        """The second partner, where it is a surface of a finite element body."""
+        return self.second if isinstance(self.second, SolidSurface) else None
+
+    @property
+    def passes(self) -> int:
+        """Number of surfaces whose points are held against the others: facets alone, where there are some."""
+        return 1 if self.facets is not None else len(self.sides)
 
     def is_inner(self, body: int) -> bool:
         """Whether it is the inner surface of a body that takes part."""
@@ -205,9 +217,9 @@ class Contact(Checked):
 
     @property
     def groups(self) -> list[tuple[int, ...]]:
-        """Bodies of each side; one side where they touch each other, themselves, or an obstacle."""
+        """Rods of each side; one side where they touch each other, themselves, an obstacle or facets."""
         sides = [self.first]
-        if self.second is not None and not isinstance(self.second, Obstacle):
+        if self.second is not None and not isinstance(self.second, Obstacle | SolidSurface):
             sides.append(self.second)
         return [(side,) if isinstance(side, int | np.integer) else tuple(side) for side in sides]
 
@@ -217,7 +229,7 @@ class Contact(Checked):
         chosen = (self.first_elements, self.second_elements)
         return [(body, some) for bodies, some in zip(self.groups, chosen, strict=False) for body in bodies]
 
-    def check(self, index: int, spaces: "Sequence[Space]") -> None:
+    def check(self, index: int, spaces: "Sequence[Space]", solids: int) -> None:
         """Raise `InputError` if a body or an element is not there.
 
         Parameters
@@ -226,8 +238,12 @@ class Contact(Checked):
             The contact's own in the model.
         spaces
             Those of the model's bodies.
+        solids
+            Number of its finite element bodies.
         """
         where = f"contact {index}"
+        if self.facets is not None and self.facets.solid >= solids:
+            raise InputError(f"{where}: solid {self.facets.solid} is not one of the model's {solids}")
         for body, elements in self.sides:
             if not _is_index(body, len(spaces)):
                 raise InputError(f"{where}: body {body!r} is not one of the {len(spaces)} bodies")
@@ -250,8 +266,12 @@ class Contact(Checked):
 
 
 def refuse_in_motion(contacts: Sequence[Contact]) -> None:
-    """Raise `InputError` if a contact has what is for statics alone: a largest penetration, or a plane that moves."""
+    """Raise `InputError` if a contact has what is for statics alone: facets, a moving plane, a largest penetration."""
     for index, contact in enumerate(contacts):
+        if contact.facets is not None:
+            raise InputError(
+                f"contact {index}: finite element bodies touch rods in statics alone; use a rigid obstacle"
+            )
         if contact.travel:
             raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
         if contact.penetration is not None:

@@ -73,7 +73,7 @@ class Model(Checked):
             if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")
         for k, contact in enumerate(self.contacts):
-            contact.check(k, [body.space for body in self.bodies])
+            contact.check(k, [body.space for body in self.bodies], len(self.solids))
             self._warn_of_poor_pressures(k, contact)
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

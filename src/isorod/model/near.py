@@ -61,10 +61,10 @@ class Stretches(NamedTuple):
         """Return whether a contact is between the two of each pair, or is but leaves their elements out."""
         there, bodies = np.zeros(first.size, dtype=bool), np.zeros(first.size, dtype=bool)
         for contact in contacts:
-            if contact.obstacle is None:
+            if contact.obstacle is None and contact.facets is None:
                 side, part = self.sides(contact)
                 one, other = side[first], side[second]
-                between = (one >= 0) & (other >= 0) & ((one != other) | (len(contact.groups) == 1))
+                between = (one >= 0) & (other >= 0) & ((one != other) | (contact.second is None))
                 bodies |= between
                 there |= between & part[first] & part[second]
         return there, bodies & ~there

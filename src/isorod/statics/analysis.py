@@ -314,7 +314,7 @@ def _solve(
         assembler.contact.space_evenly()
         if start_at is not None:
             # The matrix is made with room for what touches there.
-            assembler.contact.tangent(start_at)
+            assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
     solver, told = Newton(assembler, loose), Teller()
     if progress and assembler.comm.getRank() == 0:
         solver.tell = told
@@ -340,7 +340,7 @@ def _solve(
         rules = hourglass.better_rules(model)
         if rules:
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
-        contacts = () if assembler.contact is None else outcome(assembler.contact, displacement)
+        contacts = () if assembler.contact is None else outcome(assembler.contact, assembler.touching(solver.x, 1.0))
         stabilisation = None if held is None else (held.left, held.rounds)
         negative = stability.negative_eigenvalues(solver)
         stability.warn_of(negative)

@@ -151,7 +151,7 @@ class ContactPolicy:
             raise SolveError(str(problem)) from None
 
     def _displacement(self, factor: float) -> Array:
-        return self._solver.assembler.displacement(self._solver.x, factor)
+        return self._solver.assembler.touching(self._solver.x, factor)
 
     def _harden(self, factor: float) -> None:
         """Raise penalties that fell on the way to what they were, or as far as there is an equilibrium.

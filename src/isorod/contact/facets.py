@@ -1,0 +1,105 @@
+"""Facets of finite element bodies as contact takes them: each an element whose functions are those of its nodes.
+
+Their points are the slaves, and the lateral surfaces of rods the masters: these are smooth, so that normals do not jump
+from facet to facet.  There are as many points as the rods' curvature asks for, however coarse the mesh is.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.contact.packed import FUNCTIONS
+from isorod.errors import InputError
+from isorod.space.choice import AROUND
+
+if TYPE_CHECKING:
+    from isorod.model.contact import Contact
+    from isorod.model.model import Model
+
+# Points of all facets of a contact, at most.
+MOST = 2_000_000
+
+
+class Facets(NamedTuple):
+    """Facets of a contact, ``f``, with ``n`` points on each and ``m`` nodes.
+
+    Attributes
+    ----------
+    body
+        Number of the body: finite element bodies come after the rods.
+    nodes
+        Numbers of nodes among `nodes_of`, shape ``(f, m)``.
+    values
+        Shape functions at the points, ``(f, n, m)``.
+    areas
+        Reference areas of the points, ``(f, n)``.
+    size
+        Mean distance of nodes: the root of a node's area.
+    """
+
+    body: int
+    nodes: Index
+    values: Array
+    areas: Array
+    size: float
+
+
+def nodes_of(model: "Model") -> tuple[Index, Array]:
+    """Return the nodes of all facets in contact, and where these are at rest; on every rank.
+
+    Returns
+    -------
+    nodes : (k,)
+        Numbers, ascending: finite element bodies, one after the other, come after the rods.
+    positions : (k, 3)
+    """
+    firsts = np.cumsum([model.dofs // 3, *(solid.nodes for solid in model.solids)])
+    found, places = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    for k, solid in enumerate(model.solids):
+        own = [one.facets for one in model.contacts if one.facets is not None and one.facets.solid == k]
+        if own:
+            numbers = np.unique(np.concatenate([solid.trace(one.facets).nodes.ravel() for one in own]))
+            found.append(firsts[k] + numbers)
+            places.append(np.concatenate(solid.comm.allgather(solid.positions))[numbers])
+    return np.concatenate(found), np.concatenate(places)
+
+
+def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Facets:
+    """Return the facets of a contact, with at least so many points along a side; ``known`` are `nodes_of`."""
+    assert contact.facets is not None
+    k = contact.facets.solid
+    pieces = max(1, -(-points // 2))
+    trace = model.solids[k].trace(contact.facets.facets, pieces)
+    n, count = trace.each, trace.nodes.shape[1]
+    first = model.dofs // 3 + sum(solid.nodes for solid in model.solids[:k])
+    # All points of a facet have its nodes.
+    nodes = np.searchsorted(known, first + trace.nodes[::n])
+    area = float(trace.weights.sum()) / np.unique(nodes).size
+    return Facets(
+        len(model.bodies) + k, nodes, trace.values.reshape(-1, n, count), trace.weights.reshape(-1, n), np.sqrt(area)
+    )
+
+
+def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> tuple[int, int]:
+    """Return the points along the sides of facets: two between nodes, or as close as those round a rod's section."""
+    assert contact.facets is not None
+    solid = model.solids[contact.facets.solid]
+    trace = solid.trace(contact.facets.facets, 1)
+    count = trace.nodes.shape[1]
+    if count > FUNCTIONS:
+        raise InputError(
+            f"facets of solid {contact.facets.solid}: got {count} nodes on each, contact takes {FUNCTIONS} at most; "
+            "use elements of second degree"
+        )
+    along = 2 * solid.degree
+    if even:
+        largest = float(np.sqrt(trace.weights.reshape(-1, trace.each).sum(axis=1).max()))
+        along = max(along, int(np.ceil(largest * AROUND / (2.0 * np.pi * radius))))
+    many = along**2 * trace.weights.size / trace.each
+    if many > MOST:
+        raise InputError(
+            f"facets of solid {contact.facets.solid}: {many:.2g} points are needed to see a rod of radius "
+            f"{radius:.3g}; name a group of fewer or smaller facets, those that may be touched"
+        )
+    return along, along
