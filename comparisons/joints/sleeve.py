@@ -146,7 +146,7 @@ def sleeve(problem: Problem, cells: tuple[int, int, int], element: str) -> tuple
     if problem.outside:
         conditions.append(fem.dirichletbc(given, fem.locate_dofs_topological(space, 2, made.outside)))
     else:
-        conditions += _pinned(space, problem)
+        conditions += pinned(space, float(problem.outline(np.zeros(1))[0, 0]))
     for letter in problem.ends:
         part = space.sub("xyz".index(letter))
         own, back = compat.collapsed(part)
@@ -162,9 +162,8 @@ def vectors(mesh: Any, degree: int) -> Any:
     return compat.function_space(mesh, compat.element(mesh, "Lagrange", degree, 3))
 
 
-def _pinned(space: Any, problem: Problem) -> list[Any]:
+def pinned(space: Any, radius: float) -> list[Any]:
     """Return conditions at three points of the outer surface that hold what symmetry holds."""
-    radius = problem.outline(np.zeros(1))[0, 0]
     found = []
     for letter, place in (("y", (radius, 0.0)), ("y", (-radius, 0.0)), ("x", (0.0, radius))):
         part = space.sub("xyz".index(letter))

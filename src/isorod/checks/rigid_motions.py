@@ -134,7 +134,7 @@ def left_to_contact(model: Model) -> list[tuple[int, Array]]:
     for contact in model.contacts:
         named = {body for body, _ in contact.sides}
         # Contact with itself alone holds no body.
-        touching |= named if contact.obstacle is not None or len(named) > 1 else set()
+        touching |= named if contact.second is not None or len(named) > 1 else set()
     if model.ties:
         from isorod.checks.tied_motions import groups
 

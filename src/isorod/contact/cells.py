@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.contact.packed import Packed, Table
+from isorod.contact.packed import Packed, Row, Table
 
 if TYPE_CHECKING:
     from isorod.space.space import Space
@@ -54,13 +54,32 @@ def means(packed: Packed, values: Array) -> Array:
 
 def moved(old: Packed, values: Array, new: Packed) -> Array:
     """Return what points of other rules have that lie where these do, ``(Q,)``."""
+    # Motions need none of it.
+    from scipy.spatial import cKDTree
+
     found = np.zeros(new.areas.size)
-    for value, other in zip(grids(old, values), grids(new, found), strict=True):
+    for k, (value, other) in enumerate(zip(grids(old, values), grids(new, found), strict=True)):
         _, along, _, across = other.shape
+        if is_facets(new.surfaces[new.passes["slave"][k]]):
+            places = [_on_facets(one, k) for one in (old, new)]
+            other.ravel()[:] = value.ravel()[cKDTree(places[0]).query(places[1])[1]]
+            continue
         rows = np.arange(along) * value.shape[1] // along
         columns = np.arange(across) * value.shape[3] // across
         other[:] = value[:, rows][..., columns]
     return found
+
+
+def is_facets(surface: Row) -> bool:
+    """Whether a surface is one of a finite element body."""
+    return bool(surface["around"] == 1)
+
+
+def _on_facets(packed: Packed, k: int) -> Array:
+    """Return where the points of a pass are: their facets, well apart, and shape functions there, ``(q, 1 + l)``."""
+    one, values = packed.passes[k], packed.along[packed.passes[k]["first_along"] :]
+    count = int(packed.surfaces[one["slave"]]["elements"]) * int(one["along"])
+    return np.column_stack([10.0 * (np.arange(count) // one["along"]), values[:count]])
 
 
 def sense(surfaces: Table) -> Array:

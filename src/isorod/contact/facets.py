@@ -4,21 +4,27 @@ Their points are the slaves, and the lateral surfaces of rods the masters: these
 from facet to facet.  There are as many points as the rods' curvature asks for, however coarse the mesh is.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.contact.cells import functions
 from isorod.contact.packed import FUNCTIONS
 from isorod.errors import InputError
 from isorod.space.choice import AROUND
 
 if TYPE_CHECKING:
+    from isorod.fenics.solid import Trace
     from isorod.model.contact import Contact
     from isorod.model.model import Model
 
 # Points of all facets of a contact, at most.
 MOST = 2_000_000
+
+# Nodes of facets that are quadrilaterals.
+SQUARES = (4, 9)
 
 
 class Facets(NamedTuple):
@@ -82,7 +88,10 @@ def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Fac
 
 
 def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> tuple[int, int]:
-    """Return the points along the sides of facets: two between nodes, or as close as those round a rod's section."""
+    """Return the points along the sides of facets: two between nodes, or as close as those of rods are to see a patch.
+
+    That is `AROUND` of a circle of a ``radius``, and two for each function of the rods that are touched.
+    """
     assert contact.facets is not None
     solid = model.solids[contact.facets.solid]
     trace = solid.trace(contact.facets.facets, 1)
@@ -94,8 +103,8 @@ def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> 
         )
     along = 2 * solid.degree
     if even:
-        largest = float(np.sqrt(trace.weights.reshape(-1, trace.each).sum(axis=1).max()))
-        along = max(along, int(np.ceil(largest * AROUND / (2.0 * np.pi * radius))))
+        spacing = min([2.0 * np.pi * radius / AROUND, *(_spacing(model, *side) for side in contact.sides)])
+        along = max(along, int(np.ceil(_longest(trace) / spacing)))
     many = along**2 * trace.weights.size / trace.each
     if many > MOST:
         raise InputError(
@@ -103,3 +112,18 @@ def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> 
             f"{radius:.3g}; name a group of fewer or smaller facets, those that may be touched"
         )
     return along, along
+
+
+def _longest(trace: "Trace") -> float:
+    """Return the largest distance between points of a facet."""
+    points = trace.points.reshape(-1, trace.each, 3)
+    apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3).max(initial=0.0)
+    # One rule of degree 2 on each: its points are so far from each other, in the diagonal of a facet.
+    return float(apart * (2.0 if trace.each == 3 else np.sqrt(1.5)))
+
+
+def _spacing(model: "Model", body: int, elements: Sequence[int] | None) -> float:
+    """Return half the length along the axis of a rod that a function has to itself, the shortest."""
+    space = model.bodies[body].space
+    lengths = np.diff(space.rod.arc_length(space.axis.breaks))
+    return 0.5 * float((lengths if elements is None else lengths[list(elements)]).min()) / functions(space)

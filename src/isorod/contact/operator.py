@@ -230,12 +230,35 @@ class ContactOperator:
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
         """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
         others = self._otherwise(displacement) if check else ()
+        uneven = self._unevenness(displacement) if check else ()
         self.packed.look_everywhere()
         self.forces(displacement)
         self.ranks.gather(self.packed, self.packed.points, self.packed.starts)
         if self.friction is not None:
             self.ranks.gather(self.packed, self._friction.tractions, self._friction.slipping)
-        return measure(self.model, self.packed, self._friction, others)
+        return measure(self.model, self.packed, self._friction, others, uneven)
+
+    def _unevenness(self, displacement: Array) -> list[tuple[float, float]]:
+        """Return how far flat facets under pressure are from curved ones, and how far points were from rods at rest."""
+        if not self.beyond.size:
+            return []
+        from isorod.contact.flatness import unevenness
+
+        found, states = [], []
+        for moved in (displacement, np.zeros_like(displacement)):
+            self.packed.look_everywhere()
+            self.forces(moved)
+            states.append(self.packed.states.copy())
+        for contact, _, chosen in of_contacts(self.model, self.packed):
+            pressed = states[0]["pressure"][chosen] > 0.0
+            if contact.facets is None or not pressed.any():
+                found.append((0.0, np.inf))
+                continue
+            # Far ones have no gap.
+            apart = np.nan_to_num(np.abs(states[1]["gap"][chosen][pressed]), nan=np.inf)
+            sizes = unevenness(self.model, contact)
+            found.append((float(np.repeat(sizes, pressed.size // sizes.size)[pressed].max()), float(apart.max())))
+        return found
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
         """Return force and largest pressure of each contact as half as many points again see them, if they can."""

@@ -52,6 +52,12 @@ class Passing:
     def __init__(self, model: "Model") -> None:
         self._model = model
         self._limits = limits(model)
+        self._crossings = []
+        if any(one.facets is not None for one in model.contacts):
+            from isorod.contact.crossing import Crossing
+
+            several = enumerate(model.contacts)
+            self._crossings = [(k, one, Crossing(model, one)) for k, one in several if one.facets is not None]
         self._inside = [one for one in model.contacts if one.has_inner]
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
         rows: list[Index] = []
@@ -100,21 +106,30 @@ class Passing:
         return None
 
     def passed(self, before: Array, after: Array) -> str | None:
-        """Return in words which bodies go through each other between two displacements ``(dofs,)``, if some do."""
+        """Return in words which bodies go through each other between two displacements, if some do.
+
+        They are those that contact takes (`isorod.contact.operator.ContactOperator`).
+        """
         start = self._ends(before)
         increment = self._ends(after) - start
         if not increment.any():
             return None
-        return self._each_other(start, increment) or self._obstacle(start, increment) or self._wall(start, increment)
+        return (
+            self._each_other(start, increment)
+            or self._obstacle(start, increment)
+            or self._wall(start, increment)
+            or self._facets(start, increment, (before, after))
+        )
 
     def free(self, before: Array, after: Array) -> float:
-        """Return the fraction of the increment between two displacements ``(dofs,)`` on which none enter each other."""
+        """Return the fraction of the increment between two displacements on which none enter each other."""
         start = self._ends(before)
         increment, fraction = self._ends(after) - start, 1.0
         while (
             self._each_other(start, fraction * increment, True)
             or self._obstacle(start, fraction * increment, True)
             or self._wall(start, fraction * increment)
+            or self._facets(start, fraction * increment, (before, before + fraction * (after - before)))
         ):
             fraction *= 0.5
             if fraction < _LEAST:
@@ -123,7 +138,7 @@ class Passing:
 
     def _ends(self, displacement: Array) -> Array:
         """Return where the ends of the segments are, ``(m, 2, 3)``."""
-        line = self._lines @ (self._reference + displacement.reshape(-1, 3))
+        line = self._lines @ (self._reference + displacement[: self._reference.size].reshape(-1, 3))
         return np.stack([line[self._at], line[self._at + 1]], axis=1)
 
     def _each_other(self, start: Array, increment: Array, enters: bool = False) -> str | None:
@@ -190,6 +205,17 @@ class Passing:
                 out = np.flatnonzero(was_in & between & (after > self._radius[own[segment]]))
                 if out.size:
                     return f"tunnelling of {self._said(int(others[out[0]]))} through the wall of body {tube}"
+        return None
+
+    def _facets(self, start: Array, increment: Array, states: tuple[Array, Array]) -> str | None:
+        """Return in words which segment goes through facets of a finite element body, between two displacements."""
+        for k, contact, crossing in self._crossings:
+            own = np.flatnonzero(self._stretches.sides(contact)[1])
+            before, way = start[own].mean(axis=1), increment[own].mean(axis=1)
+            one, other = (state[self._reference.size :] for state in states)
+            found = crossing.first((before, before + way), (one, other))
+            if found is not None:
+                return f"tunnelling of {self._said(int(own[found]))} through the facets of contact {k}"
         return None
 
     def _said(self, segment: int) -> str:

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from isorod.arrays import Array
-from isorod.contact.cells import grids
+from isorod.arrays import Array, Index
+from isorod.contact.cells import grids, is_facets
 from isorod.contact.facets import MOST as MOST_OF_FACETS
-from isorod.contact.packed import Packed, Row
+from isorod.contact.facets import SQUARES
+from isorod.contact.packed import Packed, Row, Table
 from isorod.model.contact import MAX_POINTS
 
 # Points across the patch below which more are taken, as many as are then looked for, and those of an element at most:
@@ -37,8 +38,12 @@ PEAK = 0.3
 _LITTLE = 0.1
 
 
-# Nodes that a facet has for itself, by how many stand on it.
-_NODES = {3: 0.5, 6: 2.0, 10: 4.5, 4: 1.0, 9: 4.0}
+# Degrees of facets by their nodes, and of a rule's points how many are those along a side, squared.
+_DEGREES = {3: 1, 6: 2, 10: 3, 4: 1, 9: 2}
+_IN_PIECES = {3: 4.0 / 3.0, 6: 4.0 / 3.0, 10: 4.0 / 3.0, 4: 1.0, 9: 1.0}
+
+# Share of the length of all facets from which a patch has no length of its own.
+_WHOLE = 0.9
 
 # Mean of the unit vectors of angles below which a load is all round the section.
 _ROUND = 0.3
@@ -76,11 +81,6 @@ def widths(packed: Packed) -> list[Width]:
     return found
 
 
-def is_facets(surface: Row) -> bool:
-    """Whether a surface is one of a finite element body."""
-    return bool(surface["around"] == 1)
-
-
 def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
     """Return the width of the patch of facets, whose points have some loads: as the rods that they touch see it."""
     first, loads = int(one["first_point"]), load.ravel()
@@ -104,18 +104,44 @@ def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
     # Of an even load as wide as w the second moment is w^2 / 12.
     along = np.sqrt(12.0 * spread)
     around = elements["radius"] * np.where(turned < _ROUND, np.inf, np.sqrt(24.0 * (1.0 - np.minimum(turned, 1.0))))
-    area = float(packed.areas[first : first + load.size].mean())
-    facet = area * load.shape[1]
-    node = np.sqrt(facet / _NODES[int(packed.surfaces[one["slave"]]["functions"])])
-    cells = np.minimum(
-        np.minimum(along, around) / node,
-        np.minimum(
-            along / lengths * masters["cells"], around / (2.0 * np.pi * elements["radius"]) * masters["cells_round"]
-        ),
-    )
+    slave = packed.surfaces[one["slave"]]
+    facets = packed.elements[slave["first_element"] + pressed // int(one["along"])]
+    longest, widest, whole = _extents(packed, slave, facets, starts["element"], first + pressed)
+    along[along > _WHOLE * whole] = np.inf
+    # Two points a piece; nodes of the facets, and functions of the rods.
+    points, nodes = np.sqrt(_IN_PIECES[int(slave["functions"])] * load.shape[1]), _DEGREES[int(slave["functions"])]
+    arcs = masters["arcs"][np.arange(pressed.size), _arcs(masters, starts["theta"]), 6]
+    own = 2.0 * np.pi * elements["radius"] * arcs * masters["around"] / masters["cells_round"]
+    of_facets, of_rods = (along / longest, around / widest), (along / lengths * masters["cells"], around / own)
+    cells = np.minimum(nodes * np.minimum(*of_facets), np.minimum(*of_rods))
     total = float(loads.sum())
-    widths = (float(loads @ each / total) for each in (along / np.sqrt(area), around / np.sqrt(area), cells))
+    widths = (float(loads @ each / total) for each in (along / longest * points, around / widest * points, cells))
     return Width(total, *widths)
+
+
+def _arcs(masters: Table, theta: Array) -> Index:
+    """Return the arcs of angles on surfaces."""
+    fine = np.floor((theta - masters["turn"]) / (2.0 * np.pi) * masters["fine"] + 0.5).astype(np.int64)
+    return np.asarray(masters["arc_of"][np.arange(theta.size), fine % masters["fine"]])
+
+
+def _extents(packed: Packed, slave: Row, facets: Table, touched: Index, points: Index) -> tuple[Array, Array, float]:
+    """Return how far facets reach along the axes of the elements that points of theirs touch, and across, ``(m,)``.
+
+    Then how far all facets of the ``slave`` reach along the mean of these axes.
+    """
+    masters = packed.elements[touched]
+    surfaces, row = packed.surfaces[masters["surface"]], np.arange(touched.size)
+    ends = [masters["layers"][:, 0], masters["layers"][row, surfaces["functions"] - 1]]
+    # Of a layer the mean of two control points that are opposite each other, or nearly.
+    first, last = (packed.before[layer] + packed.before[layer + surfaces["around"] // 2] for layer in ends)
+    axis = (last - first) / np.linalg.norm(last - first, axis=1)[:, None]
+    corners = packed.before[facets["layers"][:, : 4 if slave["functions"] in SQUARES else 3]]
+    across = np.cross(packed.states["normal"][points], axis)
+    longest, widest = (np.ptp(np.einsum("mca,ma->mc", corners, way), axis=1) for way in (axis, across))
+    rows = packed.elements[slave["first_element"] :][: slave["elements"]]
+    every = packed.before[rows["layers"][:, : slave["functions"]]]
+    return longest, widest, float(np.ptp(every @ axis.mean(axis=0)))
 
 
 def _mean(loads: Array, cyclic: bool) -> float:

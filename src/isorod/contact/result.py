@@ -15,6 +15,9 @@ from isorod.contact.tables import smallest_radius
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 
+# Share of the gap or the interference at rest that facets may be from a smooth surface.
+_UNEVEN = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class ContactResult:
@@ -68,6 +71,9 @@ class ContactResult:
     on_facets
         Whether the points are on facets of a finite element body, its number behind those of rods; parameters are then
         numbers of facets.
+    uneven
+        How far flat facets under pressure are from the curved surface that they stand for, and how far points on them
+        were from the rods at rest, the largest, units of length; 0 and infinite where that is not known.
     tractions, slips
         Friction at the points, force per reference area, and which of those under pressure slip, ``(q, 3)``, ``(q,)``.
     friction
@@ -99,6 +105,7 @@ class ContactResult:
     projections: Array
     cells: Index
     on_facets: bool
+    uneven: tuple[float, float]
     tractions: Array
     slips: NDArray[Any]
     friction: Array
@@ -127,6 +134,12 @@ class ContactResult:
 
     def doubt(self) -> str | None:
         """Return in one line what is not to be trusted, where, and what would be right; None where all is."""
+        height, apart = self.uneven
+        if height > _UNEVEN * apart:
+            return (
+                f"facets are flat, up to {height:.2g} from a smooth surface, where gap or interference at rest is "
+                f"{apart:.2g} at most; use smaller facets, or a mesh of second order, which is curved"
+            )
         if not self.points_across:
             return None
         k = int(np.argmax(self.pressure))
@@ -168,7 +181,11 @@ def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, 
 
 
 def measure(
-    model: Model, packed: Packed, friction: Friction, others: Sequence[tuple[float, float] | None] = ()
+    model: Model,
+    packed: Packed,
+    friction: Friction,
+    others: Sequence[tuple[float, float] | None] = (),
+    uneven: Sequence[tuple[float, float]] = (),
 ) -> list[ContactResult]:
     """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`).
 
@@ -178,6 +195,8 @@ def measure(
         Those of the forces.
     others
         Of each contact force and largest pressure that other points find at the same displacement, if these are known.
+    uneven
+        Of each contact, if that is known.
     """
     results = []
     pressures = packed.states["pressure"]
@@ -187,7 +206,8 @@ def measure(
     normals = np.where(pressures[:, None] > 0.0, packed.states["normal"], 0.0)
     partners, projections = _projections(packed, np.flatnonzero(pressures > 0.0))
     known = others or [None] * len(model.contacts)
-    for (contact, passes, chosen), other in zip(of_contacts(model, packed), known, strict=True):
+    flat = uneven or [(0.0, np.inf)] * len(model.contacts)
+    for (contact, passes, chosen), other, rough in zip(of_contacts(model, packed), known, flat, strict=True):
         gap, pressure, areas = packed.states["gap"][chosen], pressures[chosen], packed.areas[chosen]
         touching = pressure > 0.0
         tractions, slips = np.zeros((areas.size, 3)), np.zeros(areas.size, dtype=bool)
@@ -229,6 +249,7 @@ def measure(
                 projections=projections[chosen],
                 cells=numbers[chosen],
                 on_facets=contact.facets is not None,
+                uneven=rough,
                 tractions=tractions,
                 slips=slips,
                 friction=(sign * areas) @ tractions,

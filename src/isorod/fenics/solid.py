@@ -102,6 +102,11 @@ class Solid:
         return int(self.space.element.basix_element.degree)
 
     @property
+    def curved(self) -> bool:
+        """Whether facets may be curved: the geometry of the mesh is of a higher degree than the first."""
+        return int(compat.geometry_element(self.space.mesh).degree) > 1
+
+    @property
     def _degree(self) -> int:
         """Degree of quadrature."""
         return 2 * self.degree if self._bricks else max(1, 2 * self.degree - 2)

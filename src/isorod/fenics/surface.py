@@ -118,7 +118,8 @@ class Surface:
             nodes = np.repeat(cells.nodes[own][:, on], len(s), axis=0)
             parts.append((x, area, np.tile(w, len(own)) * size, nodes, np.tile(values, (len(own), 1))))
         mine = [np.concatenate(part) for part in zip(*parts, strict=True)]
-        return Trace(*(np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)), len(s))
+        every = [np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)]
+        return Trace(every[0], every[1], every[2], every[3], every[4], len(s))
 
     def _own(self, facets: Index) -> Index:
         """Return the given facets that are this rank's own."""

@@ -39,7 +39,7 @@ def _named(kind: str) -> Kind:
 
 
 ROD, SUPPORT, CONTACT, TIE, PARTNER, SURFACE, GROUP = map(
-    _named, ("rod", "support", "contact", "tie", "rod or obstacle", "surface", "group")
+    _named, ("rod", "support", "contact", "tie", "rod, obstacle or solid", "surface", "group")
 )
 
 

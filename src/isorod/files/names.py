@@ -46,8 +46,10 @@ class Names:
             from isorod.files.ties import surfaces
 
             return surfaces(rods, {name: [*plan.grid.groups] for name, plan in self.solids.items()})
-        if kind == "rod or obstacle":
-            return rods | dict(self.obstacles)
+        if kind == "rod, obstacle or solid":
+            known = self._known("surface") if self.solids else {}
+            facets = {name: one for name, one in known.items() if name.partition(".")[0] in self.solids}
+            return rods | dict(self.obstacles) | facets
         return {name: k for k, name in enumerate(self._numbered["body" if kind == "rod" else kind])}
 
     def check(self, top: Place) -> None:

@@ -287,25 +287,25 @@ class FileScene(Scene):
                 names["space"] = bodies[names.get("body", 0)].space
             return one.make(**names)
 
-        def contact(one: Call) -> Any:
+        solids = [plan.body() for plan in self._names.solids.values()]
+        facets = [groups.facets for _, groups in solids]
+
+        def meeting(one: Call) -> Any:
             names = self._names.of(one)
             if isinstance(names.get("second"), Call):
                 names["second"] = names["second"].make()
+            if solids or self._names.ties:
+                # Loads what models are made of.
+                from isorod.files.ties import built
+
+                names = {key: built(surface, facets) for key, surface in names.items()}
             return one.make(**names)
 
         supports = [placed(one) for one in self._names.supports.values()]
         loads = [placed(one) for one in self._names.loads.values()]
-        contacts = [contact(one) for one in self._names.contacts.values()]
-        solids = [plan.body() for plan in self._names.solids.values()]
-        facets = [groups.facets for _, groups in solids]
-
-        def tied(one: Call) -> Any:
-            # Loads what models are made of.
-            from isorod.files.ties import built
-
-            return one.make(**{key: built(surface, facets) for key, surface in self._names.of(one).items()})
-
-        welds = [tied(one) for one in self._names.ties.values()]
+        contacts, welds = (
+            [meeting(one) for one in several.values()] for several in (self._names.contacts, self._names.ties)
+        )
         spin = None if self._spin is None else self._spin.make()
         with self.locating("rod"):
             model = Model(bodies, supports, spin, contacts, loads, welds, [solid for solid, _ in solids])

@@ -85,6 +85,11 @@ def refuse(model: Model) -> None:
             raise InputError(
                 f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
+    for k, contact in enumerate(model.contacts):
+        if contact.facets is not None:
+            raise InputError(
+                f"contact {k}: vibrations of rods that touch finite element bodies are not known; tie them"
+            )
     for load in model.following:
         if not _edges_held(model, load):
             raise InputError(

@@ -48,7 +48,7 @@ class Steps:
         """Return the fraction of an increment on which no bodies go through each other: all where nobody is careful."""
         if self._passing is None or not self.careful:
             return 1.0
-        state = self._assembler.displacement
+        state = self._assembler.touching
         return self._passing.free(state(start, before), state(end, factor))
 
     def refuse_squeezed(self, before: list[Array], trial: PETSc.Vec, factor: float) -> None:
@@ -62,8 +62,8 @@ class Steps:
         watches, contact = self.turning.watches, self._assembler.contact
         if not watches and self._passing is None:
             return
-        states = self._assembler.displacement(start, before), self._assembler.displacement(end, factor)
-        problem = self.turning.lost(*states) if watches else None
+        states = self._assembler.touching(start, before), self._assembler.touching(end, factor)
+        problem = self.turning.lost(*(one[: self._assembler.model.dofs] for one in states)) if watches else None
         if problem is not None:
             raise Diverged(problem)
         if self._passing is not None and contact is not None:

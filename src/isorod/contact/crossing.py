@@ -1,0 +1,70 @@
+"""Centre lines of rods that go through facets of finite element bodies from one state to the next."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isorod.arrays import Array, Index
+from isorod.contact.facets import SQUARES, facets, nodes_of
+
+if TYPE_CHECKING:
+    from isorod.model.contact import Contact
+    from isorod.model.model import Model
+
+# Corners of the two triangles of a quadrilateral, whose corners are numbered as in a tensor product; of a triangle one.
+_TRIANGLES = {3: ((0, 1, 2),), 4: ((0, 1, 2), (1, 3, 2))}
+
+
+class Crossing:
+    """Facets of one contact, as triangles between their corners.
+
+    Parameters
+    ----------
+    model, contact
+        The model, and its contact with facets.
+    """
+
+    def __init__(self, model: "Model", contact: "Contact") -> None:
+        known, self._places = nodes_of(model)
+        own = facets(model, contact, 1, known)
+        corners = 4 if own.nodes.shape[1] in SQUARES else 3
+        self._corners: Index = np.concatenate([own.nodes[:, list(one)] for one in _TRIANGLES[corners]])
+
+    def first(self, points: tuple[Array, Array], moved: tuple[Array, Array]) -> int | None:
+        """Return which of some points goes through a facet, if one does.
+
+        Parameters
+        ----------
+        points
+            Where they are before and after, shape ``(p, 3)`` each.
+        moved
+            Displacements of `nodes_of` before and after, shape ``(3 k,)`` each.
+        """
+        before, after = ((self._places + one.reshape(-1, 3))[self._corners] for one in moved)
+        middle = before.mean(axis=1)
+        size = np.linalg.norm(before - middle[:, None], axis=2).max(axis=1)
+        path = np.linalg.norm(points[1] - points[0], axis=1)
+        drift = np.linalg.norm((after - before).mean(axis=1), axis=1)
+        near = cKDTree(middle).query_ball_point(points[0], path + drift.max() + size.max())
+        which = np.repeat(np.arange(path.size), [len(one) for one in near])
+        if not which.size:
+            return None
+        facet = np.concatenate([np.array(one, dtype=np.int64) for one in near])
+        # The way relative to the facet.
+        start = points[0][which]
+        way = points[1][which] - start - (after[facet] - before[facet]).mean(axis=1)
+        hit = _cross(start, way, before[facet])
+        return int(which[hit.argmax()]) if hit.any() else None
+
+
+def _cross(start: Array, way: Array, corners: Array) -> Array:
+    """Return which ways cross their triangles (Moeller & Trumbore, J. Graph. Tools 2 (1997) 21-28)."""
+    one, other, apart = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
+    normal = np.cross(one, other)
+    det = -np.einsum("ma,ma->m", way, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.einsum("ma,ma->m", apart, normal) / det
+        turned = np.cross(apart, way)
+        u, v = np.einsum("ma,ma->m", other, turned) / det, -np.einsum("ma,ma->m", one, turned) / det
+        return np.asarray((t >= 0.0) & (t <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0))
