@@ -13,8 +13,9 @@ from touching import bars, strip
 from isorod import LinearElastic, Material, Muscle, NeoHookean, Space, StVenantKirchhoff, statics
 from isorod.command import printing
 from isorod.contact import cells, quality
+from isorod.contact.defaults import penalty
 from isorod.contact.operator import ContactOperator
-from isorod.contact.tables import pack, penalty
+from isorod.contact.tables import pack
 from isorod.output import vtk
 
 E, NU = 1.0, 0.3

@@ -14,13 +14,14 @@ from petsc4py import PETSc
 from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
+from isorod.contact.defaults import points_of, smallest_radius
 from isorod.contact.facets import nodes_of
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.lift_kernel import lift, lower
 from isorod.contact.packed import Friction, Packed, Row
 from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, measure, of_contacts
-from isorod.contact.tables import pack, points_of, smallest_radius
+from isorod.contact.tables import pack
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
@@ -307,6 +308,8 @@ class ContactOperator:
             # How near what does not touch is has not been looked at.
             np.minimum(self.packed.clear, self.packed.travel[0], out=self.packed.clear)
             self.forces(displacement)
+        # What facets touch tells how wide a patch is.
+        self.ranks.gather(self.packed, self.packed.starts)
         points = list(self.points)
         for contact, passes, _ in of_contacts(self.model, self.packed):
             if contact.points is None:

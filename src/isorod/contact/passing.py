@@ -14,9 +14,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array, Index
+from isorod.contact.defaults import deepest, smallest_radius
 from isorod.contact.packed import Packed
 from isorod.contact.result import of_contacts
-from isorod.contact.tables import deepest, smallest_radius
 from isorod.geometry import boxes
 from isorod.geometry.disk import circle
 from isorod.model.contact import Cylinder, Plane, Sphere

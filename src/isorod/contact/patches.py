@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.contact.defaults import radii
 from isorod.contact.result import ContactResult
-from isorod.contact.tables import radii
 from isorod.model.contact import Contact
 from isorod.model.model import Model
 from isorod.space.closer import Patch

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
+from isorod.contact.defaults import smallest_radius
 from isorod.contact.packed import Friction, Packed
-from isorod.contact.tables import smallest_radius
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 

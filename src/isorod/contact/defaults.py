@@ -1,0 +1,91 @@
+"""Penalty and points of contacts where nobody gave them, and the sizes of surfaces that they come from."""
+
+from collections.abc import Sequence
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.contact import facets
+from isorod.contact.traces import trace
+from isorod.model.contact import MAX_POINTS, Contact
+from isorod.space.choice import touching_points
+
+if TYPE_CHECKING:
+    from isorod.model.model import Model
+    from isorod.space.space import Space
+
+# The penalty by default, in moduli of the surface (`isorod.material.law.Material.surface_modulus`) per distance between
+# control points round the section: of the order of what a surface has against its shortest waves.  Measured on a
+# cylinder pressed on a plane with 1.9 to 3.2 control points across the patch: with 2 the half width (by the pressure's
+# second moment) errs by 4 % at most and the largest pressure by 11 %, with 4 by 7 and 47 %.
+_STIFF = 2.0
+
+
+def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float, float]:
+    """Return mean and largest distance of a section's outline from its centre, of the elements where it is smallest.
+
+    Outlines are those at the middles of elements, of all where none are named.
+    """
+    breaks = space.axis.breaks
+    middles = 0.5 * (breaks[1:] + breaks[:-1])
+    chosen = middles if elements is None else middles[list(elements)]
+    mean, largest = space.rod.radii(chosen, 8 * space.points_around)
+    return float(mean.min()), float(largest.min())
+
+
+def smallest_radius(model: "Model", contact: Contact) -> float:
+    """Return the smallest mean radius of the elements that take part in a contact."""
+    found = []
+    for body, elements in contact.sides:
+        space = model.bodies[body].space
+        found.append(contact.disk_radius(body, space.rod) * radii(space, elements)[0])
+    return min(found)
+
+
+def deepest(space: "Space", inner: bool) -> float:
+    """Return how deep beyond an inner surface a point may be, half of the wall at its thinnest; 0 of an outer one."""
+    return 0.5 * (1.0 - space.rod.rings[0]) * radii(space)[0] if inner else 0.0
+
+
+def penalty(model: "Model", contact: Contact) -> float:
+    """Return the pressure per depth of a contact, as it was given or by default."""
+    if contact.penalty is not None:
+        return contact.penalty
+    stiffness = []
+    for body, elements in contact.sides:
+        space = model.bodies[body].space
+        own = trace(space, contact.is_inner(body))
+        radius = own.radius * radii(space, elements)[0]
+        softest = min(law.surface_modulus for law in model.bodies[body].laws)
+        count = space.points_around if own.lift is None else own.dimension
+        stiffness.append(softest * count / (2.0 * np.pi * radius))
+    if contact.facets is not None:
+        law = model.solids[contact.facets.solid].law
+        if law is not None:
+            size = facets.facets(model, contact, 1, facets.nodes_of(model)[0]).size
+            stiffness.append(law.surface_modulus / size)
+    return _STIFF * min(stiffness)
+
+
+def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
+    """Return the points round an arc and along an element of each pass of the contacts of a model, of facets alike.
+
+    Where they are not given these are 3, of functions without control points as many for each of these, and degree + 1
+    or, where ``even``, as many as make them as close along as round (`isorod.space.choice.touching_points`).
+    """
+    found = []
+    for contact in model.contacts:
+        if contact.facets is not None:
+            found.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact), even))
+            continue
+        for body, _ in contact.sides:
+            space = model.bodies[body].space
+            surface = trace(space, contact.is_inner(body))
+            n = space.points_around if surface.lift is None else len(surface.arcs)
+            least = 3 if surface.lift is None else ceil(3 * surface.dimension / n)
+            own = least, space.axis.degree + 1
+            if even:
+                own = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
+            found.append(contact.points or own)
+    return found
