@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 # Corners of the two triangles of a quadrilateral, whose corners are numbered as in a tensor product; of a triangle one.
 _TRIANGLES = {3: ((0, 1, 2),), 4: ((0, 1, 2), (1, 3, 2))}
 
+# Triangles are by so much larger: each moves in its own way, and between two of them nothing gets through.
+_EDGE = 0.1
+
 
 class Crossing:
     """Facets of one contact, as triangles between their corners.
@@ -31,7 +34,7 @@ class Crossing:
         corners = 4 if own.nodes.shape[1] in SQUARES else 3
         self._corners: Index = np.concatenate([own.nodes[:, list(one)] for one in _TRIANGLES[corners]])
 
-    def first(self, points: tuple[Array, Array], moved: tuple[Array, Array]) -> int | None:
+    def first(self, points: tuple[Array, Array], moved: tuple[Array, Array], ahead: Array) -> int | None:
         """Return which of some points goes through a facet, if one does.
 
         Parameters
@@ -40,11 +43,13 @@ class Crossing:
             Where they are before and after, shape ``(p, 3)`` each.
         moved
             Displacements of `nodes_of` before and after, shape ``(3 k,)`` each.
+        ahead
+            How far ahead of each point its body reaches, on its way relative to a facet, ``(p,)``.
         """
         before, after = ((self._places + one.reshape(-1, 3))[self._corners] for one in moved)
         middle = before.mean(axis=1)
         size = np.linalg.norm(before - middle[:, None], axis=2).max(axis=1)
-        path = np.linalg.norm(points[1] - points[0], axis=1)
+        path = np.linalg.norm(points[1] - points[0], axis=1) + ahead
         drift = np.linalg.norm((after - before).mean(axis=1), axis=1)
         near = cKDTree(middle).query_ball_point(points[0], path + drift.max() + size.max())
         which = np.repeat(np.arange(path.size), [len(one) for one in near])
@@ -54,6 +59,8 @@ class Crossing:
         # The way relative to the facet.
         start = points[0][which]
         way = points[1][which] - start - (after[facet] - before[facet]).mean(axis=1)
+        length = np.linalg.norm(way, axis=1)[:, None]
+        way = way * (1.0 + ahead[which, None] / np.where(length > 0.0, length, np.inf))
         hit = _cross(start, way, before[facet])
         return int(which[hit.argmax()]) if hit.any() else None
 
@@ -67,4 +74,4 @@ def _cross(start: Array, way: Array, corners: Array) -> Array:
         t = np.einsum("ma,ma->m", apart, normal) / det
         turned = np.cross(apart, way)
         u, v = np.einsum("ma,ma->m", other, turned) / det, -np.einsum("ma,ma->m", one, turned) / det
-        return np.asarray((t >= 0.0) & (t <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0))
+        return np.asarray((t >= 0.0) & (t <= 1.0) & (np.minimum(u, v) >= -_EDGE) & (u + v <= 1.0 + _EDGE))

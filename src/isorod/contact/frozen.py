@@ -80,6 +80,8 @@ class Frozen:
     """
 
     version = 0
+    beyond = np.empty(0, dtype=np.int64)
+    of_rods = slice(None)
 
     def __init__(
         self,

@@ -118,7 +118,7 @@ class Passing:
             self._each_other(start, increment)
             or self._obstacle(start, increment)
             or self._wall(start, increment)
-            or self._facets(start, increment, (before, after))
+            or self._facets(start, increment, (before, after), _NEAREST)
         )
 
     def free(self, before: Array, after: Array) -> float:
@@ -129,7 +129,7 @@ class Passing:
             self._each_other(start, fraction * increment, True)
             or self._obstacle(start, fraction * increment, True)
             or self._wall(start, fraction * increment)
-            or self._facets(start, fraction * increment, (before, before + fraction * (after - before)))
+            or self._facets(start, fraction * increment, (before, before + fraction * (after - before)), 1.0 - _ENTERS)
         ):
             fraction *= 0.5
             if fraction < _LEAST:
@@ -207,13 +207,16 @@ class Passing:
                     return f"tunnelling of {self._said(int(others[out[0]]))} through the wall of body {tube}"
         return None
 
-    def _facets(self, start: Array, increment: Array, states: tuple[Array, Array]) -> str | None:
-        """Return in words which segment goes through facets of a finite element body, between two displacements."""
+    def _facets(self, start: Array, increment: Array, states: tuple[Array, Array], ahead: float) -> str | None:
+        """Return in words which segment goes through facets of a finite element body, between two displacements.
+
+        That is, what is so many radii ``ahead`` of its centre.
+        """
         for k, contact, crossing in self._crossings:
             own = np.flatnonzero(self._stretches.sides(contact)[1])
             before, way = start[own].mean(axis=1), increment[own].mean(axis=1)
             one, other = (state[self._reference.size :] for state in states)
-            found = crossing.first((before, before + way), (one, other))
+            found = crossing.first((before, before + way), (one, other), ahead * self._radius[own])
             if found is not None:
                 return f"tunnelling of {self._said(int(own[found]))} through the facets of contact {k}"
         return None

@@ -159,7 +159,7 @@ class Contact(Checked):
         """Raise `InputError` where inner surfaces would touch none that are in their holes."""
         inner = [name == "inner" for name in (self.first_surface, self.second_surface)]
         if inner[1] and len(self.groups) == 1:
-            raise InputError("contact: second_surface is given, but the second partner is no rod")
+            raise InputError("contact: second_surface is given, but the second partner is rigid, facets, or none")
         if all(inner):
             raise InputError("contact: both surfaces are inner ones, which never touch; one has to be an outer one")
         if inner[0] and self.second is None:
@@ -168,7 +168,7 @@ class Contact(Checked):
     def _check_groups(self) -> None:
         """Raise `InputError` where a side is empty, a body stands twice, or elements of several bodies are named."""
         if self.second_elements is not None and len(self.groups) == 1:
-            raise InputError("contact: second_elements are given, but the second partner is no rod")
+            raise InputError("contact: second_elements are given, but the second partner is rigid, facets, or none")
         for bodies, elements in zip(self.groups, (self.first_elements, self.second_elements), strict=False):
             if not bodies:
                 raise InputError("contact: a side without a body; name at least one")
