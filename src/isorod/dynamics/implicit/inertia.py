@@ -35,7 +35,9 @@ class Inertia:
     def __init__(self, assembler: StepAssembler) -> None:
         self.assembler = assembler
         self._matrix = self._made()
-        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if assembler.comm.getSize() > 1 else {}
+        # PETSc's own factors are for bands.
+        sparse = assembler.comm.getSize() > 1 or bool(assembler.model.solids)
+        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if sparse else {}
         self._ksp = direct(self._matrix, {f"{_PREFIX}pc_type": "lu"} | several, _PREFIX)
 
     def _made(self) -> PETSc.Mat:
