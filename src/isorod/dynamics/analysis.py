@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly.factorisation import is_mixed
 from isorod.checks import overlap, small
 from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
@@ -284,8 +283,6 @@ def _check_loads(model: Model, integrator: str) -> None:
         raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
     if model.ties and integrator == "explicit":
         raise InputError("ties: not supported by explicit steps, whose masses they would couple; use 'implicit'")
-    if model.ties and is_mixed(model):
-        raise InputError("ties: not supported in dynamics with the mixed formulation; use 'displacement'")
 
 
 def _check_turns(model: Model) -> None:

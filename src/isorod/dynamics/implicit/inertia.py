@@ -104,6 +104,7 @@ class MixedInertia(Inertia):
         InputError
             If there is none.
         """
+        displacement, velocity = super().prepare(displacement, velocity, step)
         if not self._rigid:
             return displacement, velocity
         assembler, short = self.assembler, (1e-3 * step) ** 2
@@ -145,7 +146,7 @@ class MixedInertia(Inertia):
         fixed = self._sums(lambda part, sums: part.add_bends(local, moving, sums))
         fixed.scale(-half)
         fixed.axpy(-1.0 / half, self._sums(lambda part, sums: part.add_integrals(local, sums), lambda part: part.soft))
-        fixed.axpy(-1.0, assembler.state(balance))
+        fixed.axpy(-1.0, assembler.onto_unknowns(balance))
 
         def solved(p: Array) -> PETSc.Vec:
             # Of the pressures times half a step, and their rows as much: the matrix is symmetric.
@@ -158,7 +159,7 @@ class MixedInertia(Inertia):
         acceleration = assembler.change(x)
         x.scale(half)
         held = balance + assembler.momenta(acceleration) + assembler.pressed_by(displacement, x)
-        return held, assembler.all_pressures(x)
+        return assembler.onto_masters(held), assembler.all_pressures(x)
 
     def stored(self, displacement: Array) -> float:
         """Return the energy ``U(theta)`` of pressures, ``p^2 / (2 kappa)``."""
