@@ -21,6 +21,7 @@ from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
+from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 # Error of implicit steps above which they are warned of.
@@ -143,7 +144,9 @@ def solve(
             file.close()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        small.warn_of_large(model, np.array(run.rows["displacement"]))
+        small.warn_of_large(
+            model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
+        )
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},

@@ -169,12 +169,20 @@ class Solid:
 
     def smallest_jacobian(self, u: Array) -> float:
         """Return the smallest ``det F`` of all ranks, in the middles of cells and at their corners."""
+        found = self._in_cells(ufl.det(ufl.Identity(3) + ufl.grad(self.unknown)), u)
+        return float(self.comm.allreduce(found.min(initial=np.inf), op=MPI.MIN))
+
+    def largest_gradient(self, u: Array) -> float:
+        """Return the largest component of the displacement's gradient of all ranks, there too."""
+        found = np.abs(self._in_cells(ufl.grad(self.unknown), u))
+        return float(self.comm.allreduce(found.max(initial=0.0), op=MPI.MAX))
+
+    def _in_cells(self, value: Any, u: Array) -> Array:
+        """Return a UFL expression at displacements, in the middles of this rank's cells and at their corners."""
         self.set(u, 0.0)
         cells = Cells(self.space)
-        found = compat.expression(
-            ufl.det(ufl.Identity(3) + ufl.grad(self.unknown)), np.vstack([cells.middle, cells.corners]), FAST
-        )(self.space.mesh, np.arange(len(cells.x), dtype=np.int32))
-        return float(self.comm.allreduce(found.min(initial=np.inf), op=MPI.MIN))
+        evaluate = compat.expression(value, np.vstack([cells.middle, cells.corners]), FAST)
+        return evaluate(self.space.mesh, np.arange(len(cells.x), dtype=np.int32))
 
     def momenta(self, velocity: Array) -> Array:
         """Return the mass matrix times this rank's velocities, shape ``(3 nodes,)`` both."""

@@ -332,7 +332,7 @@ def _solve(
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
         overlap.warn_in_the_end(model, displacement, overlapped)
-        small.warn_of_large(model, displacement[None])
+        small.warn_of_large(model, displacement[None], [assembler.solids(solver.x, 1.0)])
         rules = hourglass.better_rules(model)
         if rules:
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
