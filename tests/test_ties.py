@@ -313,10 +313,3 @@ def test_a_disk_swings_on_its_bond():
     # Begun slowly nothing rings: the support of the bar carries what the bond pulls.
     carried, pulled = swung(2, np.sin, 0.1 / frequency, velocity=way.ravel())
     assert np.abs(carried - pulled).max() < 0.05 * np.abs(pulled).max()
-
-
-def test_explicit_steps_take_no_ties():
-    lower, upper = pair()
-    bodies = [Body(space, NeoHookean(10.0, 0.3), 1.0) for space in (lower, upper)]
-    with pytest.raises(InputError, match="ties: not supported by explicit steps"):
-        dynamics.solve(Model(bodies, [Support.end(lower, "start")], ties=[WELD]), 1.0)

@@ -284,8 +284,6 @@ def _check_loads(model: Model, integrator: str) -> None:
         raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
     if model.solids and integrator == "explicit":
         raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
-    if model.ties and integrator == "explicit":
-        raise InputError("ties: not supported by explicit steps, whose masses they would couple; use 'implicit'")
 
 
 def _check_turns(model: Model) -> None:

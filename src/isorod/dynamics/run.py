@@ -268,7 +268,7 @@ class Run(ABC):
         digest.update(system.digest().encode())
         mixed = [body for body in system.model.bodies if body.formulation == "mixed"]
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
-        digest.update(repr(system.model.following).encode())
+        digest.update(repr((system.model.following, system.model.ties)).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
             *([law.lame for law in body.laws] for body in mixed),
