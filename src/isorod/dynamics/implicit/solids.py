@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.dynamics.implicit.coupling import StepCoupling
 from isorod.errors import InputError
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
+    from isorod.dynamics.implicit.coupling import StepCoupling
     from isorod.fenics.solid import Solid
 
 
@@ -33,7 +33,7 @@ class Solids:
         Sum of their moduli times volumes.
     """
 
-    def __init__(self, model: Model, coupling: StepCoupling | None) -> None:
+    def __init__(self, model: Model, coupling: "StepCoupling | None") -> None:
         self._solids, self._coupling, rods = model.solids, coupling, model.dofs
         self._own = [] if coupling is None else [own - rods for own in coupling.own_dofs]
         self.held = np.zeros(0, dtype=bool) if coupling is None else coupling.constraints.held[rods:]
