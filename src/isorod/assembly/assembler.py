@@ -211,9 +211,7 @@ class Assembler(Parts):
         with self._timed():
             rods = self.everywhere(self._forces(self._state(x, factor), factor))
             found = np.append(rods, self.coupling.everywhere(self._solid_forces(x, factor)))
-            if self.coupling.bonds is None:
-                return found
-            return found + self.coupling.bonds @ self.system_displacement(x, factor)
+            return found + self.coupling.bond_forces(self.system_displacement(x, factor))
 
     def carried(self, x: PETSc.Vec) -> float:
         """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
@@ -354,7 +352,7 @@ class Assembler(Parts):
                 energy += solid.energy(moved, factor)
             if self.coupling is not None and self.coupling.bonds is not None:
                 everywhere = self.system_displacement(x, factor)
-                energy += 0.5 * float(everywhere @ (self.coupling.bonds @ everywhere))
+                energy += 0.5 * float(everywhere @ self.coupling.bond_forces(everywhere))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:

@@ -44,6 +44,8 @@ class Coupling:
     ----------
     constraints
         The ties.
+    own_dofs
+        This rank's degrees of freedom of each solid among all.
     rows, unknowns
         Number of unknowns of the system, on this rank and in all.
     """
@@ -77,16 +79,16 @@ class Coupling:
         self._inner = self._rods.createVecLeft()
         slave_of = np.full(of_dofs.size, -1)
         slave_of[slaves] = np.arange(slaves.size)
-        self._own_dofs = [
+        self.own_dofs = [
             3 * first + np.arange(3 * solid.owned[0], 3 * solid.owned[1])
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
-        self._of_solids = [of_dofs[own] for own in self._own_dofs]
+        self._of_solids = [of_dofs[own] for own in self.own_dofs]
         # Of each solid, the number of all its degrees of freedom, and whether some of them are slaves.
         starts = 3 * constraints.first_node[len(model.bodies) :]
         self._of_solid = [of_dofs[begin:end] for begin, end in pairwise(starts)]
         self._depends = [bool((slave_of[begin:end] >= 0).any()) for begin, end in pairwise(starts)]
-        self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
+        self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self.own_dofs]
         self._transformations = [self._rods, *self._solids]
         self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
         # What of the unknowns each degree of freedom is made, and which of these solids have in contact.
@@ -169,7 +171,7 @@ class Coupling:
         if not self._solids:
             return []
         found, given = [], self.given(factor)
-        for own, transformation in zip(self._own_dofs, self._solids, strict=True):
+        for own, transformation in zip(self.own_dofs, self._solids, strict=True):
             moved = transformation.createVecLeft()
             transformation.mult(x, moved)
             found.append(given[own] + moved.array_r)
@@ -211,16 +213,20 @@ class Coupling:
             self._bonds.multAdd(x, out, out)
         out.array_w[:] += self._pushed @ given
 
+    def bond_forces(self, moved: Array) -> Array:
+        """Return the forces of bonds on all degrees of freedom, of displacements of these."""
+        return np.zeros(moved.size) if self.bonds is None else np.asarray(self.bonds @ moved)
+
     def carried(self, forces: Sequence[Array], factor: float) -> float:
         """Return the sum of the squares of the solids' loads, and of the forces where they are held, on this rank."""
-        held = (force[self.constraints.held[own]] for own, force in zip(self._own_dofs, forces, strict=True))
+        held = (force[self.constraints.held[own]] for own, force in zip(self.own_dofs, forces, strict=True))
         loads = (factor * solid.external() for solid in self._model.solids)
         return float(sum(np.sum(one**2) for one in (*held, *loads)))
 
     def unheld(self, forces: Sequence[Array]) -> Array:
         """Return the resultant ``(3,)`` of the solids' forces on this rank where nothing holds them."""
         result = np.zeros(3)
-        for own, force in zip(self._own_dofs, forces, strict=True):
+        for own, force in zip(self.own_dofs, forces, strict=True):
             result += np.where(self.constraints.held[own], 0.0, force).reshape(-1, 3).sum(axis=0)
         return result
 
@@ -228,7 +234,7 @@ class Coupling:
         """Add the linearised change of the solids' residuals when the load factor grows by ``step`` at ``x``."""
         change, forces = self.given(factor + step) - self.given(factor), []
         self.add_bonds(None, change, out)
-        for own, solid, tangent in zip(self._own_dofs, self._model.solids, self.tangents(x, factor), strict=True):
+        for own, solid, tangent in zip(self.own_dofs, self._model.solids, self.tangents(x, factor), strict=True):
             move, force = tangent.createVecs()
             move.array_w[:] = change[own]
             tangent.mult(move, force)

@@ -1,6 +1,7 @@
 """Laws of small strains: whether their bodies stay where such laws hold."""
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from isorod.model import Model
 LARGE = 0.1
 
 
-def warn_of_large(model: Model, displacements: Array) -> None:
+def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[Array]] = ()) -> None:
     """Warn of bodies that are turned or strained by more than their laws of small strains know of.
 
     Parameters
@@ -22,7 +23,10 @@ def warn_of_large(model: Model, displacements: Array) -> None:
         What has moved.
     displacements
         All degrees of freedom at outputs, shape ``(outputs, dofs)``.
+    solids
+        At each, what this rank has of each solid (`isorod.output.state.State.solids`); collective.
     """
+    found = []
     for b, body in enumerate(model.bodies):
         small = next((law for law in body.laws if not law.objective), None)
         if small is None:
@@ -33,9 +37,14 @@ def warn_of_large(model: Model, displacements: Array) -> None:
         for row in displacements:
             nodal = model.nodal(row, b)[body.space.element_nodes].reshape(shape)
             largest = max(largest, float(np.abs(displacement_gradients(table, nodal)).max()))
+        found.append((f"body {b}", small, largest))
+    for k, solid in enumerate(model.solids):
+        if solid.law is not None and not solid.law.objective:
+            found.append((f"solid {k}", solid.law, max(solid.largest_gradient(row[k]) for row in solids)))
+    for which, law, largest in found:
         if largest > LARGE:
             warnings.warn(
-                f"rotations or strains of body {b} reach {largest:.2g}, the small-strain law {type(small).__name__} "
+                f"rotations or strains of {which} reach {largest:.2g}, the small-strain law {type(law).__name__} "
                 f"needs less than {LARGE:g}; use a finite-strain law such as StVenantKirchhoff or OrthotropicKirchhoff",
                 stacklevel=3,
             )

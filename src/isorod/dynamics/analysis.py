@@ -1,7 +1,7 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly.factorisation import is_mixed
 from isorod.checks import overlap, small
 from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
@@ -22,6 +21,7 @@ from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
+from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 # Error of implicit steps above which they are warned of.
@@ -44,6 +44,7 @@ def solve(
     integrator: str = "explicit",
     petsc: Mapping[str, object] | None = None,
     comm: PETSc.Comm | None = None,
+    solids: Sequence[tuple[ArrayLike, ArrayLike]] = (),
 ) -> History:
     """Integrate the motion of a model from time zero.
 
@@ -85,6 +86,10 @@ def solve(
         (`isorod.petsc.options.in_force`).
     comm
         The ranks, all there are where it is not given.
+    solids
+        Initial displacement and velocity of each of the model's finite element bodies, at rest if there are none: of
+        their degrees of freedom on this rank, shape ``(3 nodes,)``, as `isorod.statics.Equilibrium.solids` has them, or
+        ``(3,)`` or a number for all nodes.
 
     Raises
     ------
@@ -109,10 +114,15 @@ def solve(
         run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
         ranks = run.system.ranks
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
+        if model.solids:
+            from isorod.dynamics.implicit.solids import initial as of_solids
+
+            others = of_solids(model.solids, solids)
+            initial = np.append(initial[0], others[0]), np.append(initial[1], others[1])
         file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
         try:
             file.begin(resume)
-            overlapped = overlap.warn_at_rest(model, initial[0])
+            overlapped = overlap.warn_at_rest(model, initial[0][: model.dofs])
             resumed, first = run.time, run.taken
             setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
             shown = Progress(run.time, end_time)
@@ -134,7 +144,9 @@ def solve(
             file.close()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        small.warn_of_large(model, np.array(run.rows["displacement"]))
+        small.warn_of_large(
+            model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
+        )
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},
@@ -261,18 +273,17 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(
                 f"density of body {b}: got {body.densities.min():g}, dynamics needs a positive mass per volume"
             )
+    for k, solid in enumerate(model.solids):
+        if not 0.0 < solid.density < np.inf:
+            raise InputError(f"solid {k} has density {solid.density:g}, dynamics needs a positive mass per volume")
 
 
 def _check_loads(model: Model, integrator: str) -> None:
     """Raise `InputError` if the model has loads that the steps do not know."""
     if model.loads and integrator == "explicit":
         raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
-    if model.ties and integrator == "explicit":
-        raise InputError("ties: not supported by explicit steps, whose masses they would couple; use 'implicit'")
-    if model.ties and is_mixed(model):
-        raise InputError("ties: not supported in dynamics with the mixed formulation; use 'displacement'")
-    if model.solids:
-        raise InputError("solids: finite element bodies are not supported in dynamics; use statics or modes")
+    if model.solids and integrator == "explicit":
+        raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
 
 
 def _check_turns(model: Model) -> None:

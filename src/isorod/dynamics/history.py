@@ -1,6 +1,6 @@
 """What motions are, at their outputs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -11,6 +11,7 @@ from isorod.checks.reactions import by_support, support_displacements
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.errors import whole_number
 from isorod.model.model import Model
+from isorod.output.solids import WithSolids, owned
 from isorod.output.state import Animated, State
 
 # Of a history, what is one number an output.
@@ -21,21 +22,24 @@ _CURVES = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Instant(State):
+class Instant(State, WithSolids):
     """A motion at one of its outputs, which answers for any point of it (`isorod.output.state`).
 
     Attributes
     ----------
-    model, displacement, factor, pressures
+    model, displacement, factor, pressures, solids
         As for `isorod.output.state.State`.
     velocity
         All degrees of freedom, shape ``(dofs,)``.
     time
         Of the output.
+    solid_velocities
+        Of each solid's degrees of freedom on this rank.
     """
 
     velocity: Array
     time: float
+    solid_velocities: Sequence[Array] = ()
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement and velocity, ``(nodes, 3)``, and its pressure coefficients if it has some."""
@@ -64,6 +68,8 @@ class History(Animated):
         Force of each support on the model, shape ``(o, supports, 3)``.
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
+    solid_displacement, solid_velocity
+        Of the finite element bodies' degrees of freedom, one body behind the other, shape ``(o, s)``; on every rank.
     pressure
         Coefficients of the pressures of mixed bodies, one body's behind the other's (`Model.split_pressures`), force
         per area, shape ``(o, p)``: what balances the motion at the time of the output, of waves of pressure that steps
@@ -112,6 +118,8 @@ class History(Animated):
     penetration: Array
     kinetic: Array
     pressure: Array
+    solid_displacement: Array
+    solid_velocity: Array
     stored: Array
     contact_energy: Array
     added_kinetic: Array
@@ -150,6 +158,8 @@ class History(Animated):
             time,
             factor=factor,
             pressures=self.model.split_pressures(self.pressure[k]),
+            solids=owned(self.model, self.solid_displacement[k]),
+            solid_velocities=owned(self.model, self.solid_velocity[k]),
         )
 
     def __iter__(self) -> Iterator[Instant]:
@@ -175,6 +185,8 @@ class History(Animated):
             "displacement",
             "velocity",
             "pressure",
+            "solid_displacement",
+            "solid_velocity",
             "estimates",
             "seconds",
             "built",

@@ -209,6 +209,8 @@ class Run(ABC):
             "penetration": max(0.0, -deepest),
             "contact_energy": energy,
             "pressure": np.empty(0),
+            "solid_displacement": np.empty(0),
+            "solid_velocity": np.empty(0),
             "load_work": float(self.system.model.external @ moved + self.system.state.sums[FOLLOWED]),
         }
 
@@ -230,14 +232,18 @@ class Run(ABC):
         given = ("muscle_work", "load_work", "dissipated")
         scale = max(abs(work) for name in given for work in [self._energy, seen[name], *self.rows.get(name, [])])
         error = total(seen) - self._energy - seen["muscle_work"] - seen["load_work"] + seen["dissipated"]
-        state = self.system.state
-        amount = float(np.abs(self._moving(state.velocity)).sum())
-        amount += float(np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:FOLLOWED]).sum())
-        amount += self.time * float(np.abs(self._loaded).sum())
+        amount = self._amount()
         loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
         seen["momentum_error"] = loose / amount if amount > 0.0 else 0.0
         return float(seen["energy_error"])
+
+    def _amount(self) -> float:
+        """Return the sum of the sizes of momenta and impulses."""
+        state = self.system.state
+        impulses = np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:FOLLOWED]).sum()
+        moving = np.abs(self._moving(state.velocity)).sum()
+        return float(moving + impulses + self.time * np.abs(self._loaded).sum())
 
     def _by_support(self, held: Array) -> Array:
         """Return the sums of what belongs to the held degrees of freedom, shape ``(supports, 3)``."""
@@ -262,7 +268,7 @@ class Run(ABC):
         digest.update(system.digest().encode())
         mixed = [body for body in system.model.bodies if body.formulation == "mixed"]
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
-        digest.update(repr(system.model.following).encode())
+        digest.update(repr((system.model.following, system.model.ties)).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
             *([law.lame for law in body.laws] for body in mixed),

@@ -24,6 +24,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError, SolveError
 
 __all__ = [
+    "add_matrix",
     "assemble_array",
     "assemble_matrix",
     "assemble_vector",
@@ -35,6 +36,7 @@ __all__ = [
     "entities",
     "expression",
     "exterior_facets",
+    "fill",
     "form",
     "from_gmsh",
     "function_space",
@@ -205,6 +207,12 @@ def expression(value: Any, where: Array, flags: Sequence[str]) -> Callable[[Any,
     return lambda mesh, cells: np.asarray(compiled.eval(cells))
 
 
+def fill(function: Any, values: Array) -> None:
+    """Set what this rank has of a function to ``values``, and what others know of it."""
+    function.x.array[: len(values)] = values
+    function.x.scatter_forward()
+
+
 def petsc_vector(function: Any) -> PETSc.Vec:
     """Return the PETSc vector that shares a function's memory."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
@@ -226,6 +234,11 @@ def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -
     matrix.zeroEntries()
     petsc.assemble_matrix(matrix, bilinear, list(supports))
     matrix.assemble()
+
+
+def add_matrix(matrix: PETSc.Mat, bilinear: Any) -> None:
+    """Add a form to ``matrix``, which is to be assembled when all is there."""
+    petsc.assemble_matrix(matrix, bilinear)
 
 
 def assemble_vector(vector: PETSc.Vec, linear: Any) -> None:

@@ -78,22 +78,23 @@ class Solid:
         self.nodes = int(index_map.size_global)
         self.owned: tuple[int, int] = tuple(int(k) for k in index_map.local_range)  # type: ignore[assignment]
         self._count = self.owned[1] - self.owned[0]
-        self._unknown = unknown if unknown is not None else dolfinx.fem.Function(space)
+        self.unknown = unknown if unknown is not None else dolfinx.fem.Function(space)
         self._force = dolfinx.fem.Function(space)
-        self._factor = dolfinx.fem.Constant(mesh, 1.0)
+        self.factor = dolfinx.fem.Constant(mesh, 1.0)
         self._energy = None
         if law is not None:
-            energy, inner = forms.of_law(law, self._unknown, self._factor, self._degree)
+            energy, inner = forms.of_law(law, self.unknown, self.factor, self.rule_degree)
             self._energy = compat.form(energy, FAST)
             outer = ufl.Form([])
         else:
-            inner, outer = forms.split(form, self._unknown)
+            inner, outer = forms.split(form, self.unknown)
         if load is not None:
             outer += load
+        self.outer = outer
         self._load = None if outer.empty() else compat.form(outer, FAST)
-        whole = inner if outer.empty() else inner - self._factor * outer
+        whole = inner if outer.empty() else inner - self.factor * outer
         self._residual = compat.form(whole, FAST)
-        tangent = ufl.derivative(whole, self._unknown, ufl.TrialFunction(space))
+        tangent = ufl.derivative(whole, self.unknown, ufl.TrialFunction(space))
         self._tangent = compat.form(tangent, FAST)
 
     @property
@@ -107,8 +108,8 @@ class Solid:
         return int(compat.geometry_element(self.space.mesh).degree) > 1
 
     @property
-    def _degree(self) -> int:
-        """Degree of quadrature."""
+    def rule_degree(self) -> int:
+        """Degree of the quadrature of a law's energy."""
         return 2 * self.degree if self._bricks else max(1, 2 * self.degree - 2)
 
     @property
@@ -145,17 +146,22 @@ class Solid:
         factor
             Load factor.
         """
-        self._set(u, factor)
-        return self._assembled(self._residual)
+        self.set(u, factor)
+        return self.assembled(self._residual)
+
+    def internal(self, u: Array, factor: float) -> Array:
+        """Return this rank's entries ``(3 nodes,)`` of internal forces alone (`residual`)."""
+        return self.residual(u, factor) + factor * self.loads(u)
 
     def tangent(self, u: Array, factor: float) -> PETSc.Mat:
         """Return the derivative of `residual` (AIJ), the same matrix in every call."""
-        self._set(u, factor)
-        compat.assemble_matrix(self._matrix, self._tangent, ())
-        return self._matrix
+        self.set(u, factor)
+        compat.assemble_matrix(self.matrix, self._tangent, ())
+        return self.matrix
 
     @cached_property
-    def _matrix(self) -> PETSc.Mat:
+    def matrix(self) -> PETSc.Mat:
+        """The matrix that `tangent` returns."""
         return compat.create_matrix(self._tangent, "aij")
 
     def mass(self) -> PETSc.Mat:
@@ -169,6 +175,37 @@ class Solid:
         if not 0.0 < self.density < np.inf:
             raise InputError(f"density of the solid: got {self.density:g}, need a positive mass per volume")
         return self._mass
+
+    def smallest_jacobian(self, u: Array) -> float:
+        """Return the smallest ``det F`` of all ranks, in the middles of cells and at their corners."""
+        found = self._in_cells(ufl.det(ufl.Identity(3) + ufl.grad(self.unknown)), u)
+        return float(self.comm.allreduce(found.min(initial=np.inf), op=MPI.MIN))
+
+    def largest_gradient(self, u: Array) -> float:
+        """Return the largest component of the displacement's gradient of all ranks, there too."""
+        found = np.abs(self._in_cells(ufl.grad(self.unknown), u))
+        return float(self.comm.allreduce(found.max(initial=0.0), op=MPI.MAX))
+
+    def _in_cells(self, value: Any, u: Array) -> Array:
+        """Return a UFL expression at displacements, in the middles of this rank's cells and at their corners."""
+        self.set(u, 0.0)
+        cells = Cells(self.space)
+        evaluate = compat.expression(value, np.vstack([cells.middle, cells.corners]), FAST)
+        return evaluate(self.space.mesh, np.arange(len(cells.x), dtype=np.int32))
+
+    def momenta(self, velocity: Array) -> Array:
+        """Return the mass matrix times this rank's velocities, shape ``(3 nodes,)`` both."""
+        matrix = self.mass()
+        moving, result = matrix.createVecs()
+        moving.array_w[:] = velocity
+        matrix.mult(moving, result)
+        return np.array(result.array_r)
+
+    @property
+    def volume(self) -> float:
+        """The volume at rest, of all ranks, by the mass."""
+        mass = self.momenta(np.ones(3 * self._count)).sum()
+        return float(self.comm.allreduce(mass)) / (3.0 * self.density)
 
     @cached_property
     def _mass(self) -> PETSc.Mat:
@@ -192,18 +229,24 @@ class Solid:
         """
         if self._energy is None:
             raise InputError("energy of the solid: it was given as a form, which stores none; give a law")
-        self._set(u, factor)
+        self.set(u, factor)
         return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
+
+    def loads(self, u: Array) -> Array:
+        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1 at displacements of its own."""
+        if self._load is None:
+            return np.zeros(3 * self._count)
+        self.set(u, 1.0)
+        return self.assembled(self._load)
 
     def external(self) -> Array:
         """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""
-        self._set(np.zeros(3 * self._count), 1.0)
-        return np.zeros(3 * self._count) if self._load is None else self._assembled(self._load)
+        return self.loads(np.zeros(3 * self._count))
 
     def function(self, u: Array) -> Any:
         """Return this rank's displacements ``(3 nodes,)`` as a new dolfinx Function."""
         found = dolfinx.fem.Function(self.space)
-        _fill(found, u)
+        compat.fill(found, u)
         return found
 
     def rows(self, points: Numbers, facets: Index | None = None) -> Rows:
@@ -251,20 +294,17 @@ class Solid:
     def _surface(self) -> Surface:
         return Surface(self.space)
 
-    def _set(self, u: Array, factor: float) -> None:
-        _fill(self._unknown, u)
-        self._factor.value = factor
+    def set(self, u: Array, factor: float) -> None:
+        """Let forms be of this rank's displacements ``(3 nodes,)`` and a load factor."""
+        compat.fill(self.unknown, u)
+        self.factor.value = factor
 
-    def _assembled(self, form: Any) -> Array:
+    def assembled(self, form: Any) -> Array:
+        """Return this rank's entries ``(3 nodes,)`` of a compiled linear form of the state that was `set`."""
         vector = compat.petsc_vector(self._force)
         compat.assemble_vector(vector, form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return np.array(self._force.x.array[: 3 * self._count], dtype=float)
-
-
-def _fill(function: Any, u: Array) -> None:
-    function.x.array[: len(u)] = u
-    function.x.scatter_forward()
 
 
 def _check_space(space: Any) -> None:

@@ -80,6 +80,16 @@ def density(
     return _Walk(_Kinematics(F, fibres), values or {})(expression)
 
 
+def density_of(
+    expression: sympy.Expr,
+    C: Any,
+    values: Mapping[sympy.Symbol, Any] | None = None,
+    fibres: tuple[Any, ...] = (),
+) -> Any:
+    """Return a stored energy that knows no rotation as a UFL scalar of ``C``, else as `density` does."""
+    return _Walk(_Stretching(C, fibres), values or {})(expression)
+
+
 def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()) -> Energy:
     """Return the stored energy of one of isorod's laws: a UFL function of the deformation gradient.
 
@@ -120,21 +130,21 @@ class _Kinematics:
     """The values of `isorod.material.symbols`, each made when it is asked for."""
 
     def __init__(self, F: Any, fibres: tuple[Any, ...]) -> None:
-        self.F, self._fibres = F, fibres
+        self._F, self._fibres = F, fibres
         self._made: dict[str, Any] = {}
         find: dict[sympy.Symbol, Callable[[], Any]] = {
-            symbols.I1: lambda: ufl.inner(F, F),
-            symbols.I2: lambda: 0.5 * (ufl.inner(F, F) ** 2 - ufl.inner(self.C, self.C)),
-            symbols.J: lambda: ufl.det(F),
-            symbols.I4a: lambda: ufl.inner(self._turned(0), self._turned(0)),
-            symbols.I4b: lambda: ufl.inner(self._turned(1), self._turned(1)),
-            symbols.I8: lambda: ufl.inner(self._turned(0), self._turned(1)),
+            symbols.I1: self._trace,
+            symbols.I2: lambda: 0.5 * (self._trace() ** 2 - ufl.inner(self.C, self.C)),
+            symbols.J: self._determinant,
+            symbols.I4a: lambda: self._along(0, 0),
+            symbols.I4b: lambda: self._along(1, 1),
+            symbols.I8: lambda: self._along(0, 1),
         }
         for k, one in enumerate(symbols.stretches):
             find[one] = partial(self._stretch, k)
         for i in range(3):
             for j in range(3):
-                find[symbols.F[i, j]] = partial(F.__getitem__, (i, j))
+                find[symbols.F[i, j]] = partial(self._component, i, j)
                 find[symbols.C[i, j]] = partial(self._stretching, i, j)
             find[symbols.a[i]] = partial(self._direction, 0, i)
             find[symbols.b[i]] = partial(self._direction, 1, i)
@@ -146,8 +156,24 @@ class _Kinematics:
         return self._made[name]
 
     @property
+    def F(self) -> Any:
+        return self._F
+
+    @property
     def C(self) -> Any:
         return self._once("C", lambda: self.F.T * self.F)
+
+    def _component(self, i: int, j: int) -> Any:
+        return self.F[i, j]
+
+    def _trace(self) -> Any:
+        return ufl.inner(self.F, self.F)
+
+    def _determinant(self) -> Any:
+        return ufl.det(self.F)
+
+    def _along(self, one: int, other: int) -> Any:
+        return ufl.inner(self._turned(one), self._turned(other))
 
     def _fibre(self, family: int) -> Any:
         if family >= len(self._fibres):
@@ -173,6 +199,41 @@ class _Kinematics:
         rest = self.C - middle * ufl.Identity(3)
         radius = ufl.sqrt(ufl.inner(rest, rest) / 6.0 + APART)
         return middle, radius, ufl.acos(ufl.det(rest) / (2.0 * radius**3))
+
+
+class _Stretching(_Kinematics):
+    """The same, given ``C``."""
+
+    def __init__(self, C: Any, fibres: tuple[Any, ...]) -> None:
+        super().__init__(None, fibres)
+        self._C = C
+
+    @property
+    def C(self) -> Any:
+        return self._C
+
+    @property
+    def F(self) -> Any:
+        # Any with F^T F = C does.
+        return self._once("F", lambda: _triangular(self._C))
+
+    def _trace(self) -> Any:
+        return ufl.tr(self._C)
+
+    def _determinant(self) -> Any:
+        return ufl.sqrt(ufl.det(self._C))
+
+    def _along(self, one: int, other: int) -> Any:
+        return ufl.dot(self._fibre(one), ufl.dot(self._C, self._fibre(other)))
+
+
+def _triangular(C: Any) -> Any:
+    """Return an upper triangular ``U`` with ``U^T U = C``."""
+    u00 = ufl.sqrt(C[0, 0])
+    u01, u02 = C[0, 1] / u00, C[0, 2] / u00
+    u11 = ufl.sqrt(C[1, 1] - u01**2)
+    u12 = (C[1, 2] - u01 * u02) / u11
+    return ufl.as_matrix([[u00, u01, u02], [0.0, u11, u12], [0.0, 0.0, ufl.sqrt(C[2, 2] - u02**2 - u12**2)]])
 
 
 class _Walk:

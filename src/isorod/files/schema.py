@@ -105,7 +105,7 @@ CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": P
 TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
-_RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep".split())
+_RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep solids".split())
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),

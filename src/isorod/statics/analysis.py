@@ -17,6 +17,7 @@ from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
 from isorod.model.model import Model
 from isorod.output.progress import Teller
+from isorod.output.solids import WithSolids
 from isorod.output.state import Animated, Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(State, Animated):
+class Equilibrium(State, WithSolids, Animated):
     """A static solution, which answers for any point of it (`isorod.output.state`).
 
     Attributes
@@ -154,11 +155,6 @@ class Equilibrium(State, Animated):
         """The estimate of the error of stresses, where `errors` has told one: pictures say it."""
         known: Error | None = self.__dict__.get("_errors")
         return None if known is None else known.stress
-
-    def function(self, solid: int = 0) -> Any:
-        """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
-        number = whole_number("solid", solid, 0, len(self.model.solids) - 1)
-        return self.model.solids[number].function(self.solids[number])
 
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
@@ -336,7 +332,7 @@ def _solve(
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
         overlap.warn_in_the_end(model, displacement, overlapped)
-        small.warn_of_large(model, displacement[None])
+        small.warn_of_large(model, displacement[None], [assembler.solids(solver.x, 1.0)])
         rules = hourglass.better_rules(model)
         if rules:
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))

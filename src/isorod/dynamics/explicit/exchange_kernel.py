@@ -22,6 +22,34 @@ _call = caller(i4(u8, u8, i4, u8, u8, u8))
 INVERTED_POINTS, ENERGY, NUMBERS = 0, 1, 2
 
 
+class TieFactors(NamedTuple):
+    """What ties take off a velocity (`isorod.dynamics.explicit.ties`), of none unless it is told.
+
+    Attributes
+    ----------
+    first, columns, values
+        Rows of ``G`` in compressed form, of this rank's degrees of freedom: places in a state vector.
+    places, spread
+        Where a velocity changes on this rank, ``(n,)``, and by how much, shape ``(n, ties)``.
+    own, all
+        ``G v``: what this rank has of it, and the sums, ``(ties,)``.
+    """
+
+    first: NDArray[np.uint64]
+    columns: NDArray[np.uint64]
+    values: Array
+    places: NDArray[np.uint64]
+    spread: Array
+    own: Array
+    all: Array
+
+    @classmethod
+    def none(cls) -> "TieFactors":
+        """Return those of no ties."""
+        whole, nothing = np.zeros(1, dtype=np.uint64), np.empty(0)
+        return cls(whole, whole[:0], nothing, whole[:0], np.empty((0, 0)), nothing, nothing)
+
+
 class MassFactors(NamedTuple):
     """Factors of the mass, and what ranks exchange to divide by it.
 
@@ -40,6 +68,8 @@ class MassFactors(NamedTuple):
         Work space: this rank's rows, shape ``(3, R)``, and those of the edges, shape ``(3, G)``.
     own, all
         Three components of the ``G`` rows and ``NUMBERS`` behind: what this rank gives, and the sums.
+    ties
+        What ties take off.
     """
 
     inside: Factors
@@ -51,9 +81,11 @@ class MassFactors(NamedTuple):
     left: Array
     own: Array
     all: Array
+    ties: TieFactors
 
 
-MASS_FACTORS = types.NamedTuple([FACTORS, U1, FACTORS, U1, U1, F2, F2, F1, F1], MassFactors)
+TIE_FACTORS = types.NamedTuple([U1, U1, F1, U1, F2, F1, F1], TieFactors)
+MASS_FACTORS = types.NamedTuple([FACTORS, U1, FACTORS, U1, U1, F2, F2, F1, F1, TIE_FACTORS], MassFactors)
 
 
 @njit(void(U1, F1, F1), **STRICT)
@@ -76,6 +108,22 @@ def eliminate(mass: MassFactors, momenta: Array) -> None:
             mass.own[3 * places[k] + np.uint64(c)] = mass.reduced[c, rows[k]]
 
 
+@njit(void(TIE_FACTORS, U1, F1), **FAST)
+def tie(ties: TieFactors, call: NDArray[np.uint64], velocity: Array) -> None:
+    """Take off a velocity, a state vector, what ties do not let be."""
+    for k in range(ties.own.size):
+        apart = 0.0
+        for j in range(ties.first[k], ties.first[k + 1]):
+            apart += ties.values[j] * velocity[ties.columns[j]]
+        ties.own[k] = apart
+    all_sums(call, ties.own, ties.all)
+    for i in range(ties.places.size):
+        change = 0.0
+        for k in range(ties.all.size):
+            change += ties.spread[i, k] * ties.all[k]
+        velocity[ties.places[i]] -= change
+
+
 @njit(void(MASS_FACTORS, F1), **FAST)
 def divide(mass: MassFactors, velocity: Array) -> None:
     """Fill this rank's part of a velocity, a state vector, from what `eliminate` left and was added up."""
@@ -87,3 +135,5 @@ def divide(mass: MassFactors, velocity: Array) -> None:
             for c in range(3):
                 mass.reduced[c, rows[k]] = mass.all[3 * places[k] + np.uint64(c)]
     substitute(mass.inside, mass.reduced, velocity)
+    if mass.ties.own.size:
+        tie(mass.ties, mass.call, velocity)

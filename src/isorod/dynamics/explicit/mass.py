@@ -37,7 +37,7 @@ from isorod.arrays import Array, Index
 from isorod.checks.rigid_motions import free_motions
 from isorod.dynamics.explicit.added import Elements
 from isorod.dynamics.explicit.cholesky import Factor, Factors, factorise
-from isorod.dynamics.explicit.exchange_kernel import NUMBERS, MassFactors
+from isorod.dynamics.explicit.exchange_kernel import NUMBERS, MassFactors, TieFactors
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -81,7 +81,7 @@ class Mass:
         self._model, self._order = model, order
         self._ranks = Ranks(model, order) if ranks is None else ranks
         self._elements = {share.which: Elements(share) for share in self._ranks.shares}
-        turning = {b for b, _ in free_motions(model)}
+        turning = _turning(model)
         self.coupled = [b not in turning for b in range(len(model.bodies))]
         self._safety = SAFETY_COUPLED if any(self.coupled) else SAFETY
         empty = [csr_matrix((body.space.nodes, body.space.nodes)) for body in model.bodies]
@@ -193,6 +193,7 @@ class Mass:
             left=np.zeros((3, edges.count)),
             own=np.zeros(size),
             all=np.zeros(size),
+            ties=TieFactors.none(),
         )
 
     @cached_property
@@ -215,6 +216,16 @@ class Mass:
         masks, group = np.unique(free, axis=1, return_inverse=True)
         for k, mask in enumerate(masks.T):
             yield whole, mask, dofs[:, np.resize(np.flatnonzero(group.ravel() == k), 3)]
+
+
+def _turning(model: Model) -> set[int]:
+    """Return which bodies supports leave a rigid motion, with all that are tied to them."""
+    found = {b for b, _ in free_motions(model)}
+    if model.ties:
+        from isorod.checks.tied_motions import groups
+
+        found = {b for group in groups(model) if found.intersection(group.bodies) for b in group.bodies}
+    return found
 
 
 def _entries(nodes: Index, each: int) -> Index:

@@ -52,6 +52,8 @@ class Run(run.Run):
     def __init__(self, system: System, settings: Settings) -> None:
         super().__init__(system, settings)
         self._carried *= system.model.free >= 0
+        if system.model.ties:
+            system.tie()
         # Steps that take as long as a block, as far as is known.
         self._block = 1
         # Displacement at the last estimate, in the model's order.
@@ -59,6 +61,8 @@ class Run(run.Run):
 
     def begin(self, displacement: Array, velocity: Array) -> None:
         """Place the bodies, choose the time step, and take the first output."""
+        if self.system.ties is not None:
+            displacement, velocity = (self.system.ties.tied(one) for one in (displacement, velocity))
         self._estimated_at = displacement.copy()
         self.system.mass.place(displacement)
         super().begin(displacement, velocity)
@@ -140,6 +144,9 @@ class Run(run.Run):
             self._restep(shorter)
         self.taken += taken
         self._record(seen)
+        if self.system.ties is not None:
+            # What ties have passed on would stand in the momenta of both sides, more and more of it.
+            self.system.settle()
         self._watch(seen)
         return seconds
 
@@ -189,8 +196,7 @@ class Run(run.Run):
         system, state = self.system, self.system.state
         energy, before = self._moving_energy(time), self._free_momentum()
         system.place(state.displacement)
-        state.momenta[:] = system.momenta(state.velocity)
-        state.momenta[state.held] = 0.0
+        system.settle()
         self._energy += self._moving_energy(time) - energy
         self._momentum += self._free_momentum() - before
 

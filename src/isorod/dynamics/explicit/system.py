@@ -24,6 +24,7 @@ from isorod.tensors import determinant
 if TYPE_CHECKING:
     from isorod.contact.packed import Packed, Table
     from isorod.dynamics.explicit.contact import StepContact
+    from isorod.dynamics.explicit.ties import Ties
 
 # Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
 _TOLERANCE = 1e-3
@@ -47,6 +48,8 @@ class System:
         Which part is this rank's.
     mass, factors
         The mass, and what steps divide by it; see `scale`.
+    ties
+        The ties, where steps are told of them (`tie`).
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
@@ -58,6 +61,7 @@ class System:
         # Those that are this rank's, among these.
         self._mine = np.flatnonzero(self.ranks.owned[model.free >= 0])
         self.mass = Mass(model, self.order, self.ranks)
+        self.ties: Ties | None = None
         self.factors = self.mass.factors()
         self.state = State(
             displacement=np.zeros(model.dofs),
@@ -150,19 +154,36 @@ class System:
         if scaling == self.mass.scaling and not self.mass.follows:
             return
         self.mass.scaling = scaling
+        self._factorise()
+
+    def tie(self) -> None:
+        """Let velocities be those that ties allow; implicit steps have ties of their own."""
+        from isorod.dynamics.explicit.ties import Ties
+
+        self.ties = Ties(self.model, self.order, self.ranks)
+        self._factorise()
+
+    def _factorise(self) -> None:
         self.factors = self.mass.factors()
+        if self.ties is not None:
+            self.factors = self.factors._replace(ties=self.ties.factors(self.velocity))
 
     def place(self, displacement: Array) -> None:
         """Let what is added to the mass be that about a displacement, a state vector."""
         self.mass.place(displacement[self.order])
         if self.mass.scaling > 0.0:
-            self.factors = self.mass.factors()
+            self._factorise()
 
     def momenta(self, velocity: Array) -> Array:
         """Return mass times velocity, held degrees of freedom included, both state vectors."""
         result = np.empty_like(velocity)
         result[self.order] = self.mass.momenta(velocity[self.order])
         return result
+
+    def settle(self) -> None:
+        """Let momenta be those of the velocity, and no more."""
+        self.state.momenta[:] = self.momenta(self.state.velocity)
+        self.state.momenta[self.state.held] = 0.0
 
     def velocity(self, momenta: Array) -> Array:
         """Return the velocity that belongs to momenta, both state vectors; zero where held."""

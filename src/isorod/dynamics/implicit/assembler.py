@@ -12,6 +12,7 @@ are but for damping, supports, loads and activation, which is that at the middle
 the mean of both states: they keep both momenta, and the energy to second order.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,8 @@ from isorod.model.model import Model
 
 if TYPE_CHECKING:
     from isorod.dynamics.implicit.contact import MidpointContact
+    from isorod.dynamics.implicit.coupling import StepCoupling
+    from isorod.fenics.step import Step
 
 
 class StepPart(Part):
@@ -83,6 +86,9 @@ class StepPart(Part):
 class StepAssembler(Assembler):
     """Assembles the balance of a step; unknowns are the changes of the displacement.
 
+    Displacements, velocities and forces on all degrees of freedom have those of solids behind those of rods; every rank
+    has them all.
+
     Attributes
     ----------
     amount
@@ -95,6 +101,7 @@ class StepAssembler(Assembler):
 
     parts: list[StepPart]  # type: ignore[assignment]
     contact: "MidpointContact | None"
+    coupling: "StepCoupling | None"
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         super().__init__(model, comm)
@@ -105,6 +112,13 @@ class StepAssembler(Assembler):
 
     def _part(self, share: Share) -> Part:
         return StepPart(share, self._exchange)
+
+    def _coupled(self) -> "StepCoupling | None":
+        if not (self.model.ties or self.model.solids):
+            return None
+        from isorod.dynamics.implicit.coupling import StepCoupling
+
+        return StepCoupling(self.model, self.comm, self.unknown_of, self.rows, self.unknowns)
 
     @property
     def symmetric(self) -> bool:
@@ -129,8 +143,10 @@ class StepAssembler(Assembler):
         for part in self.parts:
             part.begin(self._start)
             part.inertia = self._rates[0]
+        if self.coupling is not None:
+            self.coupling.begin(step, damping, displacement, velocity)
         if self.contact is not None:
-            self.contact.start = displacement
+            self.contact.start = displacement[: self.model.dofs]
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
         # Supports stay where they are: their displacements do not change.
@@ -144,6 +160,13 @@ class StepAssembler(Assembler):
         inertial, loads = self._momenta(change * local - past * self._velocity), self._loads(self._middle(local))
         self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, loads))
         return inertial + internal - loads
+
+    def residual(self, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> float:
+        """Fill ``out`` with the balance of a step (`isorod.assembly.assembler.Assembler.residual`)."""
+        carried = super().residual(x, factor, out)
+        if self.coupling is not None:
+            self.amount += self.coupling.amount
+        return carried
 
     def _middle(self, local: Array) -> Array:
         """Return the displacement in the middle of a step that changes it by ``local``."""
@@ -164,19 +187,29 @@ class StepAssembler(Assembler):
         return self._sums(part.masses(velocity) for part in self.parts)
 
     def change(self, x: PETSc.Vec) -> Array:
-        """Return unknowns as a change of all degrees of freedom, on every rank: supports move none."""
-        return self.shapes(self.all_unknowns(x)[None])[0]
+        """Return unknowns as a change of all degrees of freedom: supports move none."""
+        rods: Array = self.shapes(self.all_unknowns(x)[None])[0]
+        return rods if self.coupling is None else np.append(rods, self.coupling.everywhere(self.solids(x, 0.0)))
 
     def guess(self, change: Array) -> PETSc.Vec:
         """Return the unknowns from which a step's iterations begin, given a change of all degrees of freedom."""
-        return self.state(change)
+        return self.state(change, solids=self._of_solids(change))
+
+    @property
+    def _steps(self) -> "Sequence[Step]":
+        return () if self.coupling is None else self.coupling.steps
+
+    def _of_solids(self, everywhere: Array) -> list[Array]:
+        """Return what this rank has of each solid of all degrees of freedom."""
+        return [] if self.coupling is None else [everywhere[own] for own in self.coupling.own_dofs]
 
     def onto_unknowns(self, forces: Array) -> PETSc.Vec:
         """Return forces on all degrees of freedom, the same on every rank, as those on the unknowns."""
         if self.coupling is None:
             return self.state(forces)
         out = self.vector()
-        self._store(self._once(forces), out)
+        self._store(self._once(forces[: self.model.dofs]), out)
+        self.coupling.add(self._of_solids(forces), out)
         return out
 
     def onto_masters(self, forces: Array) -> Array:
@@ -192,12 +225,25 @@ class StepAssembler(Assembler):
         result[slaves] = self.coupling.constraints.rows @ displacement
         return result
 
+    def bonded(self, displacement: Array) -> tuple[Array | float, float]:
+        """Return the forces of bonds in a state on all degrees of freedom, and their energy."""
+        return (0.0, 0.0) if self.coupling is None else self.coupling.bonded(displacement)
+
+    def carried_forces(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return the forces that supports carry during a step, on all degrees of freedom."""
+        assert self.coupling is not None
+        return self.coupling.passed_on(self.system_forces(x, factor))
+
     def accept(self, x: PETSc.Vec) -> None:
         """Keep what the next step begins with beside the state."""
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
-        return self.everywhere(self._momenta(self.local(velocity)))
+        rods = self.everywhere(self._momenta(self.local(velocity)))
+        if self.coupling is None:
+            return rods
+        pairs = zip(self.model.solids, self._of_solids(velocity), strict=True)
+        return np.append(rods, self.coupling.everywhere([solid.momenta(own) for solid, own in pairs]))
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
         """Fill ``out`` with the derivative of the residual."""
@@ -207,4 +253,5 @@ class StepAssembler(Assembler):
             everywhere = [one for own in self.comm.tompi4py().allgather(sizes) for one in own]
             largest, light = max(size for size, _ in everywhere), min(size for _, size in everywhere)
             # Inertia acts on changes, which are small, and adds no rounding to speak of.
-            self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * max(largest - light, 0.0)
+            stiffest = max(0.0, largest - light, *(one.largest for one in self._steps))
+            self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * stiffest

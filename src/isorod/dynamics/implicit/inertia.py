@@ -35,7 +35,9 @@ class Inertia:
     def __init__(self, assembler: StepAssembler) -> None:
         self.assembler = assembler
         self._matrix = self._made()
-        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if assembler.comm.getSize() > 1 else {}
+        # PETSc's own factors are for bands.
+        sparse = assembler.comm.getSize() > 1 or bool(assembler.model.solids)
+        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if sparse else {}
         self._ksp = direct(self._matrix, {f"{_PREFIX}pc_type": "lu"} | several, _PREFIX)
 
     def _made(self) -> PETSc.Mat:
@@ -102,6 +104,7 @@ class MixedInertia(Inertia):
         InputError
             If there is none.
         """
+        displacement, velocity = super().prepare(displacement, velocity, step)
         if not self._rigid:
             return displacement, velocity
         assembler, short = self.assembler, (1e-3 * step) ** 2
@@ -143,7 +146,7 @@ class MixedInertia(Inertia):
         fixed = self._sums(lambda part, sums: part.add_bends(local, moving, sums))
         fixed.scale(-half)
         fixed.axpy(-1.0 / half, self._sums(lambda part, sums: part.add_integrals(local, sums), lambda part: part.soft))
-        fixed.axpy(-1.0, assembler.state(balance))
+        fixed.axpy(-1.0, assembler.onto_unknowns(balance))
 
         def solved(p: Array) -> PETSc.Vec:
             # Of the pressures times half a step, and their rows as much: the matrix is symmetric.
@@ -156,7 +159,7 @@ class MixedInertia(Inertia):
         acceleration = assembler.change(x)
         x.scale(half)
         held = balance + assembler.momenta(acceleration) + assembler.pressed_by(displacement, x)
-        return held, assembler.all_pressures(x)
+        return assembler.onto_masters(held), assembler.all_pressures(x)
 
     def stored(self, displacement: Array) -> float:
         """Return the energy ``U(theta)`` of pressures, ``p^2 / (2 kappa)``."""

@@ -161,7 +161,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
 
     def guess(self, change: Array) -> PETSc.Vec:
         """Return the unknowns from which a step's iterations begin: the last pressure is the next."""
-        return self.state(change, self.model.split_pressures(self.pressure))
+        return self.state(change, self.model.split_pressures(self.pressure), self._of_solids(change))
 
     def accept(self, x: PETSc.Vec) -> None:
         """Keep the pressures of a step."""
@@ -172,13 +172,18 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
         pattern = Pattern([part.of_dofs for part in self.parts], self.free)
         matrix = self._matrix(pattern.indices, pattern)
         matrix.setAttr(_PATTERN, pattern)
-        return matrix
+        return matrix if self.coupling is None else self.coupling.matrix(matrix, self._masses, True, stiffness=False)
+
+    @property
+    def _masses(self) -> list[PETSc.Mat]:
+        return [solid.mass() for solid in self.model.solids]
 
     def fill_saddle(
         self, displacement: Array, how: Callable[[MixedStepPart], tuple[float, Array]], out: PETSc.Mat
     ) -> None:
         """Fill a matrix with those of mass and constraints (`MixedStepPart.saddle`), given how each part has these."""
         with self._timed():
+            system, out = out, out if self.coupling is None else self.coupling.of_rods(out)
             pattern: Pattern = out.getAttr(_PATTERN)
             local, entries = self.local(displacement), zeros(out, pattern.total)
             for part, blocks in zip(self.parts, pattern.blocks, strict=True):
@@ -187,6 +192,8 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
                 else:
                     add(part.masses_of(np.eye(3)), blocks, entries)
             set_values(out, entries)
+            if self.coupling is not None:
+                self.coupling.fill(system, self._masses)
 
     def gather(self, local: Array, out: PETSc.Vec) -> None:
         """Fill a vector with the sums over all ranks of what is in this rank's slots."""
@@ -197,7 +204,9 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
         local, p, forces = self.local(displacement), self._state(x, 0.0), np.zeros(self._exchange.size)
         for part in self.mixed_parts:
             part.add_pressure(local, p, forces)
-        return self.everywhere(forces)
+        found = np.zeros(displacement.size)
+        found[: self.model.dofs] = self.everywhere(forces)
+        return found
 
     def pressures_of(self, x: PETSc.Vec) -> Array:
         """Return a vector's degrees of freedom of this rank, of which parts take pressures."""

@@ -14,6 +14,7 @@ from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.dynamics.implicit.inertia import Inertia, MixedInertia
 from isorod.dynamics.implicit.newton import Newton
 from isorod.dynamics.implicit.phase import Phase
+from isorod.dynamics.implicit.solids import Solids, resultant
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
 from isorod.petsc.library import solver_types
@@ -26,8 +27,18 @@ if TYPE_CHECKING:
 _HALVINGS, _CUTS = 10, 64
 
 
+# What checkpoints keep of solids.
+_KEPT = ("displacement", "velocity", "work")
+
+
 class Run(run.Run):
-    """A motion under way in implicit steps."""
+    """A motion under way in implicit steps.
+
+    Attributes
+    ----------
+    solids
+        The finite element bodies.
+    """
 
     integrator = "implicit"
     lag = 0.0
@@ -42,6 +53,8 @@ class Run(run.Run):
         super().__init__(system, settings)
         self._longest = settings.time_step
         self.assembler, self._inertia = _made(system)
+        self.solids = Solids(system.model, self.assembler.coupling)
+        self._noise += 1e-12 * self.solids.size
         if system.contact is not None and self.assembler.contact is not None:
             # Outputs and checkpoints know the same history.
             self.assembler.contact.share(system.contact.friction)
@@ -64,21 +77,54 @@ class Run(run.Run):
         self._inertia.destroy()
 
     def begin(self, displacement: Array, velocity: Array) -> None:
-        """Place the bodies, those that are incompressible so that no volume changes, and take the first output."""
-        super().begin(*self._inertia.prepare(displacement, velocity, self._longest))
+        """Place the bodies, those that are incompressible so that no volume changes, and take the first output.
+
+        Displacement and velocity have those of solids behind those of rods.
+        """
+        rods = self.system.model.dofs
+        if self.assembler.coupling is not None:
+            held, values = self.solids.held, self.assembler.coupling.constraints.values[rods:]
+            displacement[rods:], velocity[rods:] = (
+                np.where(held, values, displacement[rods:]),
+                np.where(held, 0.0, velocity[rods:]),
+            )
+        displacement, velocity = self._inertia.prepare(displacement, velocity, self._longest)
+        self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
+        super().begin(displacement[:rods], velocity[:rods])
         self._phase = self._from_start()
 
+    @property
+    def _displacement(self) -> Array:
+        """Of all degrees of freedom, those of solids behind those of rods."""
+        return np.append(self.system.state.displacement[self.system.order], self.solids.displacement)
+
+    @property
+    def _velocity(self) -> Array:
+        return np.append(self.system.state.velocity[self.system.order], self.solids.velocity)
+
+    def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
+        """See `isorod.dynamics.run.Run`."""
+        found = super().identity(displacement, velocity)
+        if self.system.model.solids:
+            found["model"] += self.solids.digest()
+        return found
+
     def _from_start(self) -> Phase:
-        displacement, velocity = (self.rows[name][0] for name in ("displacement", "velocity"))
+        displacement, velocity = (
+            np.append(self.rows[name][0], self.rows[f"solid_{name}"][0]) for name in ("displacement", "velocity")
+        )
         return Phase(self.assembler.momenta, displacement, self.step * velocity)
 
     def _now(self) -> dict[str, Array]:
-        return super()._now() | {"pressure": self.assembler.pressure} | self._phase.state()
+        solids = {f"solid_{name}": getattr(self.solids, name) for name in _KEPT}
+        return super()._now() | {"pressure": self.assembler.pressure} | solids | self._phase.state()
 
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
         self.assembler.pressure = kept["pressure"]
+        for name in _KEPT:
+            getattr(self.solids, name)[:] = kept[f"solid_{name}"]
         self._phase = self._from_start()
         self._phase.restore(kept)
 
@@ -96,7 +142,7 @@ class Run(run.Run):
         for k in range(self.count):
             self._allowed, self._shortest = self.cuts + _CUTS, self.step
             self._step(self.time + k * self.step, self.step, 0)
-            self._phase.add(self.system.state.displacement[self.system.order])
+            self._phase.add(self._displacement)
             self.tell(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
@@ -112,8 +158,7 @@ class Run(run.Run):
 
     def _step(self, time: float, dt: float, halvings: int) -> None:
         """Take a step, or halves of it where Newton's iterations do not converge."""
-        state, order = self.system.state, self.system.order
-        displacement, velocity = state.displacement[order], state.velocity[order]
+        displacement, velocity = self._displacement, self._velocity
         self.assembler.begin(dt, self.settings.damping, displacement, velocity)
         level = self.level(time + 0.5 * dt)
         # What swings faster than steps follow goes back and forth: it is nearer to where it was than to where it goes.
@@ -124,8 +169,9 @@ class Run(run.Run):
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
+            rods = slice(self.system.model.dofs)
             through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
-                displacement, displacement + change
+                displacement[rods], (displacement + change)[rods]
             )
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
@@ -160,47 +206,81 @@ class Run(run.Run):
         how = " and at the minimum step size"
         if halvings < _HALVINGS:
             how = f", cut {_CUTS} times: use {self._shortest:.2g}"
-        return f"{place}{how}; {self.system.worst(self.system.state.displacement)}{self._jumped()}"
+        worst = self.system.worst(self.system.state.displacement) + self.solids.worst()
+        return f"{place}{how}; {worst}{self._jumped()}"
 
     def _move(self, dt: float, level: float, change: Array) -> None:
         """Add a step's change of the displacement to the state, and its sums."""
-        system, state = self.system, self.system.state
-        state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
+        system, state, rods = self.system, self.system.state, self.system.model.dofs
+        self._add_impulses(dt, level, change)
         self.assembler.accept(self.newton.x)
-        followed = self.assembler.following(state.displacement[system.order] + 0.5 * change)
+        mean = change / dt
+        state.sums[DISSIPATED] += dt * self.settings.damping * float(mean @ self.assembler.momenta(mean))
+        active = self._available > 0.0 or self.solids.active
+        before = self._energies()[1] if active else 0.0
+        state.displacement[system.order] += change[:rods]
+        after = 2.0 * mean - self._velocity
+        after[system.model.held] = 0.0
+        state.velocity[system.order] = after[:rods]
+        self.solids.move(change[rods:], after[rods:])
+        if active:
+            state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
+        self.taken += 1
+
+    def _add_impulses(self, dt: float, level: float, change: Array) -> None:
+        """Add impulses and work of a step to the sums: of supports, contact, pressures that follow, and on solids."""
+        state, rods, solids = self.system.state, self.system.model.dofs, self.solids
+        change, moved = change[:rods], change[rods:]
+        if self.assembler.coupling is None:
+            state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
+        else:
+            carried = self.assembler.carried_forces(self.newton.x, level)
+            state.impulse[:] += dt * carried[self.system.model.bound]
+            loads = solids.loads(solids.displacement + 0.5 * moved)
+            state.sums[FOLLOWED] += float(loads @ moved)
+            state.sums[PUSHED:FOLLOWED] += dt * resultant(loads + np.where(solids.held, carried[rods:], 0.0))
+            solids.add_work(moved)
+        followed = self.assembler.following(state.displacement[self.system.order] + 0.5 * change)
         state.sums[FOLLOWED] += float(followed @ change)
         state.sums[PUSHED:FOLLOWED] += dt * (followed * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(change)[0] * self._carried
             state.sums[PUSHED:FOLLOWED] += dt * pushed.reshape(-1, 3).sum(axis=0)
             state.sums[DISSIPATED] += self.assembler.contact.accept(change)
-        mean = change / dt
-        state.sums[DISSIPATED] += dt * self.settings.damping * float(mean @ self.assembler.momenta(mean))
-        active = self._available > 0.0
-        before = system.energies(state.displacement)[1] if active else 0.0
-        state.displacement[system.order] += change
-        after = 2.0 * mean - state.velocity[system.order]
-        after[system.model.held] = 0.0
-        state.velocity[system.order] = after
-        if active:
-            state.sums[ACTIVATED] -= level * (system.energies(state.displacement)[1] - before)
-        self.taken += 1
+
+    def _energies(self) -> tuple[float, float]:
+        """Return the stored energy without activation, and what full activation adds."""
+        rods = self.system.energies(self.system.state.displacement)
+        solids = self.solids.energies(self.solids.displacement)
+        return rods[0] + solids[0], rods[1] + solids[1]
+
+    def _free_momentum(self) -> Array:
+        solids = self.solids
+        moving = solids.momenta(solids.velocity + self.settings.damping * solids.displacement)
+        return super()._free_momentum() + resultant(moving)
+
+    def _amount(self) -> float:
+        return super()._amount() + float(np.abs(self.solids.momenta(self.solids.velocity)).sum())
 
     def _measure(self) -> dict[str, Any]:
         """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
-        system, state, model = self.system, self.system.state, self.system.model
-        velocity = state.velocity[system.order]
-        forces, contact = system.forces(state.displacement, self.level(self.time))
+        system, state, model, solids = self.system, self.system.state, self.system.model, self.solids
+        displacement, velocity, level = self._displacement, self._velocity, self.level(self.time)
+        forces, contact = system.forces(state.displacement, level)
         momenta = self.assembler.momenta(velocity)
-        displacement = state.displacement[system.order]
-        loads = model.external + self.assembler.following(displacement)
-        balance = forces[system.order] + self.settings.damping * momenta - loads
+        loads = model.external + self.assembler.following(displacement[: model.dofs])
+        internal = np.append(forces[system.order] - loads, solids.internal(solids.displacement, level))
+        internal[model.dofs :] -= solids.loads(solids.displacement)
+        bonds, slipped = self.assembler.bonded(displacement)
+        balance = internal + bonds + self.settings.damping * momenta
         held, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
-        return self._seen(velocity, held[model.held], contact) | {
+        return self._seen(velocity[: model.dofs], held[model.held], contact) | {
             "kinetic": 0.5 * float(velocity @ momenta),
             "added_kinetic": 0.0,
-            "stored": system.energies(state.displacement)[0] + self._inertia.stored(displacement),
+            "stored": self._energies()[0] + self._inertia.stored(displacement) + slipped + float(solids.work[0]),
             "pressure": pressure,
+            "solid_displacement": solids.displacement.copy(),
+            "solid_velocity": solids.velocity.copy(),
             "muscle_work": state.sums[ACTIVATED],
             "dissipated": state.sums[DISSIPATED] + contact[-1],
         }

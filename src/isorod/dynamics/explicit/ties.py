@@ -1,0 +1,95 @@
+"""Ties in explicit steps: of all velocities that momenta could have, the nearest that ties allow.
+
+With ties ``G v = 0`` momenta ``p`` have the velocity
+
+    v = M^-1 (p - G^T l),    G M^-1 G^T l = G M^-1 p,
+
+which is that of the condensed mass, ``T (T^T M T)^-1 T^T p``.  Bodies keep their own factors of the mass; what couples
+them is ``Z = M^-1 G^T (G M^-1 G^T)^-1``, a row of numbers for each degree of freedom near a tie: away from it
+``M^-1 G^T`` decays exponentially.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array
+
+from isorod.arrays import Array, Index
+from isorod.assembly.constraints import Constraints
+from isorod.dynamics.explicit.exchange_kernel import TieFactors
+from isorod.dynamics.explicit.ranks import Ranks
+from isorod.errors import InputError
+from isorod.model.model import Model
+
+# Changes of this share of the largest are rounding.
+_NONE = 1e-16
+
+
+class Ties:
+    """The ties of a model of rods in explicit steps.
+
+    Parameters
+    ----------
+    model, order, ranks
+        As for `isorod.dynamics.explicit.mass.Mass`.
+
+    Raises
+    ------
+    InputError
+        If a tie has a bond, or supports hold what a slave hangs on.
+    """
+
+    def __init__(self, model: Model, order: Index, ranks: Ranks) -> None:
+        for k, one in enumerate(model.ties):
+            if one.bond:
+                raise InputError(f"tie {k}: bond: not supported by explicit steps; use integrator 'implicit'")
+        constraints = Constraints(model)
+        self._slaves, self._rows = constraints.slaves, constraints.rows
+        for k, tied in enumerate(constraints.ties):
+            if constraints.held[tied.rows.indices].any():
+                raise InputError(
+                    f"tie {k}: supports hold some of what the {model.ties[k].slave} is tied to, where explicit steps "
+                    "do not count what they carry; use integrator 'implicit'"
+                )
+        count = self._slaves.size
+        chosen = csr_array((np.ones(count), (np.arange(count), self._slaves)), shape=self._rows.shape)
+        self._ties, self._order, self._ranks = csr_array(chosen - self._rows), order, ranks
+
+    def tied(self, displacement: Array) -> Array:
+        """Return a displacement or a velocity in the model's order whose slaves are where they must be."""
+        result = displacement.copy()
+        result[self._slaves] = self._rows @ displacement
+        return result
+
+    def factors(self, velocity: Callable[[Array], Array]) -> TieFactors:
+        """Return what ties take off velocities.
+
+        Parameters
+        ----------
+        velocity
+            Returns those of momenta without ties, both state vectors.
+        """
+        count, size = self._ties.shape
+        moved = np.zeros((size, count))
+        for k in range(count):
+            momenta = np.zeros(size)
+            momenta[self._order] = self._ties[[k]].toarray()[0]
+            moved[:, k] = velocity(momenta)
+        gram = self._ties @ moved[self._order]
+        spread = cho_solve(cho_factor(0.5 * (gram + gram.T)), moved.T).T
+        mine = np.zeros(size, dtype=bool)
+        for first, last in self._ranks.spans:
+            mine[first:last] = True
+        places = np.flatnonzero(mine & (np.abs(spread).max(axis=1) > _NONE * np.abs(spread).max()))
+        own = csr_array(self._ties.multiply(self._ranks.owned[None, :].astype(float)))
+        own.eliminate_zeros()
+        return TieFactors(
+            first=own.indptr.astype(np.uint64),
+            columns=self._order[own.indices].astype(np.uint64),
+            values=own.data,
+            places=places.astype(np.uint64),
+            spread=np.ascontiguousarray(spread[places]),
+            own=np.zeros(count),
+            all=np.zeros(count),
+        )

@@ -1,0 +1,85 @@
+"""Ties and finite element bodies during an implicit step: unknowns are changes of the displacement."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Index
+from isorod.assembly.coupling import Coupling
+from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from isorod.fenics.solid import Solid
+    from isorod.fenics.step import Step
+
+
+class StepCoupling(Coupling):
+    """What ties make of the changes of rods and solids; bonds have their forces at the mean of both states.
+
+    Attributes
+    ----------
+    steps
+        The solids during the step (`isorod.fenics.step.Step`).
+    amount
+        Sum of the norms of the solids' inertial and internal forces and loads at the last residual.
+    """
+
+    def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
+        super().__init__(model, comm, unknown_of, rows, unknowns)
+        self.steps = _steps(model.solids)
+        self.amount = 0.0
+        self._start = np.zeros(self.constraints.held.size)
+        if self.bonds is not None:
+            self.bonds, self._pushed = 0.5 * self.bonds, 0.5 * self._pushed
+            self._bonds.scale(0.5)
+
+    def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
+        """Set the state a step starts from (all degrees of freedom), its length and the damping."""
+        self._start = displacement
+        for one, own in zip(self.steps, self.own_dofs, strict=True):
+            one.begin(step, damping, displacement[own], velocity[own])
+
+    def given(self, factor: float) -> Array:
+        """Return what all degrees of freedom change by where no unknown does: supports stay where they are."""
+        return np.zeros(self._start.size)
+
+    def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return the inertial and internal less the external forces of each solid's degrees of freedom here."""
+        found = [one.forces(change, factor) for one, change in zip(self.steps, self.solids(x, factor), strict=True)]
+        squares = [sum(float(one @ one) for one in kind) for kind in zip(*found, strict=True)]
+        self.amount = float(np.sqrt(self._comm.tompi4py().allreduce(np.array(squares or [0.0]))).sum())
+        return [inertial + internal - loads for inertial, internal, loads in found]
+
+    def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
+        """Return the derivatives of these forces."""
+        pairs = zip(self.steps, self.solids(x, factor), strict=True)
+        return [one.tangent(change, factor) for one, change in pairs]
+
+    def carried(self, forces: list[Array], factor: float) -> float:  # type: ignore[override]
+        """Return nothing: steps ask for the ``amount``."""
+        return 0.0
+
+    def bond_forces(self, moved: Array) -> Array:
+        """Return the forces of bonds on all degrees of freedom, of a change of these."""
+        return super().bond_forces(moved + 2.0 * self._start)
+
+    def add_bonds(self, x: PETSc.Vec | None, given: Array, out: PETSc.Vec) -> None:
+        """Add the forces of bonds."""
+        super().add_bonds(x, given + 2.0 * self._start, out)
+
+    def bonded(self, displacement: Array) -> tuple[Array | float, float]:
+        """Return the forces of bonds in a state on all degrees of freedom, and their energy."""
+        if self.bonds is None:
+            return 0.0, 0.0
+        half = self.bonds @ displacement
+        return 2.0 * half, float(displacement @ half)
+
+
+def _steps(solids: "Sequence[Solid]") -> "list[Step]":
+    if not solids:
+        return []
+    from isorod.fenics.step import Step
+
+    return [Step(one) for one in solids]
