@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from isorod.arrays import Array, Index
+from isorod.assembly.condensed import Condensed, groups, indices
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
 from isorod.petsc.matrix import create_matrix, keep_symmetric, preallocate, renewed, set_values
@@ -66,6 +67,8 @@ class Coupling:
         mine = np.arange(rows) + owned[: comm.getRank()].sum()
         slave_of = np.full(unknowns, -1)
         slave_of[unknown_of[slaves[slaves < count]]] = np.flatnonzero(slaves < count)
+        self._groups = groups(dependent)
+        self._slave_of_rods = slave_of
         self._rods = self._transformation(self._of_rods[mine], slave_of[mine], dependent)
         self._inner = self._rods.createVecLeft()
         slave_of = np.full(of_dofs.size, -1)
@@ -75,12 +78,10 @@ class Coupling:
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
         self._of_solids = [of_dofs[own] for own in self._own_dofs]
-        # Of each solid, the number of all its degrees of freedom, and whether some of them are slaves.
+        # Of all degrees of freedom of each solid.
         starts = 3 * constraints.first_node[len(model.bodies) :]
-        self._of_solid = [of_dofs[begin:end] for begin, end in pairwise(starts)]
-        self._depends = [bool((slave_of[begin:end] >= 0).any()) for begin, end in pairwise(starts)]
+        self._of_solid = [(of_dofs[begin:end], slave_of[begin:end]) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
-        self._transformations = [self._rods, *self._solids]
         self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
         if self.bonds is not None:
             plain = np.flatnonzero(of_dofs >= 0)
@@ -245,13 +246,12 @@ class Coupling:
     ) -> PETSc.Mat:
         """Return a new matrix of the system with room for ``T^T K T`` of these and, of a stiffness, for bonds."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
-        if stiffness and self.bonds is not None:
-            added.append(self._bonds)
-        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
+        bonded = stiffness and self.bonds is not None
+        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added, bonded))
         # Both are new, and nothing was factorised yet.
         renewed(rods), renewed(made)
         made.setAttr(_RODS, rods)
-        made.setAttr(_ADDED, added)
+        made.setAttr(_ADDED, (added, bonded))
         return keep_symmetric(made) if symmetric else made
 
     @staticmethod
@@ -261,36 +261,26 @@ class Coupling:
 
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat]) -> None:
         """Fill a matrix of the system from the rods' own, which is filled, and the solids'."""
-        rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
+        rods, (added, bonded) = self.of_rods(matrix), matrix.getAttr(_ADDED)
         if renewed(rods):
             # Contact has come where there was none.
-            added[0].destroy()
             added[0] = self._added(0, rods)
-            preallocate(matrix, *self._places(added))
-        values = []
-        for k, product in enumerate(added):
-            own = (rods, *solids, product)[min(k, 1 + len(solids))]
-            if product is not own:
-                own.PtAP(self._transformations[k], result=product)
-            values += [local_rows(product).own.values, local_rows(product).others.values]
+            preallocate(matrix, *self._places(added, bonded))
+        values = [one.values(own) for one, own in zip(added, (rods, *solids), strict=True)]
+        if bonded:
+            values += [part.values for part in local_rows(self._bonds)[:2]]
         set_values(matrix, np.concatenate(values))
 
-    def _added(self, k: int, own: PETSc.Mat) -> PETSc.Mat:
-        """Return what a part's own matrix, rods' or a solid's, adds: a product, or itself where it has no slaves."""
-        return own if k and not self._depends[k - 1] else own.PtAP(self._transformations[k], fill=2.0)
+    def _added(self, k: int, own: PETSc.Mat) -> Condensed:
+        """Return what the matrix of rods, or of a solid, adds."""
+        number, slave = self._of_solid[k - 1] if k else (self._of_rods, self._slave_of_rods)
+        return Condensed(own, number, slave, self._groups)
 
-    def _places(self, added: Sequence[PETSc.Mat]) -> tuple[Index, Index]:
-        """Return row and column in the system of all entries of what parts add, negative where they are held."""
-        rows, columns = [], []
-        for k, product in enumerate(added):
-            own, others, ghosts = local_rows(product)
-            first = product.getOwnershipRange()[0]
-            for part, column in ((own, first + own.column), (others, ghosts[others.column])):
-                row = first + np.repeat(np.arange(part.start.size - 1), np.diff(part.start))
-                plain = 0 < k <= len(self._solids) and not self._depends[k - 1]
-                rows.append(self._of_solid[k - 1][row] if plain else row)
-                columns.append(self._of_solid[k - 1][column] if plain else column)
-        return np.concatenate(rows), np.concatenate(columns)
+    def _places(self, added: Sequence[Condensed], bonded: bool) -> tuple[Index, Index]:
+        """Return row and column in the system of all entries of what parts, and maybe bonds, add."""
+        places = [(one.rows, one.columns) for one in added] + ([indices(self._bonds)] if bonded else [])
+        rows, columns = (np.concatenate(each) for each in zip(*places, strict=True))
+        return rows, columns
 
 
 def _sum(matrices: Sequence[csr_array]) -> csr_array | None:
