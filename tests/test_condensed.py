@@ -4,8 +4,12 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array, random
+from solids import LAW, solid
 
+from isorod import Space, circle, straight
 from isorod.assembly.condensed import Condensed, groups
+from isorod.assembly.formulation import assembler_for
+from isorod.model import Body, Model
 
 
 def check():
@@ -48,3 +52,20 @@ def test_parts_add_the_full_product():
 
 def test_parts_of_ranks_add_the_full_product(on_ranks):
     on_ranks(3, "test_condensed.check()")
+
+
+def test_tangents_are_those_of_the_state_whoever_asked_last():
+    body = solid(law=LAW)
+    rod = Body(Space(straight(1.0).sweep(circle(8)), order=2, elements=1, degree=3), LAW)
+    one, other = (assembler_for(Model([rod], solids=[body])).coupling for _ in range(2))
+    x, y = (one.vector() for _ in "xy")
+    x.array_w[:] = 1e-2 * np.sin(np.arange(x.getLocalSize()))
+    y.array_w[:] = 2e-2 * np.cos(np.arange(y.getLocalSize()))
+
+    def entries(coupling, state, factor=1.0):
+        return np.array(coupling.tangents(state, factor)[0].getValuesCSR()[2])
+
+    at_x, at_y = entries(one, x), entries(one, y)
+    assert np.abs(at_x - at_y).max() > 1e-3
+    for coupling, state, wanted in ((one, y, at_y), (other, x, at_x), (one, y, at_y), (one, y, at_y), (one, x, at_x)):
+        np.testing.assert_array_equal(entries(coupling, state), wanted)

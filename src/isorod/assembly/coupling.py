@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array
 
@@ -82,6 +83,8 @@ class Coupling:
         starts = 3 * constraints.first_node[len(model.bodies) :]
         self._of_solid = [(of_dofs[begin:end], slave_of[begin:end]) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
+        # State, load factor and tangents of the solids, each with PETSc's number of its changes, as they were last.
+        self._known: tuple[list[Array], float, list[tuple[PETSc.Mat, int]]] = [], np.nan, []
         self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
         if self.bonds is not None:
             plain = np.flatnonzero(of_dofs >= 0)
@@ -222,9 +225,20 @@ class Coupling:
         self.add(forces, out)
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
-        """Return the solids' own tangents."""
-        pairs = zip(self._model.solids, self.solids(x, factor), strict=True)
-        return [solid.tangent(moved, factor) for solid, moved in pairs]
+        """Return the solids' own tangents; those that are of this state already are not assembled again."""
+        moved = self.solids(x, factor)
+        if not self._is_known(moved, factor):
+            made = [solid.tangent(one, factor) for solid, one in zip(self._model.solids, moved, strict=True)]
+            self._known = moved, factor, [(one, one.stateGet()) for one in made]
+        return [matrix for matrix, _ in self._known[2]]
+
+    def _is_known(self, moved: Sequence[Array], factor: float) -> bool:
+        """Return whether the last tangents are of this state, and no other system has filled the solids' matrices."""
+        known, at, matrices = self._known
+        same = at == factor and all(map(np.array_equal, moved, known))
+        return self._comm.tompi4py().allreduce(
+            same and all(matrix.stateGet() == state for matrix, state in matrices), op=MPI.LAND
+        )
 
     def state(self, rods: Array, solids: Sequence[Array] | float) -> PETSc.Vec:
         """Return the vector of the system of the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
