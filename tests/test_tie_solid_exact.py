@@ -1,5 +1,7 @@
 """Rods in and on finite element bodies beside exact solutions: orders, patch test, inclusion, welds, balance."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,24 @@ def tip_of_a_welded_rod():
     found = statics.solve(model)
     assert found.ties[0].force == pytest.approx([-1e-2, 0.0, -2e-2], abs=1e-9)
     return np.concatenate([found.at(0, "end"), modal.solve(model, 3).frequencies]).tolist()
+
+
+def test_a_rod_that_solids_alone_hold_and_pull_is_not_warned_of():
+    V = sleeve.vectors(create_box(MPI.COMM_WORLD, [[-2.0, -2.0, 0.0], [2.0, 2.0, 2.0]], [2, 2, 1]), 1)
+    other = sleeve.vectors(create_box(MPI.COMM_WORLD, [[-2.0, -2.0, 6.0], [2.0, 2.0, 8.0]], [2, 2, 1]), 1)
+    law, solids, facets = NeoHookean(1.0, 0.3), [], []
+    for one, far, near, rise in ((V, 0.0, 2.0, 0.0), (other, 8.0, 6.0, 0.4)):
+        one.mesh.topology.create_connectivity(2, 3)
+        ends = [locate_entities_boundary(one.mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (far, near)]
+        moved = fem.dirichletbc(np.array([0.0, 0.0, rise]), fem.locate_dofs_topological(one, 2, ends[0]), one)
+        solids.append(Solid(one, law, conditions=[moved]))
+        facets.append(ends[1])
+    space = Space(straight(4.0, start=(0.0, 0.0, 2.0)).sweep(circle(8)), order=2, elements=2, degree=3)
+    ties = [Tie(EndFace(0, end), SolidSurface(k, facets[k])) for k, end in enumerate(("start", "end"))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = statics.solve(Model([Body(space, law)], ties=ties, solids=solids))
+    assert found.ties[1].force[2] == pytest.approx(-found.ties[0].force[2], rel=1e-6) and found.ties[1].force[2] > 0.1
 
 
 def same(expected):

@@ -48,6 +48,11 @@ def solve(
     SolveError
         If the solution is not found.
     """
+    if model.ties or model.solids:
+        raise InputError(
+            "ties and finite element bodies are not on the finite element side, which meshes each rod for itself; "
+            "python -m comparisons joints has scenes that are meshed as one solid"
+        )
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     if analysis == "statics":

@@ -214,9 +214,13 @@ class Assembler(Parts):
             return found + self.coupling.bond_forces(self.system_displacement(x, factor))
 
     def carried(self, x: PETSc.Vec) -> float:
-        """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
+        """Return the norm of the nodal forces of loads, of what holds solids, and of the push of moving obstacles.
+
+        All are those at load factor 1.
+        """
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
-        solids = sum(float(np.sum(solid.external() ** 2)) for solid in self.model.solids)
+        coupling = self.coupling
+        solids = 0.0 if coupling is None else coupling.carried(coupling.solid_forces(x, 1.0), 1.0)
         return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own) + solids) + self._push() ** 2))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> Array:

@@ -4,6 +4,7 @@ Of a tie, ``integral of t_i (u_slave - u_master) = 0`` over the slave's surface,
 functions that no support holds, is solved for the slave's coefficients (`isorod.model.tie.Tie`).
 """
 
+from graphlib import CycleError, TopologicalSorter
 from typing import NamedTuple
 
 import numpy as np
@@ -304,15 +305,14 @@ class Constraints:
 
     def _ordered(self) -> list[int]:
         """Return the ties in an order in which none is the master of what comes later."""
-        masters = [set(np.unique(tied.rows.indices).tolist()) for tied in self.ties]
-        left, found = list(range(len(self.ties))), []
-        while left:
-            last = [k for k in left if not any(masters[j].intersection(self.ties[k].slaves) for j in left if j != k)]
-            if not last:
-                raise InputError("ties: they go round in a circle, each slave the master of another; turn one round")
-            found.append(last[0])
-            left.remove(last[0])
-        return found
+        owner = np.full(3 * self._nodes, -1)
+        for k, tied in enumerate(self.ties):
+            owner[tied.slaves] = k
+        masters = {k: {*owner[tied.rows.indices].tolist()} - {-1, k} for k, tied in enumerate(self.ties)}
+        try:
+            return [*TopologicalSorter(masters).static_order()][::-1]
+        except CycleError:
+            raise InputError("ties go round in a circle, each slave the master of another; turn one round") from None
 
     def _resolved(self, rows: csr_array) -> csr_array:
         """Return the slaves' rows with slaves of other ties replaced by what these are of others."""

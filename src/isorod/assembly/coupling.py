@@ -9,10 +9,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from isorod.arrays import Array, Index
+from isorod.assembly.condensed import Condensed, groups, indices
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
 from isorod.petsc.matrix import create_matrix, fits, keep_symmetric, preallocate, renewed, set_values
@@ -75,6 +77,8 @@ class Coupling:
         mine = np.arange(rows) + owned[: comm.getRank()].sum()
         slave_of = np.full(unknowns, -1)
         slave_of[unknown_of[slaves[slaves < count]]] = np.flatnonzero(slaves < count)
+        self._groups = groups(dependent)
+        self._slave_of_rods = slave_of
         self._rods = self._transformation(self._of_rods[mine], slave_of[mine], dependent)
         self._inner = self._rods.createVecLeft()
         slave_of = np.full(of_dofs.size, -1)
@@ -84,12 +88,12 @@ class Coupling:
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
         self._of_solids = [of_dofs[own] for own in self.own_dofs]
-        # Of each solid, the number of all its degrees of freedom, and whether some of them are slaves.
+        # Of all degrees of freedom of each solid.
         starts = 3 * constraints.first_node[len(model.bodies) :]
-        self._of_solid = [of_dofs[begin:end] for begin, end in pairwise(starts)]
-        self._depends = [bool((slave_of[begin:end] >= 0).any()) for begin, end in pairwise(starts)]
+        self._of_solid = [(of_dofs[begin:end], slave_of[begin:end]) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self.own_dofs]
-        self._transformations = [self._rods, *self._solids]
+        # State, load factor and tangents of the solids, each with PETSc's number of its changes, as they were last.
+        self._known: tuple[list[Array], float, list[tuple[PETSc.Mat, int]]] = [], np.nan, []
         self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
         # What of the unknowns each degree of freedom is made, and which of these solids have in contact.
         plain = np.flatnonzero(of_dofs >= 0)
@@ -184,8 +188,8 @@ class Coupling:
 
     def push(self, forces: Array, where: Index, to: Sequence[Array] | None = None) -> Sequence[Array]:
         """Add forces on some degrees of freedom, the same on all ranks, to those of each solid's on this rank."""
-        to = [np.zeros(own.size) for own in self._own_dofs] if to is None else to
-        for own, force in zip(self._own_dofs, to, strict=True):
+        to = [np.zeros(own.size) for own in self.own_dofs] if to is None else to
+        for own, force in zip(self.own_dofs, to, strict=True):
             if own.size:
                 here = (where >= own[0]) & (where <= own[-1])
                 force[where[here] - own[0]] += forces[here]
@@ -242,9 +246,20 @@ class Coupling:
         self.add(forces, out)
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
-        """Return the solids' own tangents."""
-        pairs = zip(self._model.solids, self.solids(x, factor), strict=True)
-        return [solid.tangent(moved, factor) for solid, moved in pairs]
+        """Return the solids' own tangents; those that are of this state already are not assembled again."""
+        moved = self.solids(x, factor)
+        if not self._is_known(moved, factor):
+            made = [solid.tangent(one, factor) for solid, one in zip(self._model.solids, moved, strict=True)]
+            self._known = moved, factor, [(one, one.stateGet()) for one in made]
+        return [matrix for matrix, _ in self._known[2]]
+
+    def _is_known(self, moved: Sequence[Array], factor: float) -> bool:
+        """Return whether the last tangents are of this state, and no other system has filled the solids' matrices."""
+        known, at, matrices = self._known
+        same = at == factor and all(map(np.array_equal, moved, known))
+        return self._comm.tompi4py().allreduce(
+            same and all(matrix.stateGet() == state for matrix, state in matrices), op=MPI.LAND
+        )
 
     def state(self, rods: Array, solids: Sequence[Array] | float) -> PETSc.Vec:
         """Return the vector of the system of the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
@@ -266,13 +281,12 @@ class Coupling:
     ) -> PETSc.Mat:
         """Return a new matrix of the system with room for ``T^T K T`` of these and, of a stiffness, for bonds."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
-        if stiffness and self.bonds is not None:
-            added.append(self._bonds)
-        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
+        bonded = stiffness and self.bonds is not None
+        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added, bonded))
         # Both are new, and nothing was factorised yet.
         renewed(rods), renewed(made)
         made.setAttr(_RODS, rods)
-        made.setAttr(_ADDED, added)
+        made.setAttr(_ADDED, (added, bonded))
         return keep_symmetric(made) if symmetric else made
 
     @staticmethod
@@ -282,25 +296,21 @@ class Coupling:
 
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat], contact: "ContactOperator | None" = None) -> None:
         """Fill a matrix of the system from the rods' own, which is filled, the solids', and their contact with rods."""
-        rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
+        rods, (added, bonded) = self.of_rods(matrix), matrix.getAttr(_ADDED)
         entries = self._of_contact(contact)
         if renewed(rods):
             # Contact has come where there was none.
-            added[0].destroy()
             added[0] = self._added(0, rods)
             matrix.setAttr(_CONTACT, None)
         version = None if contact is None else contact.version
         if self._comm.tompi4py().allreduce(matrix.getAttr(_CONTACT) != version):
-            rows, columns = self._places(added)
+            rows, columns = self._places(added, bonded)
             if not (matrix.getAttr(_CONTACT) is not None and fits(matrix, rows.size, *entries[:2])):
                 preallocate(matrix, np.append(rows, entries[0]), np.append(columns, entries[1]))
             matrix.setAttr(_CONTACT, version)
-        values = []
-        for k, product in enumerate(added):
-            own = (rods, *solids, product)[min(k, 1 + len(solids))]
-            if product is not own:
-                own.PtAP(self._transformations[k], result=product)
-            values += [local_rows(product).own.values, local_rows(product).others.values]
+        values = [one.values(own) for one, own in zip(added, (rods, *solids), strict=True)]
+        if bonded:
+            values += [part.values for part in local_rows(self._bonds)[:2]]
         set_values(matrix, np.concatenate([*values, entries[2]]))
 
     def _of_contact(self, contact: "ContactOperator | None") -> tuple[Index, Index, Array]:
@@ -318,22 +328,16 @@ class Coupling:
         values = contact.values[some][entry] * whole.data[down] * whole.data[across]
         return whole.indices[down].astype(np.int64), whole.indices[across].astype(np.int64), values
 
-    def _added(self, k: int, own: PETSc.Mat) -> PETSc.Mat:
-        """Return what a part's own matrix, rods' or a solid's, adds: a product, or itself where it has no slaves."""
-        return own if k and not self._depends[k - 1] else own.PtAP(self._transformations[k], fill=2.0)
+    def _added(self, k: int, own: PETSc.Mat) -> Condensed:
+        """Return what the matrix of rods, or of a solid, adds."""
+        number, slave = self._of_solid[k - 1] if k else (self._of_rods, self._slave_of_rods)
+        return Condensed(own, number, slave, self._groups)
 
-    def _places(self, added: Sequence[PETSc.Mat]) -> tuple[Index, Index]:
-        """Return row and column in the system of all entries of what parts add, negative where they are held."""
-        rows, columns = [], []
-        for k, product in enumerate(added):
-            own, others, ghosts = local_rows(product)
-            first = product.getOwnershipRange()[0]
-            for part, column in ((own, first + own.column), (others, ghosts[others.column])):
-                row = first + np.repeat(np.arange(part.start.size - 1), np.diff(part.start))
-                plain = 0 < k <= len(self._solids) and not self._depends[k - 1]
-                rows.append(self._of_solid[k - 1][row] if plain else row)
-                columns.append(self._of_solid[k - 1][column] if plain else column)
-        return np.concatenate(rows), np.concatenate(columns)
+    def _places(self, added: Sequence[Condensed], bonded: bool) -> tuple[Index, Index]:
+        """Return row and column in the system of all entries of what parts, and maybe bonds, add."""
+        places = [(one.rows, one.columns) for one in added] + ([indices(self._bonds)] if bonded else [])
+        rows, columns = (np.concatenate(each) for each in zip(*places, strict=True))
+        return rows, columns
 
 
 def _sum(matrices: Sequence[csr_array]) -> csr_array | None:

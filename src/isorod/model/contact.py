@@ -89,8 +89,8 @@ class Contact(Checked):
         themselves.
     penalty
         Pressure per depth of penetration, force / length^3; where not given, twice ``E / (1 - nu^2)`` of the
-        softest side over the distance of its control points round the section (`isorod.contact.defaults`), of polynomials
-        as many as there are functions on the surface.
+        softest side over the distance of its control points round the section (`isorod.contact.defaults`), of
+        polynomials as many as there are functions on the surface.
     first_elements, second_elements
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
