@@ -161,6 +161,10 @@ BAD = {
     "no body": (Tie(EndFace(2, "end"), EndFace(0, "end")), "tie 0: body 2 is not one of the model's 2"),
     "no hole": (Tie(LateralSurface(1, surface="inner"), EndFace(0, "end")), "the rod has no hole"),
     "no joint": (Tie(LateralSurface(1, (0.0, 0.7)), EndFace(0, "end"), gap=9.0), "is no joint of elements"),
+    "beyond": (
+        Tie(LateralSurface(1, (0.0, 3.5)), EndFace(0, "end"), gap=9.0),
+        "along is from 0 to 3.5, need lengths from 0 to the rod's 3$",
+    ),
 }
 
 
