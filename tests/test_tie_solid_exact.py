@@ -17,6 +17,7 @@ from isorod.model import Body, Model, Support
 from isorod.model.tie import EndFace, SolidSurface
 from isorod.tensors import rotation
 
+LAW = NeoHookean(1.0, 0.3)
 SLAVES = pytest.mark.parametrize("slave", ["rod", "solid"])
 
 # Elements, cells of two meshes along the radius, and the order of the energy in theory.
@@ -74,6 +75,25 @@ def test_compliances_of_a_weld_on_a_block_are_those_of_fourier_elements():
         assert found.compliances[name] == pytest.approx(value, rel=WITHIN[name]), name
 
 
+@pytest.mark.parametrize(("degree", "contrast"), [(1, (1.0, 10.0)), (2, (10.0, 1.0))])
+def test_recovered_strains_tell_the_error_of_a_blocks_mesh_to_a_factor_of_three(degree, contrast):
+    made = weld.block(0.5, 1.5, hole=False, order=degree)
+    found = weld.solve(made, weld.rod_space(False), contrast, False, degree=degree)
+    for name, value in meridian.weld(contrast, degree=4, layers=3).items():
+        error = 1.0 - found.compliances[name] / value
+        assert error / 3.0 < found.equilibria[name].errors().work < 3.0 * error, name
+
+
+@pytest.mark.parametrize(("shape", "degree"), [(CellType.tetrahedron, 1), (CellType.hexahedron, 2)])
+def test_a_constant_strain_of_a_body_has_no_error(shape, degree):
+    body = Solid(sleeve.vectors(create_box(MPI.COMM_WORLD, [[0, 0, 0], [1, 2, 1]], [2, 3, 2], shape), degree), LAW)
+    gradient = np.array([[0.1, 0.2, 0.0], [-0.1, 0.05, 0.3], [0.0, 0.1, -0.1]])
+    moved = body.positions @ gradient.T
+    assert 0.0 <= body.recovered(moved.ravel()).work < 1e-25 + 1e-25 * body.energy(moved.ravel(), 1.0)
+    moved[:, 0] += 0.1 * body.positions[:, 1] ** 3
+    assert body.recovered(moved.ravel()).work > 1e-7
+
+
 @SLAVES
 def test_a_rod_on_a_block_that_turn_together_carry_nothing(slave):
     made = weld.block(0.8, 2.0, hole=False)
@@ -110,7 +130,8 @@ def tip_of_a_welded_rod():
     )
     found = statics.solve(model)
     assert found.ties[0].force == pytest.approx([-1e-2, 0.0, -2e-2], abs=1e-9)
-    return np.concatenate([found.at(0, "end"), modal.solve(model, 3).frequencies]).tolist()
+    frequencies = modal.solve(model, 3).frequencies
+    return np.concatenate([found.at(0, "end"), frequencies, [found.errors().work]]).tolist()
 
 
 def same(expected):

@@ -15,6 +15,7 @@ from isorod.errors import InputError, numbers
 from isorod.fenics import compat, forms
 from isorod.fenics.cells import Cells
 from isorod.fenics.flags import FAST
+from isorod.fenics.recovery import Recovered, recovered
 from isorod.fenics.surface import Rows, Surface, Trace
 from isorod.material.law import Material
 
@@ -185,6 +186,16 @@ class Solid:
             raise InputError("energy of the solid: it was given as a form, which stores none; give a law")
         self._set(u, factor)
         return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
+
+    def recovered(self, u: Array) -> Recovered | None:
+        """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law."""
+        if self.law is None:
+            return None
+        _fill(self._unknown, u)
+        cells = Cells(self.space)
+        local = compat.cell_dofs(self.space, len(cells.x))
+        moved = self._unknown.x.array.reshape(-1, 3)[local]
+        return recovered(cells, moved, self.nodes, self.law, self.comm)
 
     def external(self) -> Array:
         """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""
