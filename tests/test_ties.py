@@ -8,7 +8,7 @@ from isorod.assembly.constraints import Constraints
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError, SolveError
 from isorod.model import Body, Model, SectionLoad, Support
-from isorod.model.tie import EndFace, LateralSurface, Tie
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 from isorod.tensors import rotation
 
 FAMILIES = {"control points": {"order": 3}, "polynomials": {"section_degree": 3}}
@@ -292,3 +292,8 @@ def test_explicit_steps_take_no_ties():
     bodies = [Body(space, NeoHookean(10.0, 0.3), 1.0) for space in (lower, upper)]
     with pytest.raises(InputError, match="ties: not supported by explicit steps"):
         dynamics.solve(Model(bodies, [Support.end(lower, "start")], ties=[WELD]), 1.0)
+
+
+def test_facets_that_follow_a_rods_end_are_warned_of():
+    with pytest.warns(UserWarning, match="facets of solid 0 as slave of the start of body 0"):
+        Tie(SolidSurface(0, [1]), EndFace(0, "start"))
