@@ -8,7 +8,7 @@ from isorod.assembly.constraints import Constraints
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError, SolveError
 from isorod.model import Body, Model, SectionLoad, Support
-from isorod.model.tie import EndFace, LateralSurface, Tie
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 from isorod.tensors import rotation
 
 FAMILIES = {"control points": {"order": 3}, "polynomials": {"section_degree": 3}}
@@ -161,6 +161,10 @@ BAD = {
     "no body": (Tie(EndFace(2, "end"), EndFace(0, "end")), "tie 0: body 2 is not one of the model's 2"),
     "no hole": (Tie(LateralSurface(1, surface="inner"), EndFace(0, "end")), "the rod has no hole"),
     "no joint": (Tie(LateralSurface(1, (0.0, 0.7)), EndFace(0, "end"), gap=9.0), "is no joint of elements"),
+    "beyond": (
+        Tie(LateralSurface(1, (0.0, 3.5)), EndFace(0, "end"), gap=9.0),
+        "along is from 0 to 3.5, need lengths from 0 to the rod's 3$",
+    ),
 }
 
 
@@ -313,3 +317,8 @@ def test_a_disk_swings_on_its_bond():
     # Begun slowly nothing rings: the support of the bar carries what the bond pulls.
     carried, pulled = swung(2, np.sin, 0.1 / frequency, velocity=way.ravel())
     assert np.abs(carried - pulled).max() < 0.05 * np.abs(pulled).max()
+
+
+def test_facets_that_follow_a_rods_end_are_warned_of():
+    with pytest.warns(UserWarning, match="facets of solid 0 as slave of the start of body 0"):
+        Tie(SolidSurface(0, [1]), EndFace(0, "start"))

@@ -13,7 +13,9 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array, diags, vstack
 
 from isorod.arrays import Array, Index
-from isorod.assembly.multipliers import passed_on_along, passed_on_near
+from isorod.assembly import faces
+from isorod.assembly.faces import Passed
+from isorod.assembly.multipliers import Multipliers, passed_on_along, passed_on_near
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
@@ -31,9 +33,6 @@ _DEPENDENT = 1e-8
 # Points of the slave for each node of a solid that is the master, at least, and by how much they are brought closer at
 # most.
 _TO_A_NODE, _FINEST = 6, 8
-
-# Two faces are the same if areas and moments are to this share.
-_SAME = 1e-9
 
 # The largest gap by default, in sizes of the slave.
 _GAP = 0.1
@@ -58,7 +57,7 @@ class Tied(NamedTuple):
     bond : (dofs, dofs)
         Stiffness of what slides, if there is a bond.
     multipliers
-        Of a weld, for each component, at the points, one for each of its degrees of freedom among ``slaves``.
+        Of a weld, for each component.
     """
 
     trace: Trace
@@ -68,7 +67,7 @@ class Tied(NamedTuple):
     jump: csr_array
     gap: float
     bond: csr_array | None
-    multipliers: dict[int, csr_array]
+    multipliers: dict[int, Multipliers]
 
 
 class Constraints:
@@ -157,9 +156,10 @@ class Constraints:
         other = self._on_nodes(tie.master, near.nodes, near.values)
         jump = csr_array(other - own)
         candidates = self._first(tie.slave) + trace.independent
-        multipliers: dict[int, csr_array] = {}
+        multipliers: dict[int, Multipliers] = {}
+        passed = self._passed(tie, trace, own, other, near, candidates)
         found, rows = (
-            self._welded(tie, trace, own, other, candidates, multipliers)
+            self._welded(tie, trace, own, jump, candidates, passed, multipliers)
             if tie.kind == "weld"
             else self._condensed(_tested(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
@@ -174,18 +174,18 @@ class Constraints:
         tie: Tie,
         trace: Trace,
         own: csr_array,
-        other: csr_array,
+        jump: csr_array,
         candidates: Index,
-        multipliers: dict[int, csr_array],
+        passed: Passed | None,
+        multipliers: dict[int, Multipliers],
     ) -> tuple[Index, csr_array]:
         """Return the slaves of a weld, and their rows: of each component the same, where supports hold none.
 
         Their multipliers are added to those given, by component.
         """
-        jump = csr_array(other - own)
-        tests, balanced = self._tests(tie, trace, own, other, candidates)
+        tests = trace.weights[:, None] * own[:, candidates].toarray()
         slaves, rows = [], []
-        known: dict[bytes, tuple[csr_array, csr_array]] = {}
+        known: dict[bytes, tuple[csr_array, Multipliers]] = {}
         for a in range(3):
             free = ~self._taken[3 * candidates + a]
             mine = candidates[free]
@@ -194,8 +194,11 @@ class Constraints:
                 chosen = tests[:, free]
                 if mine.size < candidates.size:
                     chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
-                rest = csr_array(chosen / trace.weights[:, None])
-                known[key] = _projection(own, jump, mine, chosen, balanced), rest
+                mass = np.asarray(own[:, mine].T @ chosen)
+                found = _projection(jump, mine, chosen, mass)
+                if passed is not None and mine.size == candidates.size:
+                    found, mass = passed.corrected(found, mass), mass + passed.shown
+                known[key] = found, Multipliers(csr_array(chosen / trace.weights[:, None]), mass)
             if mine.size:
                 slaves.append(3 * mine + a)
                 rows.append(_of_component(known[key][0], a))
@@ -245,8 +248,7 @@ class Constraints:
 
     def _refuse_gap(self, tie: Tie, trace: Trace, near: Rows) -> None:
         """Raise `InputError` where the surfaces are farther apart than they may be."""
-        size = float(np.sqrt(trace.weights.sum() / np.pi))
-        gap, most = float(near.gap.max()), _GAP * size if tie.gap is None else tie.gap
+        gap, most = float(near.gap.max()), _GAP * _size(trace) if tie.gap is None else tie.gap
         if gap > most:
             where = ", ".join(f"{x:.4g}" for x in trace.points[np.argmax(near.gap)])
             raise InputError(
@@ -254,54 +256,23 @@ class Constraints:
                 "other surfaces, or give a larger gap"
             )
 
-    def _tests(
-        self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, candidates: Index
-    ) -> tuple[Array, csr_array | None]:
-        """Return the multipliers, times weights, at the points ``(q, k)``, and what to add to the master's part.
-
-        They are the traces and, of end faces, as much of linear fields as makes their moments those of the rule of
-        the elements.  The other, on nodes, does so for the master's: of the slave's coefficients ``c`` of linear fields
-        and the master's moments ``m`` it is ``D c (c^T D c)^+ (m - c^T M)``.  So stresses that are linear across the
-        section pass two faces that coincide exactly, whatever their functions and rules.
-        """
-        weights = trace.weights[:, None]
-        tests = own[:, candidates].toarray()
+    def _passed(
+        self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, near: Rows, candidates: Index
+    ) -> Passed | None:
+        """Return what tractions linear on the slave do to both sides, if it is an end face."""
         if not isinstance(tie.slave, EndFace):
-            return weights * tests, None
-        origin = trace.points.mean(axis=0)
-        linear = self._linear(tie.slave, origin)
-        fields = np.asarray(own @ linear)
-        gram = fields.T @ (weights * fields)
-        inverse = np.linalg.pinv(gram, rcond=_SAME)
-        gap = self._moments(tie.slave, linear)[candidates] - tests.T @ (weights * fields)
-        tests = weights * (tests + fields @ inverse @ gap.T)
-        if not isinstance(tie.master, EndFace):
-            return tests, None
-        theirs = self._linear(tie.master, origin)
-        rest = self._moments(tie.master, theirs) - other.T @ (weights * fields)
-        if np.abs(rest.T @ theirs).max() > _SAME * np.abs(gram).max():
-            # They do not coincide.
-            return tests, None
-        left = np.zeros((self._nodes, 4))
-        left[candidates] = self._moments(tie.slave, linear)[candidates]
-        some = np.flatnonzero(np.abs(rest).max(axis=1))
-        product = left[candidates] @ inverse @ rest[some].T
-        row, column = np.repeat(candidates, some.size), np.tile(some, candidates.size)
-        return tests, csr_array((product.ravel(), (row, column)), shape=(self._nodes, self._nodes))
-
-    def _moments(self, surface: EndFace, fields: Array) -> Array:
-        """Return the integrals of a rod's functions times fields, on all nodes, by the rule of its elements."""
-        trace = end_trace(self._model.bodies[surface.body].space, surface.which, own=True)
-        values = self._on_nodes(surface, trace.nodes, trace.values)
-        return np.asarray(values.T @ (trace.weights[:, None] * (values @ fields)))
-
-    def _linear(self, surface: EndFace, origin: Array) -> Array:
-        """Return coefficients of 1 and the coordinates from an origin of a rod on all nodes, shape ``(nodes, 4)``."""
-        space, first = self._model.bodies[surface.body].space, self._first(surface)
-        result = np.zeros((self._nodes, 4))
-        arms = space.positions - space.is_carrier[:, None] * origin
-        result[first : first + space.nodes] = np.column_stack([space.is_carrier, arms])
-        return result
+            return None
+        space, which = self._model.bodies[tie.slave.body].space, tie.slave.which
+        origin, size = trace.points.mean(axis=0), _size(trace)
+        radii, theirs = np.empty(0), None
+        if isinstance(tie.master, EndFace):
+            master = self._model.bodies[tie.master.body].space, tie.master.which
+            if faces.coincide(trace, near.gap, size, (space, which), master):
+                radii = faces.shared_radii(space, master[0])
+                theirs = self._first(tie.master), faces.moments(*master, origin, size, radii)
+        mine = faces.moments(space, which, origin, size, radii)
+        nodes = candidates - self._first(tie.slave)
+        return faces.passed(mine, nodes, trace, csr_array(own[:, candidates]), other, theirs)
 
     def _ordered(self) -> list[int]:
         """Return the ties in an order in which none is the master of what comes later."""
@@ -343,17 +314,20 @@ def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | No
     return lateral_trace(space, surface.along, surface.surface, finer, breaks)
 
 
-def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, balanced: csr_array | None) -> csr_array:
+def _size(trace: Trace) -> float:
+    """Return the radius of a circle of a surface's area."""
+    return float(np.sqrt(trace.weights.sum() / np.pi))
+
+
+def _projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_array:
     """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
-    left = np.asarray((own[:, mine].T @ tests).T)
+    left = mass.T
     # What is left when the functions that are solved for are taken out of the jump.
     drop = np.ones(jump.shape[1])
     drop[mine] = 0.0
     others = csr_array(jump @ csr_array(diags(drop)))
-    columns = np.unique(others.indices if balanced is None else np.append(others.indices, balanced.indices))
+    columns = np.unique(others.indices)
     right = np.asarray((others[:, columns].T @ tests).T)
-    if balanced is not None:
-        right += balanced[mine][:, columns].toarray()
     # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
     scale = 1.0 / np.linalg.norm(left, axis=0)
     rows = 1.0 / np.linalg.norm(left * scale, axis=1)

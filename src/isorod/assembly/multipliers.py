@@ -7,6 +7,7 @@ linear functions on a line).
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,21 @@ from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
 from isorod.space.space import Space
+
+
+class Multipliers(NamedTuple):
+    """The multipliers of one component of a weld, one for each of its slaves.
+
+    Attributes
+    ----------
+    values : (q, s)
+        At the points of the slave's surface.
+    forces : (s, s)
+        What each multiplier, a column, puts on the slaves.
+    """
+
+    values: csr_array
+    forces: Array
 
 
 def passed_on_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_array:

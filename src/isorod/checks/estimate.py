@@ -90,6 +90,30 @@ def of_equilibrium(
     return Error(*correction.total(model, directions, ranks, change, 2))
 
 
+def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tuple[Error, Array | None]:
+    """Return what recovered strains say of a model's finite element bodies (`isorod.fenics.recovery`); collective.
+
+    Of linear bodies the error of what loads do is twice the energy of the solution's error.  With it comes where most
+    of it is, ``(3,)``.
+
+    Parameters
+    ----------
+    displacements
+        Of each body's degrees of freedom on this rank.
+    stored
+        Energy of the rods.
+    """
+    found = [solid.recovered(one) for solid, one in zip(model.solids, displacements, strict=True)]
+    known = [one for one in found if one is not None]
+    if len(known) < len(found):
+        return Error(None, None), None
+    stored += sum(solid.energy(one, 1.0) for solid, one in zip(model.solids, displacements, strict=True))
+    work = sum(one.work for one in known)
+    if not (np.isfinite(work) and stored > 0.0):
+        return Error(None, None), None
+    return Error(work / (2.0 * stored), None), max(known, key=lambda one: one.work).place
+
+
 def _equilibrium(
     finer: Finer,
     comm: PETSc.Comm,

@@ -4,11 +4,14 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from petsc4py import PETSc
+from scipy.linalg import block_diag
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
+from isorod.checks.groups import Group, Motions, groups, motions_of_group, slides
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
+from isorod.model.tie import Tie
 from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
 from isorod.tensors import motions_of
@@ -63,39 +66,81 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
     are told by those of its first rod.
     """
     found: list[tuple[int, Array]] = []
-    if model.ties or model.solids:
-        from isorod.checks import tied_motions
-
-        return tied_motions.free_motions(model, displacement)
-    for b, body in enumerate(model.bodies):
-        free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
-        if _clamped(body.space, free):
+    parts = groups(model, welds=True)
+    for group in groups(model):
+        mine = [
+            part for part in parts if set(part.bodies) <= set(group.bodies) and set(part.solids) <= set(group.solids)
+        ]
+        if len(mine) == 1 and any(_clamped(model.bodies[b].space, _free(model, b)) for b in group.bodies):
             continue
-        basis = motions(body.space, 0.0 if displacement is None else model.nodal(displacement, b))
-        held = free < 0
-        kept = basis[held]
-        if model.bound.size > model.held.size:
-            # What tied components move apart.
-            _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
-            apart = (basis - basis[first[unknown]])[~held & (first[unknown] != np.arange(free.size))]
-            kept = np.concatenate([kept, apart])
-        # The triangular factor has the same singular values and at most six rows.
-        rows = np.linalg.qr(kept, mode="r") if kept.size else np.zeros((1, 6))
-        _, sizes, turns = np.linalg.svd(rows, full_matrices=True)
-        full = np.zeros(6)
+        moving = [motions_of_group(model, part, displacement) for part in mine]
+        rows = block_diag(*(one.held for one in moving))
+        for tie in model.ties:
+            if slides(tie) and group.has(tie.slave):
+                rows = np.concatenate([rows, _apart(model, tie, mine, moving)])
+        # The triangular factor has the same singular values and as many columns.
+        triangle = np.linalg.qr(rows, mode="r") if len(rows) else np.zeros((1, rows.shape[1]))
+        _, sizes, turns = np.linalg.svd(triangle, full_matrices=True)
+        full = np.zeros(rows.shape[1])
         full[: sizes.size] = sizes
-        for k in np.flatnonzero(full < _TOLERANCE):
-            found.append((b, (basis @ turns[k]).reshape(-1, 3)))
+        for turn in turns[full < _TOLERANCE].reshape(-1, len(mine), 6):
+            known = [
+                (b, one.bodies[b] @ six)
+                for one, six in zip(moving, turn, strict=True)
+                for b in one.bodies
+                if np.abs(six).max() > _TOLERANCE
+            ]
+            if not known:
+                raise SolveError("supports: a solid is free to move as a rigid body; add a condition")
+            found.append((known[0][0], known[0][1].reshape(-1, 3)))
     return found
+
+
+def _free(model: Model, b: int) -> Index:
+    """Return the unknown of each degree of freedom of a rod."""
+    return model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
+
+
+def _apart(model: Model, tie: Tie, parts: Sequence[Group], moving: Sequence[Motions]) -> Array:
+    """Return how far motions of parts move the two sides of what slides apart, along the slave's normals."""
+    from isorod.assembly.constraints import trace_of
+
+    trace = trace_of(model, tie.slave)
+    along = [np.einsum("qa,qak->qk", trace.normals, one.at(trace.points)) for one in moving]
+    signs = [float(part.has(tie.slave)) - float(part.has(tie.master)) for part in parts]
+    return np.concatenate([sign * one for sign, one in zip(signs, along, strict=True)], axis=1)
+
+
+def _spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]:
+    """Return a rigid motion of a rod's nodes ``(nodes, 3)`` as that of its whole group.
+
+    Returns
+    -------
+    rods : (dofs,)
+    solids
+        Of each solid's degrees of freedom on this rank.
+    """
+    if any(slides(tie) for tie in model.ties):
+        raise InputError("modes: what slides freely has rigid motions; give the tie a bond, or support the body")
+    group = next(one for one in groups(model) if body in one.bodies)
+    space = model.bodies[body].space
+    amounts = np.linalg.lstsq(motions_of(space.positions, space.is_carrier), motion.ravel(), rcond=None)[0]
+    rods = np.zeros(model.dofs)
+    for b in group.bodies:
+        space = model.bodies[b].space
+        model.nodal(rods, b)[:] = (motions_of(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
+    solids = []
+    for k, solid in enumerate(model.solids):
+        moved = motions_of(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
+        solids.append(moved if k in group.solids else 0.0 * moved)
+    return rods, solids
 
 
 def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Iterator[PETSc.Vec]:
     """Yield motions of bodies (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
     for body, motion in moved:
         if assembler.coupling is not None:
-            from isorod.checks import tied_motions
-
-            rods, solids = tied_motions.spread(assembler.model, body, motion)
+            rods, solids = _spread(assembler.model, body, motion)
             yield assembler.state(rods, (), solids)
             continue
         everywhere = np.zeros(assembler.model.dofs)
@@ -106,11 +151,7 @@ def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Ite
 def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
     """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
     model = assembler.model
-    alone = list(range(len(model.bodies)))
-    if assembler.coupling is not None:
-        from isorod.checks.tied_motions import groups
-
-        alone = [group.bodies[0] for group in groups(model)]
+    alone = [group.bodies[0] for group in groups(model) if group.bodies]
     moved = ((b, motion.reshape(-1, 3)) for b in alone for motion in motions(model.bodies[b].space).T)
     vectors = orthonormalise(on_unknowns(assembler, moved))
     assembler.note("near-null space")
@@ -135,11 +176,8 @@ def left_to_contact(model: Model) -> list[tuple[int, Array]]:
         named = {body for body, _ in contact.sides}
         # Contact with itself alone holds no body.
         touching |= named if contact.second is not None or len(named) > 1 else set()
-    if model.ties:
-        from isorod.checks.tied_motions import groups
-
-        # What is tied to a body that may touch is held with it.
-        touching = {b for group in groups(model) if touching.intersection(group.bodies) for b in group.bodies}
+    # What is tied to a body that may touch is held with it.
+    touching = {b for group in groups(model) if touching.intersection(group.bodies) for b in group.bodies}
     _refuse(model, [(body, motion) for body, motion in loose if body not in touching])
     return loose
 

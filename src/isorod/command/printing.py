@@ -109,8 +109,8 @@ def _answer(
         yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
-        alone = " of the rods alone" if record.get("solids") else ""
-        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space{alone}"
+        how = "of the meshes of solids alone, by recovered strains" if record.get("solids") else "by a finer space"
+        yield "error", f"about {percent(record['error_estimate'])}{also}, {how}"
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"
 

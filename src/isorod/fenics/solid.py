@@ -15,6 +15,7 @@ from isorod.errors import InputError, numbers
 from isorod.fenics import compat, forms
 from isorod.fenics.cells import Cells
 from isorod.fenics.flags import FAST
+from isorod.fenics.recovery import Recovered, recovered
 from isorod.fenics.surface import Rows, Surface, Trace
 from isorod.material.law import Material
 
@@ -238,6 +239,16 @@ class Solid:
             return np.zeros(3 * self._count)
         self.set(u, 1.0)
         return self.assembled(self._load)
+
+    def recovered(self, u: Array) -> Recovered | None:
+        """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law."""
+        if self.law is None:
+            return None
+        compat.fill(self.unknown, u)
+        cells = Cells(self.space)
+        local = compat.cell_dofs(self.space, len(cells.x))
+        moved = self.unknown.x.array.reshape(-1, 3)[local]
+        return recovered(cells, moved, self.nodes, self.law, self.comm)
 
     def external(self) -> Array:
         """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""

@@ -52,8 +52,8 @@ def tie(
     ----------
     slave, master
         `"ROD.start"`, `"ROD.end"`, `"ROD.outer"` (the lateral surface) or `"ROD.inner"` (that of the hole);
-        `"SOLID.GROUP"`, the facets of a group, or `"SOLID"`, those of its surface that are near.  The finer of the two,
-        or the one that the other covers wholly, is the slave; of a rod and a solid, the rod.
+        `"SOLID.GROUP"`, the facets of a group, or `"SOLID"`, those of its surface that are near.  The slave is the one
+        that the other covers wholly; of a rod and a solid, the rod.
     along
         Lengths along the slave's centre line, from the start, the first below the second, between which its lateral
         surface is tied; all of it where not given.

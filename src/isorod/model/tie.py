@@ -1,5 +1,6 @@
 """Ties: surfaces of two bodies, with meshes of their own, that are welded together."""
 
+import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -98,9 +99,9 @@ class Tie(Checked):
     Parameters
     ----------
     slave, master
-        The two surfaces.  The finer one, or the one that is covered by the other wholly, is the slave; of a rod's
-        surface and the facets of a solid that reach beyond it, the rod's.  Of a master that is a rod, all of the rod
-        takes part.
+        The two surfaces.  The slave is covered by the other wholly: of a rod's end and a larger face the end.  Where
+        either may be, as of a rod in a hole, the rod's has the better tractions.  Of a master that is a rod, all of the
+        rod takes part.
     kind
         ``"weld"``; ``"slide"``: displacements along the slave's normal alone are the same; or ``"mean"``: its mean
         displacement and its mean rotation alone, so that neither surface is stiffened (a distributing coupling).
@@ -137,6 +138,13 @@ class Tie(Checked):
         )
         if first == second:
             raise InputError(f"tie: {first[0]} {first[1]} with itself; name two bodies")
+        if self.kind == "weld" and isinstance(self.slave, SolidSurface) and isinstance(self.master, EndFace):
+            # Beside the rod's edge they follow its smooth functions up to where the stress is singular.
+            warnings.warn(
+                f"tie: {self.slave} as slave of the {self.master} err up to ten times as much as the other way round; "
+                "make the rod's end the slave",
+                stacklevel=3,
+            )
 
     def __str__(self) -> str:
         return f"{self.slave} to {self.master}"

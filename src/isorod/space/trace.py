@@ -167,6 +167,11 @@ def _elements(space: Space, along: tuple[float, float] | None) -> Index:
         return everything
     length, axis = space.rod.arc_length, space.axis
     ends = length(axis.breaks)
+    if along[0] < -_ROUNDED * length.total or along[1] > (1.0 + _ROUNDED) * length.total:
+        raise InputError(
+            f"lateral surface: along is from {along[0]:g} to {along[1]:g}, need lengths from 0 to the rod's "
+            f"{length.total:.9g}"
+        )
     for value in along:
         k = int(np.argmin(np.abs(ends - value)))
         inner = 0 < k < axis.elements

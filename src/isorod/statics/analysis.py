@@ -123,7 +123,8 @@ class Equilibrium(State, WithSolids, Animated):
 
         It takes about twice as long as the solution, once; pictures drawn afterwards say that of stresses.  They are
         sums of those of the approximation across the ``"section"`` and along the ``"axis"``, unless one of them is
-        asked for, and of what springs give way that points stick by.
+        asked for, and of what springs give way that points stick by.  With finite element bodies they are those of
+        their meshes alone.
         """
         return self._estimated(directions) if directions else self._errors
 
@@ -134,6 +135,8 @@ class Equilibrium(State, WithSolids, Animated):
     def _estimated(self, directions: Sequence[str]) -> "Error":
         from isorod.checks import estimate
 
+        if self.model.solids:
+            return self._of_solids[0]
         found = estimate.of_equilibrium(
             self.model,
             self.displacement,
@@ -147,8 +150,23 @@ class Equilibrium(State, WithSolids, Animated):
         stretched = sum(one.stretched for one in self.contacts)
         if found.work is None or not stretched:
             return found
-        stored = sum(self.energy(b) for b in range(len(self.model.bodies)))
-        return found._replace(work=found.work + stretched / max(2.0 * stored, abs(self.work)))
+        return found._replace(work=found.work + stretched / max(2.0 * self._stored, abs(self.work)))
+
+    @cached_property
+    def _of_solids(self) -> "tuple[Error, Array | None]":
+        from isorod.checks import estimate
+
+        return estimate.of_solids(self.model, self.solids, self._stored)
+
+    @property
+    def coarsest(self) -> Array | None:
+        """Where finite element bodies have most of the error of works, shape ``(3,)``; None without an estimate."""
+        return self._of_solids[1] if self.model.solids else None
+
+    @property
+    def _stored(self) -> float:
+        """Energy of the rods."""
+        return sum(self.energy(b) for b in range(len(self.model.bodies)))
 
     @property
     def stress_error(self) -> float | None:

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from isorod.arrays import Array
 from isorod.model.tie import Tie
@@ -62,11 +61,13 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
     constraints = assembler.coupling.constraints
     forces, moved = assembler.system_forces(x, factor), assembler.system_displacement(x, factor).reshape(-1, 3)
     # Of solids all functions add up to one, of rods those of carriers.
-    carriers = np.ones(len(moved))
-    carriers[: assembler.model.dofs // 3] = assembler.model.is_carrier
+    model, carriers = assembler.model, np.ones(len(moved))
+    carriers[: model.dofs // 3] = model.is_carrier
+    of_solids = assembler.coupling.everywhere([solid.positions.ravel() for solid in model.solids])
+    places = np.concatenate([*(body.space.positions for body in model.bodies), of_solids.reshape(-1, 3)])
     found: list[TieResult | None] = [None] * len(constraints.ties)
     for k in constraints.order:
-        tied, tie = constraints.ties[k], assembler.model.ties[k]
+        tied, tie = constraints.ties[k], model.ties[k]
         carried = forces[tied.slaves]
         # What holds the slave pulls at the master; what is the slave's own of that, it pulls at itself.
         passed = tied.rows.T @ carried
@@ -81,11 +82,10 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         nodal = nodal.reshape(-1, 3)
         trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
-        arms = trace.points - center
         found[k] = TieResult(
             tie=tie,
             force=carriers @ nodal,
-            moment=trace.weights @ np.cross(arms, traction),
+            moment=np.cross(places - carriers[:, None] * center, nodal).sum(axis=0),
             center=center,
             jump=_jump(tie, tied, moved),
             gap=tied.gap,
@@ -107,8 +107,7 @@ def _traction(tied: "Tied", nodal: Array) -> Array:
         result = np.zeros(points.shape)
         for a, multipliers in tied.multipliers.items():
             nodes = tied.slaves[tied.slaves % 3 == a] // 3
-            matrix = (tied.own[:, nodes].T @ csr_array(multipliers.multiply(weights))).toarray()
-            result[:, a] = multipliers @ np.linalg.solve(matrix, nodal[nodes, a])
+            result[:, a] = multipliers.values @ np.linalg.solve(multipliers.forces, nodal[nodes, a])
         return result
     nodes = np.flatnonzero(nodal.any(axis=1))
     values = tied.own[:, nodes].toarray()

@@ -1,0 +1,115 @@
+"""What ties weld together, and how a group of rods and solids moves as one rigid body."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.model.model import Model
+from isorod.model.tie import SolidSurface, Surface, Tie
+from isorod.tensors import motions_of
+
+
+class Group(NamedTuple):
+    """Numbers of the rods and of the solids that are tied to each other."""
+
+    bodies: list[int]
+    solids: list[int]
+
+    def has(self, surface: Surface) -> bool:
+        """Return whether a surface is one of theirs."""
+        if isinstance(surface, SolidSurface):
+            return surface.solid in self.solids
+        return surface.body in self.bodies
+
+
+def groups(model: Model, welds: bool = False) -> list[Group]:
+    """Return what is tied together, rods that no tie names alone; of ``welds`` but for what slides freely."""
+    count = len(model.bodies)
+    leader = list(range(count + len(model.solids)))
+
+    def root(k: int) -> int:
+        while leader[k] != k:
+            k = leader[k]
+        return k
+
+    for tie in model.ties:
+        if welds and slides(tie):
+            continue
+        first, second = (
+            root(count + one.solid if isinstance(one, SolidSurface) else one.body) for one in (tie.slave, tie.master)
+        )
+        leader[max(first, second)] = min(first, second)
+    members: dict[int, list[int]] = {}
+    for k in range(len(leader)):
+        members.setdefault(root(k), []).append(k)
+    return [
+        Group([k for k in one if k < count], [k - count for k in one if k >= count])
+        for _, one in sorted(members.items())
+    ]
+
+
+def slides(tie: Tie) -> bool:
+    """Return whether nothing resists that the surfaces of a tie slide on each other."""
+    return tie.kind == "slide" and not tie.bond
+
+
+class Motions(NamedTuple):
+    """The six infinitesimal rigid motions of a group, orthonormal over all of its nodes.
+
+    Attributes
+    ----------
+    bodies : dict of (3 nodes, 6)
+        Displacements of each rod's nodes, by its number.
+    held : (h, 6)
+        What moves that supports hold, and how far what tied components join moves apart, of rods and of this and all
+        other ranks' parts of solids.
+    center, inverse
+        Turns about the origin, and translations, of positions less a centre times a matrix ``(6, 6)`` are these.
+    """
+
+    bodies: dict[int, Array]
+    held: Array
+    center: Array
+    inverse: Array
+
+    def at(self, points: Array) -> Array:
+        """Return the displacements of points ``(q, 3)``, shape ``(q, 3, 6)``."""
+        moved = motions_of(points - self.center, np.ones(len(points), dtype=bool))
+        return np.asarray((moved @ self.inverse).reshape(-1, 3, 6))
+
+
+def motions_of_group(model: Model, group: Group, displacement: Array | None) -> Motions:
+    """Return the rigid motions of a group about a ``displacement`` ``(dofs,)`` of the rods, or at rest."""
+    places = {
+        b: model.bodies[b].space.positions + (0.0 if displacement is None else model.nodal(displacement, b))
+        for b in group.bodies
+    }
+    carriers = {b: model.bodies[b].space.is_carrier for b in group.bodies}
+    solids = [model.solids[s] for s in group.solids]
+    if group.bodies:
+        first = group.bodies[0]
+        center = places[first][carriers[first]].mean(axis=0)
+    else:
+        center = np.mean([x for one in solids[0].comm.allgather(solids[0].positions) for x in one], axis=0)
+    raw = {b: motions_of(x - center * carriers[b][:, None], carriers[b]) for b, x in places.items()}
+    own = [motions_of(one.positions - center, np.ones(len(one.positions), dtype=bool)) for one in solids]
+    # Triangular factors have the same norms.
+    triangles = [np.linalg.qr(one, mode="r") for one in raw.values()]
+    for solid, one in zip(solids, own, strict=True):
+        triangles += solid.comm.allgather(np.linalg.qr(one, mode="r"))
+    inverse = np.linalg.inv(np.linalg.qr(np.concatenate(triangles), mode="r"))
+    bodies = {b: one @ inverse for b, one in raw.items()}
+    held = [np.zeros((0, 6))]
+    for b, one in bodies.items():
+        held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], one))
+    for solid, one in zip(solids, own, strict=True):
+        held += solid.comm.allgather(one[solid.held[0] - 3 * solid.owned[0]] @ inverse)
+    return Motions(bodies, np.concatenate(held), center, inverse)
+
+
+def _held(free: Index, moved: Array) -> Array:
+    """Return what moves of a rod's degrees of freedom that is held, and how far tied components move apart."""
+    _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
+    apart = (free >= 0) & (first[unknown] != np.arange(free.size))
+    return np.concatenate([moved[free < 0], (moved - moved[first[unknown]])[apart]])
