@@ -23,7 +23,7 @@ from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.modal import loaded
 from isorod.model import Body, Contact, Model, Support
-from isorod.model.tie import SolidSurface
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 
 SOFT, STIFF = NeoHookean(1.0, 0.3), NeoHookean(50.0, 0.3)
 
@@ -183,6 +183,17 @@ def test_bad_input_is_refused(change, said):
     with pytest.raises(InputError, match=re.escape(said)):
         contact = Contact(0, **({"second": SolidSurface(0)} | change))
         Model(model.bodies, model.supports, contacts=[contact], solids=model.solids)
+
+
+def test_surfaces_that_are_tied_do_not_touch():
+    model = lying()
+    ties = [Tie(LateralSurface(0), model.contacts[0].facets, gap=1.0)]
+    with pytest.raises(InputError, match="contact 0: tie 0 holds the same surfaces; leave out one of the two"):
+        Model(model.bodies, model.supports, contacts=model.contacts, ties=ties, solids=model.solids)
+    # A part of the rod may be tied, and so may its end.
+    for other in (LateralSurface(0, (0.0, 1.2)), EndFace(0, "end")):
+        ties = [Tie(other, model.contacts[0].facets, gap=1.0)]
+        Model(model.bodies, model.supports, contacts=model.contacts, ties=ties, solids=model.solids)
 
 
 def test_what_is_not_known_is_refused():

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.errors import Checked, InputError, finite, positive, whole_number
-from isorod.model.tie import SolidSurface
+from isorod.model.tie import LateralSurface, SolidSurface, Tie
 from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
+    from isorod.fenics.solid import Solid
     from isorod.geometry.rod import Rod
     from isorod.space.space import Space
 
@@ -276,6 +277,36 @@ def refuse_in_motion(contacts: Sequence[Contact]) -> None:
             raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
         if contact.penetration is not None:
             raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
+
+
+def refuse_tied(contacts: Sequence[Contact], ties: Sequence[Tie], solids: "Sequence[Solid]") -> None:
+    """Raise `InputError` where surfaces that touch are tied all along: what a tie holds apart never touches."""
+    for index, contact in enumerate(contacts):
+        for k, tie in enumerate(ties):
+            if _same(contact, tie, solids):
+                raise InputError(f"contact {index}: tie {k} holds the same surfaces; leave out one of the two")
+
+
+def _same(contact: Contact, tie: Tie, solids: "Sequence[Solid]") -> bool:
+    """Whether a tie holds lateral surfaces, all of them, to what they touch."""
+    rods = [one for one in (tie.slave, tie.master) if isinstance(one, LateralSurface)]
+    if not rods or any(one.along is not None for one in rods):
+        return False
+    groups = contact.groups
+    if any(all(one.body not in bodies for bodies in groups) for one in rods):
+        return False
+    if any((one.surface == "inner") != contact.is_inner(one.body) for one in rods):
+        return False
+    if contact.facets is None:
+        across = len(groups) == 2 and (rods[0].body in groups[0]) != (rods[-1].body in groups[0])
+        return len(rods) == 2 and (across or contact.second is None)
+    held = next((one for one in (tie.slave, tie.master) if isinstance(one, SolidSurface)), None)
+    if held is None or held.solid != contact.facets.solid:
+        return False
+    mine, other = contact.facets.facets, held.facets
+    # Facets are each rank's own.
+    meet = mine is None or other is None or np.intersect1d(mine, other).size > 0
+    return bool(solids[held.solid].comm.allreduce(int(meet)))
 
 
 def _is_index(value: object, count: int) -> bool:

@@ -90,6 +90,11 @@ class Model(Checked):
             self._space(f"load {k}", load)
         for k, tie in enumerate(self.ties):
             tie.check(k, len(self.bodies), len(self.solids))
+        if self.ties and self.contacts:
+            # Loaded where there is contact.
+            from isorod.model.contact import refuse_tied
+
+            refuse_tied(self.contacts, self.ties, self.solids)
 
     def _warn_of_poor_pressures(self, index: int, contact: "Contact") -> None:
         """Warn of pressures too poor for a contact: they see no patch, where a body is too soft."""
