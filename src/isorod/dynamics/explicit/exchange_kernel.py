@@ -29,8 +29,8 @@ class TieFactors(NamedTuple):
     ----------
     first, columns, values
         Rows of ``G`` in compressed form, of this rank's degrees of freedom: places in a state vector.
-    places, spread
-        Where a velocity changes on this rank, ``(n,)``, and by how much, shape ``(n, ties)``.
+    places, starts, which, spread
+        Where a velocity changes on this rank, ``(n,)``, and by how much of each entry of ``G v``, in compressed form.
     own, all
         ``G v``: what this rank has of it, and the sums, ``(ties,)``.
     """
@@ -39,6 +39,8 @@ class TieFactors(NamedTuple):
     columns: NDArray[np.uint64]
     values: Array
     places: NDArray[np.uint64]
+    starts: NDArray[np.uint64]
+    which: NDArray[np.uint64]
     spread: Array
     own: Array
     all: Array
@@ -47,7 +49,7 @@ class TieFactors(NamedTuple):
     def none(cls) -> "TieFactors":
         """Return those of no ties."""
         whole, nothing = np.zeros(1, dtype=np.uint64), np.empty(0)
-        return cls(whole, whole[:0], nothing, whole[:0], np.empty((0, 0)), nothing, nothing)
+        return cls(whole, whole[:0], nothing, whole[:0], whole, whole[:0], nothing, nothing, nothing)
 
 
 class MassFactors(NamedTuple):
@@ -84,7 +86,7 @@ class MassFactors(NamedTuple):
     ties: TieFactors
 
 
-TIE_FACTORS = types.NamedTuple([U1, U1, F1, U1, F2, F1, F1], TieFactors)
+TIE_FACTORS = types.NamedTuple([U1, U1, F1, U1, U1, U1, F1, F1, F1], TieFactors)
 MASS_FACTORS = types.NamedTuple([FACTORS, U1, FACTORS, U1, U1, F2, F2, F1, F1, TIE_FACTORS], MassFactors)
 
 
@@ -119,8 +121,8 @@ def tie(ties: TieFactors, call: NDArray[np.uint64], velocity: Array) -> None:
     all_sums(call, ties.own, ties.all)
     for i in range(ties.places.size):
         change = 0.0
-        for k in range(ties.all.size):
-            change += ties.spread[i, k] * ties.all[k]
+        for j in range(ties.starts[i], ties.starts[i + 1]):
+            change += ties.spread[j] * ties.all[ties.which[j]]
         velocity[ties.places[i]] -= change
 
 

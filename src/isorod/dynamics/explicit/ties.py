@@ -12,8 +12,8 @@ them is ``Z = M^-1 G^T (G M^-1 G^T)^-1``, a row of numbers for each degree of fr
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array, hstack, vstack
+from scipy.sparse.linalg import splu
 
 from isorod.arrays import Array, Index
 from isorod.assembly.constraints import Constraints
@@ -22,8 +22,11 @@ from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
 from isorod.model.model import Model
 
-# Changes of this share of the largest are rounding.
-_NONE = 1e-16
+# What is less than this share of the largest is rounding.
+_NONE = 1e-17
+
+# Rows that are solved for at a time.
+_TOGETHER = 1000
 
 
 class Ties:
@@ -71,17 +74,23 @@ class Ties:
             Returns those of momenta without ties, both state vectors.
         """
         count, size = self._ties.shape
-        moved = np.zeros((size, count))
+        columns = []
         for k in range(count):
             momenta = np.zeros(size)
             momenta[self._order] = self._ties[[k]].toarray()[0]
-            moved[:, k] = velocity(momenta)
-        gram = self._ties @ moved[self._order]
-        spread = cho_solve(cho_factor(0.5 * (gram + gram.T)), moved.T).T
+            columns.append(_kept(velocity(momenta)[:, None]))
+        moved = csr_array(hstack(columns, format="csr"))
+        gram = csc_array(self._ties @ moved[self._order])
+        factor = splu(csc_array(0.5 * (gram + gram.T)))
         mine = np.zeros(size, dtype=bool)
         for first, last in self._ranks.spans:
             mine[first:last] = True
-        places = np.flatnonzero(mine & (np.abs(spread).max(axis=1) > _NONE * np.abs(spread).max()))
+        places = np.flatnonzero(mine & (np.diff(moved.indptr) > 0))
+        parts = [csr_array((0, count))]
+        for begin in range(0, places.size, _TOGETHER):
+            some = moved[places[begin : begin + _TOGETHER]].toarray()
+            parts.append(_kept(factor.solve(some.T).T))
+        spread = csr_array(vstack(parts, format="csr"))
         own = csr_array(self._ties.multiply(self._ranks.owned[None, :].astype(float)))
         own.eliminate_zeros()
         return TieFactors(
@@ -89,7 +98,14 @@ class Ties:
             columns=self._order[own.indices].astype(np.uint64),
             values=own.data,
             places=places.astype(np.uint64),
-            spread=np.ascontiguousarray(spread[places]),
+            starts=spread.indptr.astype(np.uint64),
+            which=spread.indices.astype(np.uint64),
+            spread=spread.data,
             own=np.zeros(count),
             all=np.zeros(count),
         )
+
+
+def _kept(values: Array) -> csr_array:
+    """Return what is more than rounding of the largest of some values."""
+    return csr_array(np.where(np.abs(values) > _NONE * np.abs(values).max(initial=0.0), values, 0.0))
