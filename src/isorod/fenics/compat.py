@@ -238,7 +238,7 @@ def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -
 
 def add_matrix(matrix: PETSc.Mat, bilinear: Any) -> None:
     """Add a form to ``matrix``, which is to be assembled when all is there."""
-    petsc.assemble_matrix(matrix, bilinear)
+    petsc.assemble_matrix(matrix, bilinear, [])
 
 
 def assemble_vector(vector: PETSc.Vec, linear: Any) -> None:

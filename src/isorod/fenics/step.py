@@ -48,7 +48,7 @@ class Step:
         )
         self._between = compat.form(work, FAST)
         self._tangent = compat.form(ufl.derivative(work, solid.unknown, trial), FAST)
-        if solid.unknown in extract_coefficients(solid.outer):
+        if not solid.outer.empty() and solid.unknown in extract_coefficients(solid.outer):
             self._following = compat.form(-0.5 * ufl.derivative(solid.outer, solid.unknown, trial), FAST)
 
     def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
