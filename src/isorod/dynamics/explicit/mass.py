@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, identity, kron
 
 from isorod.arrays import Array, Index
+from isorod.checks.groups import groups
 from isorod.checks.rigid_motions import free_motions
 from isorod.dynamics.explicit.added import Elements
 from isorod.dynamics.explicit.cholesky import Factor, Factors, factorise
@@ -221,11 +222,7 @@ class Mass:
 def _turning(model: Model) -> set[int]:
     """Return which bodies supports leave a rigid motion, with all that are tied to them."""
     found = {b for b, _ in free_motions(model)}
-    if model.ties:
-        from isorod.checks.tied_motions import groups
-
-        found = {b for group in groups(model) if found.intersection(group.bodies) for b in group.bodies}
-    return found
+    return {b for group in groups(model) if found.intersection(group.bodies) for b in group.bodies}
 
 
 def _entries(nodes: Index, each: int) -> Index:
