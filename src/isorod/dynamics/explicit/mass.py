@@ -222,7 +222,7 @@ def _turning(model: Model) -> set[int]:
     """Return which bodies supports leave a rigid motion, with all that are tied to them."""
     found = {b for b, _ in free_motions(model)}
     if model.ties:
-        from isorod.checks.tied_motions import groups
+        from isorod.checks.groups import groups
 
         found = {b for group in groups(model) if found.intersection(group.bodies) for b in group.bodies}
     return found
