@@ -79,14 +79,16 @@ def test_one_solid_and_the_coupled_model_agree(scene):
     assert scene.of_whole(whole.solve(scene.tetrahedra(sizes), scene.problem())) == pytest.approx(one, rel=0.03)
 
 
-def test_what_reaches_an_error_reaches_it_on_all_finer_meshes():
+def test_what_reaches_an_error_reaches_it_on_all_meshes_that_are_nowhere_coarser():
     works = [study.Work("coupled", "hexahedron", Sizes(near, 1.0)) for near in (4.0, 2.0, 1.0)]
     others = [study.Work("coupled", "tetrahedron", Sizes(near, 1.0)) for near in (4.0, 2.0)]
-    errors, seconds = (0.004, 0.02, 0.003, 0.009, 0.001), (1.0, 2.0, 5.0, 3.0, 4.0)
+    round_ = study.Work("coupled", "hexahedron", Sizes(2.0, 1.0, around=4))
+    errors, seconds = (0.004, 0.02, 0.003, 0.009, 0.001, 0.001), (1.0, 2.0, 5.0, 3.0, 4.0, 0.1)
     done = [
         (work, {"error": error, "seconds": time})
-        for work, error, time in zip([*works, *others], errors, seconds, strict=True)
+        for work, error, time in zip([*works, *others, round_], errors, seconds, strict=True)
     ]
+    # The first and the last are within by luck: with smaller cells, or more of them round the rod, they are not.
     assert study.fastest(done, 0.01)[0] is others[0]
     assert study.fastest(done, 0.005)[0] is others[1]
     assert study.fastest(done, 1e-4) is None

@@ -59,7 +59,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         heading(2, "Rods with blocks, beside all of it as one solid"),
         f"<p>Scenes: {told}. What they converge to is extrapolated from bricks of one solid. Times are of the "
         "processor, one thread, without meshes and compilation; the fastest of both sides were measured again, in "
-        "turn. A run counts as reaching an error if all finer ones of its kind do.</p>",
+        "turn. A run counts as reaching an error if all of its kind do that are nowhere coarser.</p>",
         table(HEAD, rows(records), text=(0, 1, 2)),
         commands(["python -m comparisons joints"]),
         fold(
