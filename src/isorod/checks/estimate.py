@@ -59,6 +59,7 @@ def of_equilibrium(
     ranks: int = 1,
     contacts: "Sequence[ContactResult]" = (),
     carried: tuple[Array, Array] | None = None,
+    solids: Sequence[Array] = (),
 ) -> Error:
     """Return estimates of the errors of an equilibrium.
 
@@ -82,10 +83,12 @@ def of_equilibrium(
         Their outcome.
     carried
         Force and moment of each support, shape ``(supports, 3)`` each; None if they do not count.
+    solids
+        Displacements of finite element bodies, on this rank, whose meshes stay.
     """
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        return _equilibrium(finer, comm, displacement, work, pressures, contacts, carried)
+        return _equilibrium(finer, comm, displacement, work, pressures, contacts, carried, solids)
 
     return Error(*correction.total(model, directions, ranks, change, 2))
 
@@ -93,8 +96,8 @@ def of_equilibrium(
 def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tuple[Error, Array | None]:
     """Return what recovered strains say of a model's finite element bodies (`isorod.fenics.recovery`); collective.
 
-    Of linear bodies the error of what loads do is twice the energy of the solution's error.  With it comes where most
-    of it is, ``(3,)``.
+    Rods are not among them.  Of linear bodies the error of what loads do is twice the energy of the solution's error.
+    With it comes where most of it is, ``(3,)``.
 
     Parameters
     ----------
@@ -122,13 +125,14 @@ def _equilibrium(
     pressures: Sequence[Array | None],
     contacts: "Sequence[ContactResult]",
     supported: tuple[Array, Array] | None,
+    solids: Sequence[Array],
 ) -> Array:
     """Return the errors of work and stress that a finer space sees, NaN where there is none."""
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
     touching = correction.touching(finer, contacts, state, comm)
     assembler.contact = touching  # type: ignore[assignment]
-    x = assembler.state(state, finer.pressures(pressures) if pressures else ())
+    x = assembler.state(state, finer.pressures(pressures) if pressures else (), solids or 0.0)
     matrix = assembler.matrix()
     ksp = correction.solver(assembler, matrix)
     try:

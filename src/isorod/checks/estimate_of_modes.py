@@ -60,7 +60,8 @@ def of_modes(
         found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter)
         return np.array([np.nan if found is None else found])
 
-    return correction.total(model, directions, ranks, change, 1)[0]
+    # Of the meshes of solids nothing would be known.
+    return None if model.solids else correction.total(model, directions, ranks, change, 1)[0]
 
 
 def _modes(

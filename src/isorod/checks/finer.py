@@ -71,9 +71,9 @@ class Finer:
     def of(cls, model: Model, direction: str) -> "Finer | None":
         """Return the model on spaces finer in one of `DIRECTIONS`, without contacts.
 
-        None if a support does not fit, or there are solids: their meshes, which no one knows how to refine, err too.
+        None if a support does not fit, or something touches where there are solids.  Meshes of these are as they are.
         """
-        if model.solids:
+        if model.solids and model.contacts:
             return None
         spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
@@ -89,7 +89,12 @@ class Finer:
             warnings.simplefilter("ignore")
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
             left = max(map(_left, (body.space for body in model.bodies), spaces))
-            return cls(model, Model(bodies, supports, model.spin, loads=loads, ties=model.ties), across, left)
+            return cls(
+                model,
+                Model(bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids),
+                across,
+                left,
+            )
 
     @property
     def wider(self) -> bool:

@@ -105,11 +105,11 @@ def _answer(
     if welds[_FEW:]:
         yield "ties", f"{len(welds) - _FEW} more, largest jump {max(one['jump'] for one in welds):.2g}"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
-        alone = "the meshes of solids are not refined; compare with finer ones" if record.get("solids") else ""
+        alone = "compare with finer meshes and more elements" if record.get("solids") else ""
         yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
-        how = "of the meshes of solids alone, by recovered strains" if record.get("solids") else "by a finer space"
+        how = "by a finer space" + (" of the rods, and recovered strains" if record.get("solids") else "")
         yield "error", f"about {percent(record['error_estimate'])}{also}, {how}"
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"

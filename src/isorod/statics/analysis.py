@@ -123,8 +123,8 @@ class Equilibrium(State, WithSolids, Animated):
 
         It takes about twice as long as the solution, once; pictures drawn afterwards say that of stresses.  They are
         sums of those of the approximation across the ``"section"`` and along the ``"axis"``, unless one of them is
-        asked for, and of what springs give way that points stick by.  With finite element bodies they are those of
-        their meshes alone.
+        asked for, and of what springs give way that points stick by.  To that of works comes what recovered strains
+        say of finite element bodies; of stresses there is none with these.
         """
         return self._estimated(directions) if directions else self._errors
 
@@ -135,8 +135,6 @@ class Equilibrium(State, WithSolids, Animated):
     def _estimated(self, directions: Sequence[str]) -> "Error":
         from isorod.checks import estimate
 
-        if self.model.solids:
-            return self._of_solids[0]
         found = estimate.of_equilibrium(
             self.model,
             self.displacement,
@@ -146,7 +144,12 @@ class Equilibrium(State, WithSolids, Animated):
             self.ranks,
             self.contacts,
             (self.reactions, self.moments),
+            self.solids,
         )
+        if self.model.solids:
+            meshes = self._of_solids[0].work
+            both = None if found.work is None or meshes is None else found.work + meshes
+            found = estimate.Error(both, None)
         stretched = sum(one.stretched for one in self.contacts)
         if found.work is None or not stretched:
             return found
