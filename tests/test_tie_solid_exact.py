@@ -184,6 +184,7 @@ def test_a_rod_that_solids_alone_hold_and_pull_is_not_warned_of():
         warnings.simplefilter("error")
         found = statics.solve(Model([Body(space, law)], ties=ties, solids=solids))
     assert found.ties[1].force[2] == pytest.approx(-found.ties[0].force[2], rel=1e-6) and found.ties[1].force[2] > 0.1
+    assert found.curves() == {"load factor": pytest.approx([0.0, 1.0])}
 
 
 def same(expected):

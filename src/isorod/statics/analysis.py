@@ -229,7 +229,7 @@ class Equilibrium(State, WithSolids, Animated):
         rest = np.zeros((1, count, 3))
         moved = [support_displacements(self.model, one.displacement) for one in frames]
         found = {"load factor": np.array([0.0, *(one.factor for one in frames)])}
-        found |= by_support("displacement", np.append(rest, np.reshape(moved, (-1, count, 3)), 0))
+        found |= by_support("displacement", np.append(rest, np.reshape(moved, (len(frames), count, 3)), 0))
         return found | by_support("force", np.append(rest, [one.reactions[:count] for one in frames], 0))
 
     def fields(self, body: int) -> dict[str, Array]:
