@@ -109,7 +109,12 @@ def _answer(
         yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
-        how = "by a finer space" + (" of the rods, and recovered strains" if record.get("solids") else "")
+        how = "by a finer space"
+        if record.get("solids"):
+            alone = (
+                "of the meshes of solids alone, by" if record.get("contacts") else "by a finer space of the rods, and"
+            )
+            how = f"{alone} recovered strains"
         yield "error", f"about {percent(record['error_estimate'])}{also}, {how}"
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"

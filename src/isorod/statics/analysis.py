@@ -148,8 +148,9 @@ class Equilibrium(State, WithSolids, Animated):
         )
         if self.model.solids:
             meshes = self._of_solids[0].work
-            both = None if found.work is None or meshes is None else found.work + meshes
-            found = estimate.Error(both, None)
+            # Beside contact the rods' part is not known, and not counted.
+            rods = 0.0 if self.model.contacts else found.work
+            found = estimate.Error(None if rods is None or meshes is None else rods + meshes, None)
         stretched = sum(one.stretched for one in self.contacts)
         if found.work is None or not stretched:
             return found
