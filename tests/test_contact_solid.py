@@ -18,6 +18,7 @@ from comparisons.joints.lattice import circle, ring
 from comparisons.joints.sleeve import pinned
 from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
+from isorod.contact.passing import Passing
 from isorod.contact.quality import widths
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
@@ -139,12 +140,26 @@ def test_the_width_of_a_strip_is_that_in_which_points_press():
     assert width.along == np.inf
 
 
-def test_a_rod_that_would_go_through_a_wall_is_stopped_by_it():
-    """One step would take its centre line from above the block to below its top."""
-    solved = statics.solve(lying(push=0.9, height=0.6, radius=0.3), load_steps=1)
-    assert solved.cuts > 0
-    (contact,) = solved.contacts
-    assert contact.resultant[2] > 0.05
+@pytest.mark.parametrize("shape", solids.SHAPES)
+@pytest.mark.parametrize("sideways", [0.0, 0.02])
+def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
+    """Also where all of it passes along the edges of facets."""
+    model = lying(shape, height=0.3)
+    count = model.dofs + assembler_for(model).contact.beyond.size
+    passing = Passing(model)
+
+    def moved(way, below=0.0):
+        found = np.zeros((count // 3, 3))
+        found[: model.dofs // 3][model.bodies[0].space.is_carrier] = way
+        found[model.dofs // 3 :, 2] = below
+        return found.ravel()
+
+    rest = moved((0.0, -sideways, 0.0))
+    assert passing.passed(rest, moved((0.0, -sideways, -1.2))).startswith("tunnelling of body 0 at u = ")
+    assert 0.1 < passing.free(rest, moved((0.0, -sideways, -1.2))) < 0.6
+    # Nor if the block goes as far.
+    for way, below in (((0.0, 0.0, 1.0), 0.0), ((0.3, 0.3, 0.0), 0.0), ((0.0, 0.0, -1.2), -1.2)):
+        assert passing.passed(rest, moved(way, below)) is None
 
 
 def test_friction_holds_back_what_is_drawn_along():
