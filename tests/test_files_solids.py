@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 import pytest
+import solids
 
-from isorod import InputError, SolveError, modal, statics
+from isorod import InputError, LinearElastic, SolveError, modal, statics
 from isorod.command import printing, solving
 from isorod.files.scene import FileScene
 from tests.msh import box, content
@@ -205,3 +206,29 @@ except InputError as error:
     done = python(script, written().path, *HELD)
     assert re.search(r"my.toml:\d+: solid.block: finite element bodies need dolfinx, ", done.stdout), done.stderr
     assert done.stdout.count("\n") == 1
+
+
+def test_bodies_are_written_beside_the_rods(written, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    from isorod.output import folder
+
+    solved = solving.solve(written(*HELD), {})[0]
+    (solid,) = solved.model.solids
+    record = folder.add(
+        tmp_path, {"scene": "my"}, solved.model.bodies, folder.frames(solved), solids=solved.model.solids
+    )
+    assert record["files"] == ["my-0.vtu", "my-1.vtu", "my.pvd"]
+    mesh = pyvista.read(tmp_path / "my-1.vtu")
+    np.testing.assert_allclose(mesh.points, solid.positions, atol=1e-7)
+    np.testing.assert_array_equal(mesh["displacement"].ravel(), solved.solids[0])
+    assert mesh.volume == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("shape", solids.SHAPES)
+def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
+    pytest.importorskip("pyvista")
+    from isorod.output.solids import grid
+
+    body = solids.solid(shape, degree=2, law=LinearElastic(200.0, 0.3))
+    u = body.positions * 1e-3 * np.array([1.0, -0.3, -0.3])
+    assert grid(body, u.ravel())["von_mises"] == pytest.approx(0.2, rel=1e-9)

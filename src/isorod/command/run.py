@@ -171,4 +171,7 @@ def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scen
             return folder.add(place, record, [], [])
         # The scene of a file has names for supports.
         curves = {scene.named(name): values for name, values in solution.curves().items()}
-        return folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)
+        model = solution.model
+        # What a rank has of a body distributed over several is none that a file could show.
+        solids = [] if any(solid.comm.size > 1 for solid in model.solids) else model.solids
+        return folder.add(place, record, model.bodies, folder.frames(solution), curves, found.cells, solids)

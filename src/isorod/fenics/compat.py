@@ -15,7 +15,7 @@ import dolfinx
 import numpy as np
 import ufl
 from cffi import VerificationError
-from dolfinx import fem
+from dolfinx import fem, plot
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -267,6 +267,14 @@ def geometry_element(mesh: Any) -> Any:
     variant = basix.LagrangeVariant(getattr(kind, "variant", basix.LagrangeVariant.equispaced))
     cell = getattr(basix.CellType, mesh.topology.cell_name())
     return basix.create_element(basix.ElementFamily.P, cell, kind.degree, variant)
+
+
+def vtk_cells(space: Any) -> tuple[Array, Array, Array]:
+    """Return the cells of a space as pyvista's grids take them, their kinds, and the positions of this rank's nodes."""
+    # Of another name up to 0.6.
+    make = getattr(plot, "vtk_mesh", None) or plot.create_vtk_mesh
+    cells, kinds, points = make(space)
+    return cells, kinds, points
 
 
 def links(mesh: Any, low: int, high: int) -> tuple[Index, Index]:

@@ -55,26 +55,13 @@ def recovered(cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.C
         Number of all nodes.
     """
     kind, degree = cells.element.cell_type, cells.element.degree
-    X, w = basix.make_quadrature(kind, 2 * degree)[:2]
-    X, w = np.asarray(X), np.asarray(w)
-    points = np.asarray(cells.element.points)
-    at_nodes = points + _INWARD * (cells.middle - points)
-    parts = [slice(k, k + _AT_ONCE) for k in range(0, len(cells.x), _AT_ONCE)]
-    sums, volumes = np.zeros((nodes, 3, 3)), np.zeros(nodes)
-    for part in parts:
-        volume = _gradients(cells, moved, part, X)[1] @ w
-        gradients = _gradients(cells, moved, part, at_nodes)[0]
-        own = cells.nodes[part]
-        np.add.at(sums, own, gradients * volume[:, None, None, None])
-        np.add.at(volumes, own, np.repeat(volume[:, None], own.shape[1], axis=1))
-    comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
-    comm.Allreduce(MPI.IN_PLACE, volumes, op=MPI.SUM)
-    sums /= volumes[:, None, None]
+    X, w = (np.asarray(one) for one in basix.make_quadrature(kind, 2 * degree)[:2])
+    means = averages(cells, moved, nodes, comm)
     table, work = tabulated(cells.element, 0, X)[0], np.zeros(len(cells.x))
-    for part in parts:
+    for part in _parts(cells):
         gradients, sizes = _gradients(cells, moved, part, X)
         F = np.eye(3) + gradients
-        smooth = np.eye(3) + np.einsum("qm,cmab->cqab", table, sums[cells.nodes[part]])
+        smooth = np.eye(3) + np.einsum("qm,cmab->cqab", table, means[cells.nodes[part]])
         stress = law.stress(smooth) - law.stress(F)
         work[part] = np.einsum("cqab,cqab,cq,q->c", stress, smooth - F, sizes, w)
     most = int(np.argmax(work)) if len(work) else 0
@@ -82,6 +69,27 @@ def recovered(cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.C
     place = max(comm.allgather(found), key=lambda one: one[0])[1]
     factor = _LINEAR if degree == 1 else _OTHERS
     return Recovered(factor * float(comm.allreduce(work.sum(), op=MPI.SUM)), place)
+
+
+def averages(cells: Cells, moved: Array, nodes: int, comm: MPI.Comm) -> Array:
+    """Return the displacement gradients at all nodes, averages over cells by their volumes, ``(nodes, 3, 3)``."""
+    X, w = (np.asarray(one) for one in basix.make_quadrature(cells.element.cell_type, 2 * cells.element.degree)[:2])
+    points = np.asarray(cells.element.points)
+    at_nodes = points + _INWARD * (cells.middle - points)
+    sums, volumes = np.zeros((nodes, 3, 3)), np.zeros(nodes)
+    for part in _parts(cells):
+        volume = _gradients(cells, moved, part, X)[1] @ w
+        gradients = _gradients(cells, moved, part, at_nodes)[0]
+        own = cells.nodes[part]
+        np.add.at(sums, own, gradients * volume[:, None, None, None])
+        np.add.at(volumes, own, np.repeat(volume[:, None], own.shape[1], axis=1))
+    comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    comm.Allreduce(MPI.IN_PLACE, volumes, op=MPI.SUM)
+    return np.asarray(sums / volumes[:, None, None])
+
+
+def _parts(cells: Cells) -> list[slice]:
+    return [slice(k, k + _AT_ONCE) for k in range(0, len(cells.x), _AT_ONCE)]
 
 
 def _gradients(cells: Cells, moved: Array, part: slice, X: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from isorod.errors import InputError, numbers
 from isorod.fenics import compat, forms
 from isorod.fenics.cells import Cells
 from isorod.fenics.flags import FAST
-from isorod.fenics.recovery import Recovered, recovered
+from isorod.fenics.recovery import Recovered, averages, recovered
 from isorod.fenics.surface import Rows, Surface, Trace
 from isorod.material.law import Material
 
@@ -242,13 +242,18 @@ class Solid:
 
     def recovered(self, u: Array) -> Recovered | None:
         """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law."""
-        if self.law is None:
-            return None
+        return None if self.law is None else recovered(*self._moved(u), self.nodes, self.law, self.comm)
+
+    def gradients(self, u: Array) -> Array:
+        """Return the displacement gradients at all nodes, averages of those of the cells, shape ``(nodes, 3, 3)``."""
+        return averages(*self._moved(u), self.nodes, self.comm)
+
+    def _moved(self, u: Array) -> tuple[Cells, Array]:
+        """Return this rank's cells, and the displacements of their nodes ``(cells, m, 3)``."""
         compat.fill(self.unknown, u)
         cells = Cells(self.space)
         local = compat.cell_dofs(self.space, len(cells.x))
-        moved = self.unknown.x.array.reshape(-1, 3)[local]
-        return recovered(cells, moved, self.nodes, self.law, self.comm)
+        return cells, self.unknown.x.array.reshape(-1, 3)[local]
 
     def external(self) -> Array:
         """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -13,6 +13,9 @@ from isorod.arrays import Array
 from isorod.model.body import Body
 from isorod.output import results, vtk
 from isorod.output.words import STRESS_ERROR
+
+if TYPE_CHECKING:
+    from isorod.fenics.solid import Solid
 
 RECORDS = "results.jsonl"
 
@@ -28,18 +31,21 @@ class Frame(NamedTuple):
         Fields of each body by name, as for `isorod.output.vtk.grid`.
     factor
         Load factor of the stress.
+    solids
+        Displacements of each finite element body, ``(3 nodes,)``; none where they are not known.
     """
 
     time: float
     fields: Sequence[Mapping[str, Array]]
     factor: float = 1.0
+    solids: Sequence[Array] = ()
 
 
 def frames(solution: Any) -> list[Frame]:
     """Return the states of a solution that its ``frames()`` has."""
     bodies = range(len(solution.model.bodies))
     return [
-        Frame(time, [state.fields(b) for b in bodies], getattr(state, "factor", 1.0))
+        Frame(time, [state.fields(b) for b in bodies], getattr(state, "factor", 1.0), getattr(state, "solids", ()))
         for time, state in solution.frames()
     ]
 
@@ -51,6 +57,7 @@ def add(
     states: Sequence[Frame],
     curves: Mapping[str, Array] | None = None,
     cells: str = "auto",
+    solids: "Sequence[Solid]" = (),
 ) -> dict[str, Any]:
     """Write states and curves to files, and append the record that names them; all of it or nothing.
 
@@ -72,6 +79,8 @@ def add(
     cells
         One of `isorod.output.words.CELLS`; ``"auto"`` are linear cells where there is contact pressure, else curved
         ones.
+    solids
+        Finite element bodies, which are numbered behind the others; of one rank.
 
     Returns
     -------
@@ -98,11 +107,15 @@ def add(
             results.write_whole(path, content)
             names.append(name)
 
-        run = _free_name(folder, str(record["scene"]), len(bodies))
+        run = _free_name(folder, str(record["scene"]), len(bodies) + len(solids))
         entries = []
-        for b, body in enumerate(bodies):
-            grids = _contents(body, states, b, cells, record.get(STRESS_ERROR))
+        several: list[Iterator[bytes | None]]
+        several = [_contents(body, states, b, cells, record.get(STRESS_ERROR)) for b, body in enumerate(bodies)]
+        several += [_of_solid(solid, states, number) for number, solid in enumerate(solids)]
+        for b, grids in enumerate(several):
             for k, (state, content) in enumerate(zip(states, grids, strict=True)):
+                if content is None:
+                    continue
                 name = f"{run}-{b}.vtu" if len(states) == 1 else f"{run}-frames/{b}-{k:04d}.vtu"
                 write(name, content)
                 entries.append((state.time, b, name))
@@ -118,7 +131,7 @@ def add(
 
 def _contents(
     body: Body, states: Sequence[Frame], number: int, cells: str, stress_error: float | None
-) -> Iterator[bytes]:
+) -> Iterator[bytes | None]:
     """Yield the ``.vtu`` file of a body in each state."""
     touched = any("contact_pressure" in state.fields[number] for state in states)
     curved = cells == "curved" or (cells == "auto" and not touched)
@@ -127,6 +140,14 @@ def _contents(
         if stress_error is not None and state is states[-1]:
             mesh.field_data[STRESS_ERROR] = [stress_error]
         yield vtk.content(mesh)
+
+
+def _of_solid(solid: "Solid", states: Sequence[Frame], number: int) -> Iterator[bytes | None]:
+    """Yield the ``.vtu`` file of a finite element body in each state, None where that is not known."""
+    from isorod.output.solids import grid
+
+    for state in states:
+        yield vtk.content(grid(solid, state.solids[number], state.factor)) if len(state.solids) else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:

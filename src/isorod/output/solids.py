@@ -1,13 +1,18 @@
-"""What states say of finite element bodies beside the rods."""
+"""What states say of finite element bodies beside the rods, and these bodies as VTK's grids."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import whole_number
 from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    import pyvista
+
+    from isorod.fenics.solid import Solid
 
 
 class WithSolids:
@@ -30,3 +35,37 @@ def owned(model: Model, everywhere: Array) -> list[Array]:
         found.append(np.array(everywhere[begin:end]))
         first += 3 * solid.nodes
     return found
+
+
+def grid(solid: "Solid", u: Array, factor: float = 1.0) -> "pyvista.UnstructuredGrid":
+    """Return the undeformed body with its ``displacement`` and, where it has a law, ``von_mises``, on one rank.
+
+    Stresses are those of displacement gradients that are averaged at the nodes.
+
+    Parameters
+    ----------
+    u
+        Displacements, shape ``(3 nodes,)``.
+    factor
+        Load factor of the stress, which activation follows.
+
+    Raises
+    ------
+    InputError
+        If pyvista is not installed.
+    """
+    from isorod.fenics import compat
+    from isorod.output import stress, vtk
+
+    vtk.require()
+    import pyvista
+
+    mesh = pyvista.UnstructuredGrid(*compat.vtk_cells(solid.space))
+    mesh.point_data["displacement"] = u.reshape(-1, 3)
+    if solid.law is not None:
+        law, F = solid.law.at(factor), np.eye(3) + solid.gradients(u)
+        cauchy = law.stress(F)
+        if not law.linear:
+            cauchy = cauchy @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
+        mesh.point_data["von_mises"] = stress.von_mises(cauchy)
+    return mesh
