@@ -42,7 +42,7 @@ def solver(contact):
         return 3
 
     x = SimpleNamespace(copy=lambda other=None: x)
-    assembler = SimpleNamespace(displacement=lambda x, factor: factor)
+    assembler = SimpleNamespace(touching=lambda x, factor: factor)
     steps = SimpleNamespace(careful=True)
     return SimpleNamespace(assembler=assembler, x=x, steps=steps, advance=advance, forget_path=lambda: None)
 

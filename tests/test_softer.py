@@ -72,7 +72,7 @@ def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
     model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=watched, careful=False),
-        assembler=SimpleNamespace(contact=contact, model=model, displacement=lambda x, factor: x),
+        assembler=SimpleNamespace(contact=contact, model=model, touching=lambda x, factor: x),
         x=x,
         advance=advance,
         forget_path=lambda: None,
@@ -162,7 +162,7 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
         assembler=SimpleNamespace(
-            contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
+            contact=contact, model=SimpleNamespace(stages=[1.0]), touching=lambda x, factor: x
         ),
         x=Place(),
         advance=lambda factor, target: 1,

@@ -90,7 +90,7 @@ class Surface:
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return Rows(nodes, values, least)
 
-    def trace(self, facets: Index | None, pieces: int | None) -> Trace:
+    def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
         """Return the `Trace` of exterior facets."""
         cells = self._cells
         carrier, face = self._places(self._exterior if facets is None else self._own(facets))
