@@ -40,7 +40,8 @@ def test_nodes_of_an_outline_are_on_its_sides_and_corners_at_odd_multiples_of_45
     assert found[corners] == pytest.approx(
         np.sign(np.stack([np.cos(angle), np.sin(angle)], axis=1)[corners]) * [3.0, 2.0]
     )
-    turn = np.cross(found, np.roll(found, -1, axis=0))
+    ahead = np.roll(found, -1, axis=0)
+    turn = found[:, 0] * ahead[:, 1] - found[:, 1] * ahead[:, 0]
     assert (turn > 0.0).all()
 
 
