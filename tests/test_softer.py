@@ -161,9 +161,7 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     path = []
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
-        assembler=SimpleNamespace(
-            contact=contact, model=SimpleNamespace(stages=[1.0]), touching=lambda x, factor: x
-        ),
+        assembler=SimpleNamespace(contact=contact, model=SimpleNamespace(stages=[1.0]), touching=lambda x, factor: x),
         x=Place(),
         advance=lambda factor, target: 1,
         forget_path=lambda: None,
