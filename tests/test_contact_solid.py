@@ -18,8 +18,11 @@ from comparisons.joints.lattice import circle, ring
 from comparisons.joints.sleeve import pinned
 from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
+from isorod.contact import cells
+from isorod.contact.facets import nodes_of
 from isorod.contact.passing import Passing
 from isorod.contact.quality import widths
+from isorod.contact.tables import pack
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.modal import loaded
@@ -39,14 +42,14 @@ def block(shape, degree, counts=(4, 4, 2), law=SOFT, below=True):
     return Solid(space, law, conditions=[fem.dirichletbc(nothing, held)] if below else []), top
 
 
-def lying(shape="hexahedron", degree=2, push=0.05, along=0.0, friction=0.0, radius=0.4, height=0.0, **contact):
+def lying(shape="hexahedron", degree=2, push=0.05, along=0.0, friction=0.0, radius=0.4, height=0.0, elements=2, **more):
     """Return a bar over such a block, whose ends stand out, are pushed down and drawn along."""
     solid, top = block(shape, degree)
     rod = moved(straight(8, radius=radius, height=2.4), (-1.2, 0.02, radius + height), ACROSS)
-    space = Space(rod, order=2, section_points=8, elements=2, degree=3)
+    space = Space(rod, order=2, section_points=8, elements=elements, degree=3)
     ways = (along, 0.0, -push)
     supports = [Support.end(space, which, displacement=ways) for which in ("start", "end")]
-    touching = Contact(0, SolidSurface(0, top), friction=friction, **contact)
+    touching = Contact(0, SolidSurface(0, top), friction=friction, **more)
     return Model([Body(space, STIFF)], supports, contacts=[touching], solids=[solid])
 
 
@@ -125,6 +128,20 @@ def test_points_are_as_close_as_rods_are_curved_and_more_come_where_a_patch_is_n
     assert solved.contacts[0].pressure.size > 1.3 * wide.packed.areas.size
 
 
+def test_points_are_as_close_as_functions_of_the_rod():
+    few, many = (assembler_for(lying(elements=count)).contact for count in (2, 48))
+    for contact in (few, many):
+        contact.space_evenly()
+    assert many.packed.areas.size > 2 * few.packed.areas.size
+
+
+@pytest.mark.parametrize("shape", solids.SHAPES)
+def test_other_points_have_what_those_of_their_facet_had(shape):
+    old, new = (pack(lying(shape), [(count, count)]) for count in (4, 10))
+    facet = [np.repeat(np.arange(one.surfaces["elements"][-1]), one.passes["along"][-1]) for one in (old, new)]
+    np.testing.assert_array_equal(cells.moved(old, facet[0].astype(float), new), facet[1])
+
+
 def test_the_width_of_a_strip_is_that_in_which_points_press():
     """A bar along x that is in a flat block by ``d``: half the width is the root of ``2 r d``."""
     depth, radius = 0.01, 0.4
@@ -157,6 +174,10 @@ def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
     rest = moved((0.0, -sideways, 0.0))
     assert passing.passed(rest, moved((0.0, -sideways, -1.2))).startswith("tunnelling of body 0 at u = ")
     assert 0.1 < passing.free(rest, moved((0.0, -sideways, -1.2))) < 0.6
+    # Facets beside each other may move apart.
+    apart = moved((0.0, -sideways, -1.2))
+    apart[model.dofs + 1 :: 3] = 0.05 * nodes_of(model)[1][:, 1]
+    assert passing.passed(rest, apart) is not None
     # Nor if the block goes as far.
     for way, below in (((0.0, 0.0, 1.0), 0.0), ((0.3, 0.3, 0.0), 0.0), ((0.0, 0.0, -1.2), -1.2)):
         assert passing.passed(rest, moved(way, below)) is None
