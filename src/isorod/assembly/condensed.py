@@ -173,7 +173,9 @@ def _block(rows: Index, columns: Index) -> tuple[Index, Index]:
 def indices(matrix: PETSc.Mat) -> tuple[Index, Index]:
     """Return row and column of each entry of this rank's rows, first those at columns that are numbers of these."""
     own, others, ghosts = local_rows(matrix)
-    first = matrix.getOwnershipRange()[0]
-    rows = [first + np.repeat(np.arange(part.start.size - 1), np.diff(part.start)) for part in (own, others)]
-    columns = first + own.column, ghosts[others.column]
-    return np.concatenate(rows).astype(np.int64), np.concatenate(columns).astype(np.int64)
+    numbers = np.arange(*matrix.getOwnershipRange(), dtype=np.int64)
+    rows = np.concatenate([np.repeat(numbers, np.diff(part.start)) for part in (own, others)])
+    columns = np.empty_like(rows)
+    np.add(own.column, matrix.getOwnershipRange()[0], out=columns[: own.column.size])
+    columns[own.column.size :] = ghosts[others.column]
+    return rows, columns

@@ -84,11 +84,9 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
         # PETSc's own way sorts all entries by comparing them.
         rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
-        start = np.zeros(matrix.getSize()[0] + 1, dtype=PETSc.IntType)
-        column, places = np.empty(rows.size, dtype=PETSc.IntType), np.empty(rows.size, dtype=PETSc.IntType)
-        total = gather(rows, columns, start.size - 1, start, column, places)
-        matrix.setPreallocationCSR((start, column[:total]))
-        matrix.setAttr(_PLACES, (places, int(total)))
+        placed = gather([(rows, columns)], 0, matrix.getSize()[0])
+        matrix.setPreallocationCSR(placed.own)
+        matrix.setAttr(_PLACES, (placed.places[0], placed.own[1].size))
         return
     # PETSc sorts the arrays in place.
     rows = np.array(rows, dtype=PETSc.IntType)
@@ -122,14 +120,14 @@ def fits(matrix: PETSc.Mat, count: int, rows: NDArray[Any], columns: NDArray[Any
     if known is None:
         return False
     start, column = local_rows(matrix).own[:2]
-    places = np.empty(rows.size, dtype=PETSc.IntType)
+    places = np.empty(rows.size, dtype=np.int64)
     if not _find(np.ascontiguousarray(rows), np.ascontiguousarray(columns), start, column, places):
         return False
     matrix.setAttr(_PLACES, (np.concatenate([known[0][:count], places]), known[1]))
     return True
 
 
-@njit(b1(I1, I1, P1, P1, P1), **STRICT)
+@njit(b1(I1, I1, P1, P1, I1), **STRICT)
 def _find(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> bool:
     """Fill in where entries are in compressed rows, -1 if an index is negative; return whether all are there."""
     for k in range(rows.size):
@@ -149,7 +147,7 @@ def _find(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> bool
     return True
 
 
-@njit(void(F1, P1, F1), **STRICT)
+@njit(void(F1, I1, F1), **STRICT)
 def _add_up(values: Any, places: Any, entries: Any) -> None:
     """Set entries to the sums of the values that have a place there."""
     entries[:] = 0.0

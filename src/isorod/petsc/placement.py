@@ -1,13 +1,14 @@
 """Where the entries that ranks have go in a matrix over all of them.
 
 PETSc's own way (COO) sorts all entries by comparing them, and keeps several numbers for each.  Here they are counted
-into place, once, and only those of rows that other ranks have travel.
+into their rows, once, and only those of rows that other ranks have travel.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import i8, void
+from numba import i8, types, void
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -41,30 +42,15 @@ class Placement:
         outbox = [self._sent.get(rank) for rank in range(self._comm.size)]
         inbox = self._comm.alltoall([None if one is None else (rows[one], columns[one]) for one in outbox])
         found = {rank: pair for rank, pair in enumerate(inbox) if pair is not None}
-        lengths = [rows.size, *(pair[0].size for pair in found.values())]
-        rows, columns = (
-            np.concatenate([given, *(pair[k] for pair in found.values())]) for k, given in enumerate((rows, columns))
-        )
-        # Columns that are numbers of these rows come first in a row, counted from the first of them.
-        behind = np.where(columns < low, columns + own, columns)
-        turned = np.where((columns >= low) & (columns < high), columns - low, behind)
-        here = np.where((rows >= low) & (rows < high) & (columns >= 0), rows - low, -1)
-        start, column, places = (np.zeros(n, dtype=PETSc.IntType) for n in (own + 1, rows.size, rows.size))
-        column = column[: gather(here, turned, int(bounds[-1]), start, column, places)]
-        inside = column < own
-        before = np.concatenate([[0], np.cumsum(inside)]).astype(PETSc.IntType)
-        others = column[~inside]
-        others[others < own + low] -= own
+        placed = gather([(rows, columns), *found.values()], int(low), int(high))
         self._own, self._others = (
             Compressed(first, across, np.zeros(across.size, dtype=PETSc.ScalarType))
-            for first, across in ((before[start], column[inside]), (start - before[start], others))
+            for first, across in (placed.own, placed.others)
         )
-        count = int(before[-1])
-        order = np.where(inside, before[:-1], count + np.arange(column.size) - before[:-1])
-        places = np.where(places < 0, -1, order[places] if order.size else -1)
-        runs = [_runs(part, count) for part in np.split(places, np.cumsum(lengths[:-1]))]
-        self._runs = runs[0]
-        self._received = dict(zip(found, zip(lengths[1:], runs[1:], strict=True), strict=True))
+        runs = [_runs(places, placed.bound) for places in placed.places]
+        self._bound, self._runs = placed.bound, runs[0]
+        lengths = (pair[0].size for pair in found.values())
+        self._received = dict(zip(found, zip(lengths, runs[1:], strict=True), strict=True))
 
     def matrix(self, sizes: tuple[int, int]) -> PETSc.Mat:
         """Return a new matrix of so many rows here and in all, whose arrays are these: keep it no longer than this."""
@@ -76,79 +62,147 @@ class Placement:
         own, others = self._own.values, self._others.values
         own[:] = 0.0
         others[:] = 0.0
-        _add(np.ascontiguousarray(values), *self._runs, own, others)
+        _add(np.ascontiguousarray(values), *self._runs, self._bound, own, others)
         for rank, (count, runs) in self._received.items():
             more = np.empty(count)
             self._comm.Recv(more, rank, _TAG)
-            _add(more, *runs, own, others)
+            _add(more, *runs, self._bound, own, others)
         for one in sent:
             one.Wait()
         matrix.assemble()
 
 
-def _runs(places: NDArray[Any], own: int) -> tuple[Index, Index, Index]:
+class Gathered(NamedTuple):
+    """Compressed rows of entries.
+
+    Attributes
+    ----------
+    own, others
+        First entry of each row and the columns: those that are numbers of these rows, counted from the first of them,
+        and the others.
+    places
+        Of each part where its entries come, -1 if an index is negative or the row another one: among the own, or
+        ``bound`` and their place among the others.
+    bound
+        At least the number of own entries.
+    """
+
+    own: tuple[NDArray[Any], NDArray[Any]]
+    others: tuple[NDArray[Any], NDArray[Any]]
+    places: list[Index]
+    bound: int
+
+
+def gather(parts: Sequence[tuple[Index, Index]], low: int, high: int) -> Gathered:
+    """Return the rows ``low`` to ``high`` of entries with given rows and columns, each place once."""
+    own = high - low
+    start = np.zeros(own + 1, dtype=np.int64)
+    bound = sum(_count(*part, low, high, start) for part in parts)
+    np.cumsum(start, out=start)
+    free, total = start[:-1].copy(), int(start[-1])
+    keys, order = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
+    starts = [0, *np.cumsum([rows.size for rows, _ in parts]).tolist()]
+    for first, part in zip(starts, parts, strict=False):
+        _sort(*part, low, high, first, free, keys, order)
+    first_own, first_others = (np.zeros(own + 1, dtype=PETSc.IntType) for _ in range(2))
+    columns_own, columns_others = (np.empty(n, dtype=PETSc.IntType) for n in (bound, total - bound))
+    places = np.full(starts[-1], -1)
+    _compress(start, keys, order, low, bound, first_own, columns_own, first_others, columns_others, places)
+    own_rows, other_rows = (
+        (first, columns[: first[-1]]) for first, columns in ((first_own, columns_own), (first_others, columns_others))
+    )
+    return Gathered(own_rows, other_rows, np.split(places, starts[1:-1]), bound)
+
+
+@njit(i8(I1, I1, i8, i8, I1), **STRICT)
+def _count(rows: Any, columns: Any, low: int, high: int, start: Any) -> int:
+    """Add to the number of entries of each row, behind its place; return how many are at columns of these numbers."""
+    inside = 0
+    for k in range(rows.size):
+        if low <= rows[k] < high and columns[k] >= 0:
+            start[rows[k] - low + 1] += 1
+            inside += low <= columns[k] < high
+    return inside
+
+
+@njit(void(I1, I1, i8, i8, i8, I1, I1, I1), **STRICT)
+def _sort(rows: Any, columns: Any, low: int, high: int, first: int, free: Any, keys: Any, order: Any) -> None:
+    """Put entries, counted from ``first``, into their rows, with keys that ascend as the columns of a row shall.
+
+    Columns that are numbers of these rows come first in a row, counted from the first of them.
+    """
+    own = high - low
+    for k in range(rows.size):
+        if low <= rows[k] < high and columns[k] >= 0:
+            at = free[rows[k] - low]
+            free[rows[k] - low] += 1
+            order[at] = first + k
+            column = columns[k]
+            keys[at] = column + own if column < low else (column - low if column < high else column)
+
+
+@njit(void(I1, I1, I1, i8, i8, P1, P1, P1, P1, I1), **STRICT)
+def _compress(
+    start: Any, keys: Any, order: Any, low: int, bound: int, first: Any, own: Any, first_of_others: Any, others: Any,
+    places: Any,
+) -> None:  # fmt: skip
+    """Fill in each place once, and where the entries come.  Few rows are not in the order of their columns."""
+    size = start.size - 1
+    inside = outside = 0
+    for i in range(size):
+        begin, end = start[i], start[i + 1]
+        for at in range(begin + 1, end):
+            if keys[at] < keys[at - 1]:
+                ascending = np.argsort(keys[begin:end])
+                keys[begin:end] = keys[begin:end][ascending]
+                order[begin:end] = order[begin:end][ascending]
+                break
+        last = -1
+        for at in range(begin, end):
+            key = keys[at]
+            if key < size:
+                if key != last:
+                    own[inside] = key
+                    inside += 1
+                places[order[at]] = inside - 1
+            else:
+                if key != last:
+                    others[outside] = key - size if key < low + size else key
+                    outside += 1
+                places[order[at]] = bound + outside - 1
+            last = key
+        first[i + 1] = inside
+        first_of_others[i + 1] = outside
+
+
+@njit(types.UniTuple(I1, 3)(I1, i8), **STRICT)
+def _runs(places: Any, bound: int) -> Any:
     """Return where runs of entries begin, how long they are and where the first goes: most entries lie as they come."""
-    if not places.size:
-        return (np.empty(0, dtype=np.int64),) * 3
-    # Neither from what has no place, -1, to the first one, nor from the last of the own to the first of the others.
-    begins = np.flatnonzero(np.r_[True, (np.diff(places) != 1) | (places[:-1] < 0) | (places[1:] == own)])
-    lengths = np.diff(begins, append=places.size)
-    there = places[begins] >= 0
-    return begins[there], lengths[there], places[begins[there]].astype(np.int64)
+    count = 0
+    for k in range(places.size):
+        # Neither from what has no place, -1, to the first one, nor from the last of the own to the first of the others.
+        if places[k] >= 0 and (k == 0 or places[k] != places[k - 1] + 1 or places[k] == 0 or places[k] == bound):
+            count += 1
+    begins, lengths, goes = np.empty(count, np.int64), np.zeros(count, np.int64), np.empty(count, np.int64)
+    run = -1
+    for k in range(places.size):
+        if places[k] < 0:
+            continue
+        if k == 0 or places[k] != places[k - 1] + 1 or places[k] == 0 or places[k] == bound:
+            run += 1
+            begins[run], goes[run] = k, places[k]
+        lengths[run] += 1
+    return begins, lengths, goes
 
 
-@njit(void(F1, I1, I1, I1, F1, F1), **STRICT)
-def _add(values: Any, begins: Any, lengths: Any, places: Any, own: Any, others: Any) -> None:
-    """Add runs of values to entries, those with places beyond the first ones to the others."""
+@njit(void(F1, I1, I1, I1, i8, F1, F1), **STRICT)
+def _add(values: Any, begins: Any, lengths: Any, places: Any, bound: int, own: Any, others: Any) -> None:
+    """Add runs of values to entries, those with places from ``bound`` on to the others."""
     for r in range(begins.size):
         b, p = begins[r], places[r]
-        if p < own.size:
+        if p < bound:
             for e in range(lengths[r]):
                 own[p + e] += values[b + e]
         else:
             for e in range(lengths[r]):
-                others[p - own.size + e] += values[b + e]
-
-
-@njit(i8(I1, I1, i8, P1, P1, P1), **STRICT)
-def gather(rows: Any, columns: Any, width: int, start: Any, column: Any, places: Any) -> int:
-    """Fill compressed rows, each entry once, and where each of those given comes, -1 if an index is negative.
-
-    Entries are counted into ``width`` columns, then into rows, which leaves the columns of each row in order.  Returns
-    the number of entries.
-    """
-    size = start.size - 1
-    first = np.zeros(max(size, width) + 1, dtype=np.int64)
-    for k in range(rows.size):
-        places[k] = -1
-        if rows[k] >= 0 and columns[k] >= 0:
-            first[columns[k] + 1] += 1
-            start[rows[k] + 1] += 1
-    for i in range(width):
-        first[i + 1] += first[i]
-    for i in range(size):
-        start[i + 1] += start[i]
-    by_column = np.empty(start[size], dtype=np.int64)
-    for k in range(rows.size):
-        if rows[k] >= 0 and columns[k] >= 0:
-            by_column[first[columns[k]]] = k
-            first[columns[k]] += 1
-    order = np.empty_like(by_column)
-    first[: size + 1] = start
-    for k in by_column:
-        order[first[rows[k]]] = k
-        first[rows[k]] += 1
-    total = at = 0
-    for i in range(size):
-        last, end = -1, start[i + 1]
-        start[i] = total
-        while at < end:
-            k = order[at]
-            if columns[k] != last:
-                last = columns[k]
-                column[total] = last
-                total += 1
-            places[k] = total - 1
-            at += 1
-    start[size] = total
-    return total
+                others[p - bound + e] += values[b + e]
