@@ -97,6 +97,17 @@ def test_torsion(measured, silent):
     assert [found["k"], found["slope"]] == pytest.approx([rate, rate], rel=1e-6)
 
 
+def test_a_bar_that_is_bent_and_pushed(measured, silent):
+    """Stresses from ``-3 s`` to ``-s``: the largest in size has its sign, and there is no tension."""
+    turn = 1e-6
+    asked = {name: {"stress": "bar", "component": name} for name in ("along", "zz", "min_principal", "max_principal")}
+    push = [0.0, -0.5 * turn * LENGTH, -2.0 * RADIUS * turn]
+    found, _ = measured(bar({"rotation": [math.degrees(turn), 0.0, 0.0], "displacement": push}, **asked))
+    stress = E * RADIUS * turn / LENGTH
+    assert [found[name] for name in ("along", "zz", "min_principal")] == pytest.approx([-3.0 * stress] * 3, rel=1e-4)
+    assert abs(found["max_principal"]) < 1e-4 * stress
+
+
 def test_bending(measured, silent):
     """``sigma = E kappa y``: of either sign at the top and below, told with the sign it has; ``M = E I kappa``."""
     turn = 1e-6

@@ -193,6 +193,16 @@ def test_a_mode_swings_from_one_side_to_the_other(shapes, tmp_path, capsys):
     assert abs(at[1]) > 0.2 and at[1] == pytest.approx(-at[3], abs=0.1)
 
 
+def test_modes_are_as_large_as_can_be_seen(shapes, tmp_path):
+    """Their size says nothing: where no scale is given it is that of ``auto``."""
+    images = []
+    for k, words in enumerate(([], ["--scale", "auto"], ["--scale", "0"])):
+        assert plot(shapes, "--png", tmp_path / f"{k}.png", *words) == 0
+        images.append(pixels(tmp_path / f"{k}.png"))
+    assert np.array_equal(images[0], images[1])
+    assert not np.array_equal(images[0], images[2])
+
+
 def test_modes_are_chosen_from_one(shapes, tmp_path):
     files = [tmp_path / f"{k}.png" for k in range(3)]
     for file, words in zip(files, ([], ["--mode", 1], ["--mode", 3]), strict=True):
