@@ -66,6 +66,15 @@ def test_equals_the_poisson_integral_and_its_gradient(n):
     assert np.abs(gradients - np.einsum("qtb,ti->qib", slope, phi)).max() < 1e-11
 
 
+def test_many_points_at_once_have_the_values_of_each():
+    """More values than are computed at once."""
+    points = np.sqrt(np.linspace(0.0, 1.0, 1500))[:, None] * circle_points(np.linspace(0.0, 100.0, 1500))
+    every = harmonic_functions(500, points)
+    few = harmonic_functions(500, points[::37])
+    for one, other in zip(every, few, strict=True):
+        np.testing.assert_allclose(one[::37], other, rtol=1e-12, atol=1e-12)
+
+
 @pytest.mark.parametrize("n", COUNTS)
 def test_harmonic_functions_are_the_boundary_functions_on_the_circle(n):
     theta = np.concatenate([np.linspace(-7, 7, 301), joints(n), joints(n) + 1e-10, 2 * np.pi * np.arange(n) / n])

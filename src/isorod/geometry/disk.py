@@ -30,6 +30,9 @@ MAX_COUNT = 2048
 # again.
 _KEPT_SIZE = 2**16
 
+# Values of a table that are computed at once: they take a dozen complex arrays.
+_AT_ONCE = 2**19
+
 # Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, does not.
 _SERIES_RADIUS = 0.25
 _SERIES_TERMS = 28
@@ -116,6 +119,18 @@ def _kept(n: int, points: bytes) -> tuple[Array, Array]:
 
 def _tabulate(n: int, points: Array) -> tuple[Array, Array]:
     """Return what `harmonic_functions` does, not kept."""
+    count = max(1, _AT_ONCE // n)
+    if len(points) <= count:
+        return _tabulate_part(n, points)
+    values, gradients = np.empty((len(points), n)), np.empty((len(points), n, 2))
+    for first in range(0, len(points), count):
+        part = slice(first, first + count)
+        values[part], gradients[part] = _tabulate_part(n, points[part])
+    return values, gradients
+
+
+def _tabulate_part(n: int, points: Array) -> tuple[Array, Array]:
+    """Return what `harmonic_functions` does, at so many points that a dozen such arrays do no harm."""
     radius = np.hypot(points[:, 0], points[:, 1])
     bad = ~(radius <= 1.0 + 1e-12)
     if bad.any():

@@ -28,6 +28,12 @@ _SHRUNK = 0.7
 # The thinnest ring of a section, as a share of its radius.
 _THINNEST = 1e-3
 
+# Radii that a rod may be long: stiffnesses of bending and stretching are as the square of that to one.
+_MOST_SLENDER = float(np.finfo(float).eps ** -0.5)
+
+# Points round the circle at which folds are looked for, where these are eight an arc.
+_AROUND = 1024
+
 # The smallest radius of a hole, or of a core: 1 / r^2 is among the functions of such sections.
 _INNERMOST = 0.02
 
@@ -248,10 +254,19 @@ class Rod(Checked):
 
         Raises
         ------
+        InputError
+            Where the rod is so slender that its bending stiffness is round-off beside that along it.
         FoldedRodError
             Where the map folds (determinant not positive): the message names element, ``u``, disk point, position and
             why (`isorod.geometry.fold`).
         """
+        with np.errstate(over="ignore", invalid="ignore"):
+            slenderness = self.slenderness
+        if not slenderness <= _MOST_SLENDER:
+            raise InputError(
+                f"rod: {slenderness:.3g} radii long, need at most {_MOST_SLENDER:.2g}: its bending stiffness is the "
+                "round-off of that along it"
+            )
         axis = self.axis
         xi, values, across = _dense_grid(self.section_points)
         inside = np.arange(axis.degree + 3) / (axis.degree + 2)
@@ -311,7 +326,9 @@ def closing(points: Array) -> Array:
 def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
     """Return points of the disk ``(m, 2)``, circle included, the harmonic functions and their slopes ``(n, m)``."""
     radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
-    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * circle(8 * n)).reshape(-1, 2)])
+    # Eight an arc, two where arcs are so many that the functions at all points would fill the memory.
+    around = max(min(8 * n, _AROUND), 2 * n)
+    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * circle(around)).reshape(-1, 2)])
     values, gradients = harmonic_functions(n, xi)
     first, second = (np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
     return xi, np.ascontiguousarray(values.T), (first, second)
