@@ -237,7 +237,7 @@ def test_a_damaged_checkpoint_is_refused(stopped):
         ("x" * 300, False, r"cannot be written \(File name too long\); name another"),
         ("x" * 300, True, r"cannot be read \(File name too long\)"),
         # A device would be read for ever.
-        *((place, resume, "is no file; name another") for place in (".", "/dev/full") for resume in (False, True)),
+        *((place, resume, "is no file; name another") for place in (".", "/", "/dev/full") for resume in (False, True)),
     ],
 )
 def test_a_place_that_will_not_do_is_known_before_the_first_step(place, resume, message, tmp_path):

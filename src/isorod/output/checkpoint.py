@@ -77,6 +77,8 @@ class Claim:
     """A checkpoint's name, held by one run at a time: a lock on a file beside it, which ends with its process."""
 
     def __init__(self, path: Path) -> None:
+        if not path.name:
+            raise InputError(f"checkpoint {path}: is no file; name another")
         self._lock = path.with_name(f".{path.name}.lock")
         self._file: int | None = None
         while self._file is None:
