@@ -64,8 +64,21 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
 
     They are those about a ``displacement`` ``(dofs,)``, or at rest.  What ties weld together moves as one; its motions
     are told by those of its first rod.
+
+    Raises
+    ------
+    SolveError
+        If one moves finite element bodies alone.
     """
-    found: list[tuple[int, Array]] = []
+    found = moved_freely(model, displacement)
+    if not all(found):
+        raise SolveError("supports: a solid is free to move as a rigid body; add a condition")
+    return [one[0] for one in found]
+
+
+def moved_freely(model: Model, displacement: Array | None = None) -> list[list[tuple[int, Array]]]:
+    """Return what each of the motions of `free_motions` moves: rods, and their nodes; none where solids alone."""
+    found: list[list[tuple[int, Array]]] = []
     parts = groups(model, welds=True)
     for group in groups(model):
         mine = [
@@ -84,15 +97,14 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
         full = np.zeros(rows.shape[1])
         full[: sizes.size] = sizes
         for turn in turns[full < _TOLERANCE].reshape(-1, len(mine), 6):
-            known = [
-                (b, one.bodies[b] @ six)
-                for one, six in zip(moving, turn, strict=True)
-                for b in one.bodies
-                if np.abs(six).max() > _TOLERANCE
-            ]
-            if not known:
-                raise SolveError("supports: a solid is free to move as a rigid body; add a condition")
-            found.append((known[0][0], known[0][1].reshape(-1, 3)))
+            found.append(
+                [
+                    (b, (one.bodies[b] @ six).reshape(-1, 3))
+                    for one, six in zip(moving, turn, strict=True)
+                    for b in one.bodies
+                    if np.abs(six).max() > _TOLERANCE
+                ]
+            )
     return found
 
 

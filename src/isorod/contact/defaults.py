@@ -77,7 +77,7 @@ def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
     found = []
     for contact in model.contacts:
         if contact.facets is not None:
-            found.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact), even))
+            found.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact)))
             continue
         for body, _ in contact.sides:
             space = model.bodies[body].space

@@ -87,8 +87,8 @@ def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Fac
     )
 
 
-def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> tuple[int, int]:
-    """Return the points along the sides of facets: two between nodes, or as close as those of rods are to see a patch.
+def points_of(model: "Model", contact: "Contact", radius: float) -> tuple[int, int]:
+    """Return the points along the sides of facets: two between nodes, and as close as those of rods are to see a patch.
 
     That is `AROUND` of a circle of a ``radius``, and two for each function of the rods that are touched.
     """
@@ -101,10 +101,8 @@ def points_of(model: "Model", contact: "Contact", radius: float, even: bool) -> 
             f"facets of solid {contact.facets.solid}: got {count} nodes on each, contact takes {FUNCTIONS} at most; "
             "use elements of second degree"
         )
-    along = 2 * solid.degree
-    if even:
-        spacing = min([2.0 * np.pi * radius / AROUND, *(_spacing(model, *side) for side in contact.sides)])
-        along = max(along, int(np.ceil(_longest(trace) / spacing)))
+    spacing = min([2.0 * np.pi * radius / AROUND, *(_spacing(model, *side) for side in contact.sides)])
+    along = max(2 * solid.degree, int(np.ceil(_longest(trace) / spacing)))
     many = along**2 * trace.weights.size / trace.each
     if many > MOST:
         raise InputError(

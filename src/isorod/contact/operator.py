@@ -295,8 +295,10 @@ class ContactOperator:
         slaves = self.packed.surfaces["body"][self.packed.passes["slave"]]
         even = points_of(self.model, even=True)
         # Where elements are short at patches alone, as many in each are close enough there.
-        self.points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(slaves.tolist())]
-        self._take(self._fresh())
+        points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(slaves.tolist())]
+        if points != self.points:
+            self.points = points
+            self._take(self._fresh())
 
     def see_better(self, displacement: Array, between: bool) -> bool:
         """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.

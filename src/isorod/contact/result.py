@@ -172,6 +172,19 @@ class ContactResult:
         return None
 
 
+def doubts(model: Model, results: Sequence[ContactResult], facets: bool = False) -> list[str]:
+    """Return what is not to be trusted of the outcome of contacts, or of those with ``facets`` alone, a line for each.
+
+    Whoever gives penalty and points has said what the contact is.
+    """
+    found = [
+        (k, result.doubt())
+        for k, (asked, result) in enumerate(zip(model.contacts, results, strict=True))
+        if (asked.penalty is None or asked.points is None) and (result.on_facets or not facets)
+    ]
+    return [f"contact {k}: {doubt}" for k, doubt in found if doubt is not None]
+
+
 def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, slice]]:
     """Yield each contact of a model with the numbers of its passes, and where its slave points are."""
     first, end = [*packed.passes["first_point"], packed.areas.size], 0

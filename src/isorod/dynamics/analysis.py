@@ -144,6 +144,8 @@ def solve(
             file.close()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
+        for doubt in run.doubts():
+            warnings.warn(doubt, stacklevel=2)
         small.warn_of_large(
             model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
         )

@@ -126,6 +126,10 @@ class Run(ABC):
         """The error of implicit steps (`isorod.dynamics.implicit.phase`); None where there is none."""
         return None
 
+    def doubts(self) -> list[str]:
+        """Return what is not to be trusted where rods press on finite element bodies, which explicit steps lack."""
+        return []
+
     @property
     def outputs(self) -> int:
         """Number of intervals between outputs."""

@@ -267,12 +267,8 @@ class Contact(Checked):
 
 
 def refuse_in_motion(contacts: Sequence[Contact]) -> None:
-    """Raise `InputError` if a contact has what is for statics alone: facets, a moving plane, a largest penetration."""
+    """Raise `InputError` if a contact has what is for statics alone: a moving plane, a largest penetration."""
     for index, contact in enumerate(contacts):
-        if contact.facets is not None:
-            raise InputError(
-                f"contact {index}: finite element bodies touch rods in statics alone; use a rigid obstacle"
-            )
         if contact.travel:
             raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
         if contact.penetration is not None:

@@ -222,13 +222,10 @@ class ContactPolicy:
 
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
-    """Return the outcome of each contact, and warn of what is not to be trusted.
+    """Return the outcome of each contact, and warn of what is not to be trusted."""
+    from isorod.contact.result import doubts
 
-    Whoever gives penalty and points has said what the contact is.
-    """
     results = contact.results(displacement, check=True)
-    for k, (asked, result) in enumerate(zip(contact.model.contacts, results, strict=True)):
-        doubt = result.doubt()
-        if doubt is not None and (asked.penalty is None or asked.points is None):
-            warnings.warn(f"contact {k}: {doubt}", stacklevel=5)
+    for doubt in doubts(contact.model, results):
+        warnings.warn(doubt, stacklevel=5)
     return results

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, U1
-from isorod.contact import friction, tables
+from isorod.contact import facets, friction, tables
 from isorod.contact import ranks as dealt
 from isorod.contact.packed import FRICTION, PACKED, Friction, Packed
 from isorod.contact.passing import limits
@@ -25,9 +25,10 @@ class StepContact(NamedTuple):
     packed, friction
         Contact of lateral surfaces, and its friction.
     reference
-        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``.
+        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``; those of facets
+        of finite element bodies behind them, which move in implicit steps alone.
     order
-        Where each degree of freedom is in a state vector, ``(dofs,)``.
+        Where each degree of freedom is in a state vector, ``(dofs,)``; those of facets behind the others.
     positions, forces
         Work space of all nodes that contact knows (`isorod.contact.packed`), ``(., 3)``.
     limits
@@ -72,24 +73,27 @@ def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
     """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks."""
     ranks = Ranks(model, order) if ranks is None else ranks
     refuse_in_motion(model.contacts)
-    reference = np.concatenate([body.space.positions for body in model.bodies])
+    nodes, places = facets.nodes_of(model)
+    reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
+    # The first rank has the forces on facets.
+    mine = np.append(ranks.owned[::3], np.full(nodes.size, ranks.rank == 0))
     packed = dealt.Ranks(ranks.communicator).split(tables.pack(model))
     carriers, lifts = packed.carriers, packed.lifts
     shared = [carriers[carriers < len(reference)]]
     shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]
-    nodes = np.unique(np.concatenate(shared))
-    size = 3 * nodes.size + NUMBERS
+    known = np.unique(np.concatenate(shared))
+    size = 3 * known.size + NUMBERS
     return StepContact(
         packed=packed,
         friction=friction.pack(model, packed),
         reference=reference.ravel(),
-        order=order.astype(np.uint64),
+        order=np.append(order, order.size + np.arange(3 * nodes.size)).astype(np.uint64),
         positions=np.empty_like(packed.before),
         forces=np.empty_like(packed.before),
-        limits=np.repeat(limits(model), [len(contact.sides) for contact in model.contacts]),
+        limits=np.repeat(limits(model), [contact.passes for contact in model.contacts]),
         carries=model.is_carrier.astype(float),
-        shared=nodes,
-        mine=ranks.owned[::3].copy(),
+        shared=known,
+        mine=mine,
         call=ranks.call(),
         own=np.zeros(size),
         all=np.zeros(size),

@@ -35,7 +35,7 @@ from scipy.sparse import coo_matrix, csr_matrix, identity, kron
 
 from isorod.arrays import Array, Index
 from isorod.checks.groups import groups
-from isorod.checks.rigid_motions import free_motions
+from isorod.checks.rigid_motions import moved_freely
 from isorod.dynamics.explicit.added import Elements
 from isorod.dynamics.explicit.cholesky import Factor, Factors, factorise
 from isorod.dynamics.explicit.exchange_kernel import NUMBERS, MassFactors, TieFactors
@@ -221,7 +221,7 @@ class Mass:
 
 def _turning(model: Model) -> set[int]:
     """Return which bodies supports leave a rigid motion, with all that are tied to them."""
-    found = {b for b, _ in free_motions(model)}
+    found = {b for moved in moved_freely(model) for b, _ in moved}
     return {b for group in groups(model) if found.intersection(group.bodies) for b in group.bodies}
 
 

@@ -50,6 +50,8 @@ class System:
         The mass, and what steps divide by it; see `scale`.
     ties
         The ties, where steps are told of them (`tie`).
+    beyond
+        Displacement of facets of finite element bodies that rods touch, ``(b,)``; they move in implicit steps alone.
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
@@ -82,6 +84,7 @@ class System:
             from isorod.dynamics.explicit import contact
 
             self.contact = contact.pack(model, self.order, self.ranks)
+        self.beyond = np.zeros(0 if self.contact is None else self.contact.order.size - model.dofs)
 
     @property
     def starts(self) -> Array:
@@ -195,7 +198,10 @@ class System:
         return self.ranks.whole(result)
 
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
-        """Return internal less contact forces, and what `contact_step_kernel.subtract` says; changes no state."""
+        """Return internal less contact forces, those on facets behind them, and what says so; changes no state.
+
+        The latter is that of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
+        """
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
@@ -205,6 +211,8 @@ class System:
         self.contact.own[:] = 0.0
         from isorod.dynamics.explicit import contact_step_kernel
 
+        if self.beyond.size:
+            displacement, forces = np.append(displacement, self.beyond), np.append(forces, 0.0 * self.beyond)
         said = contact_step_kernel.subtract(self.contact, displacement, False, forces)
         self.contact.packed.starts[:] = starts
         energy, force, area, deepest, *others = said

@@ -146,7 +146,7 @@ class StepAssembler(Assembler):
         if self.coupling is not None:
             self.coupling.begin(step, damping, displacement, velocity)
         if self.contact is not None:
-            self.contact.start = displacement[: self.model.dofs]
+            self.contact.start = self.met(displacement)
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
         # Supports stay where they are: their displacements do not change.
@@ -155,7 +155,8 @@ class StepAssembler(Assembler):
     def _forces(self, local: Array, factor: float) -> Array:
         internal = self._internal(local, factor)
         if self.contact is not None:
-            internal -= self._once(self.contact.forces(self._everywhere)[0])
+            own, self._pushed = np.split(self.contact.forces(self._everywhere)[0], [self.model.dofs])
+            internal -= self._once(own)
         change, past = self._rates
         inertial, loads = self._momenta(change * local - past * self._velocity), self._loads(self._middle(local))
         self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, loads))
@@ -233,6 +234,11 @@ class StepAssembler(Assembler):
         """Return the forces that supports carry during a step, on all degrees of freedom."""
         assert self.coupling is not None
         return self.coupling.passed_on(self.system_forces(x, factor))
+
+    def met(self, everywhere: Array) -> Array:
+        """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""
+        rods = everywhere[: self.model.dofs]
+        return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])
 
     def accept(self, x: PETSc.Vec) -> None:
         """Keep what the next step begins with beside the state."""

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
+from isorod.contact.result import doubts
 from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
@@ -20,7 +21,7 @@ class MidpointContact(ContactOperator):
     Attributes
     ----------
     start
-        Displacement at the start of the step, shape ``(dofs,)``.
+        Displacement at the start of the step, that of facets behind that of the model, shape ``(dofs,)``.
     """
 
     long_steps = False
@@ -28,7 +29,7 @@ class MidpointContact(ContactOperator):
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
         refuse_in_motion(model.contacts)
         super().__init__(model, comm)
-        self.start = np.zeros(model.dofs)
+        self.start = np.zeros(model.dofs + self.beyond.size)
 
     def share(self, friction: "Friction") -> None:
         """Keep the history of friction there."""
@@ -43,3 +44,16 @@ class MidpointContact(ContactOperator):
         super().tangent(displacement)
         self.values *= 0.5
         return self.values
+
+
+def doubts_of_facets(model: Model, comm: PETSc.Comm, displacement: Array) -> list[str]:
+    """Return what is not to be trusted where rods press on facets, in a state of a motion; collective.
+
+    Parameters
+    ----------
+    model, comm
+        The model, over a communicator.
+    displacement
+        What contact takes, shape ``(dofs + b,)``.
+    """
+    return doubts(model, ContactOperator(model, comm).results(displacement, check=True), facets=True)

@@ -90,8 +90,14 @@ class Run(run.Run):
             )
         displacement, velocity = self._inertia.prepare(displacement, velocity, self._longest)
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
+        self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
         self._phase = self._from_start()
+
+    def _place_facets(self) -> None:
+        """Tell contact where the facets are that rods touch."""
+        if self.assembler.contact is not None:
+            self.system.beyond = self.solids.displacement[self.assembler.contact.beyond - self.system.model.dofs]
 
     @property
     def _displacement(self) -> Array:
@@ -133,6 +139,16 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         return self._phase.error()
 
+    def doubts(self) -> list[str]:
+        """See `isorod.dynamics.run.Run`; of outputs that with the largest force."""
+        if self.assembler.contact is None or not self.assembler.contact.beyond.size:
+            return []
+        from isorod.dynamics.implicit.contact import doubts_of_facets
+
+        k = int(np.argmax(self.rows["contact_force"]))
+        everywhere = np.append(*(self.rows[name][k] for name in ("displacement", "solid_displacement")))
+        return doubts_of_facets(self.system.model, self.system.ranks.communicator, self.assembler.met(everywhere))
+
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
 
@@ -169,10 +185,8 @@ class Run(run.Run):
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
-            rods = slice(self.system.model.dofs)
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
-                displacement[rods], (displacement + change)[rods]
-            )
+            ends = self.assembler.met(displacement), self.assembler.met(displacement + change)
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends)
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
@@ -189,7 +203,7 @@ class Run(run.Run):
         """Raise `SolveError` if bodies are as deep in each other where a step starts: no shorter one helps."""
         if self._passing is None or self.assembler.contact is None:
             return
-        self.assembler.contact.forces(np.zeros(self.system.model.dofs))
+        self.assembler.contact.forces(np.zeros(self.assembler.contact.start.size))
         deep = self._passing.deep(self.assembler.contact.packed)
         if deep is not None:
             raise SolveError(f"step {self.taken + 1}, time {time:.6g}: {deep} before the step{self._jumped()}")
@@ -230,6 +244,7 @@ class Run(run.Run):
     def _add_impulses(self, dt: float, level: float, change: Array) -> None:
         """Add impulses and work of a step to the sums: of supports, contact, pressures that follow, and on solids."""
         state, rods, solids = self.system.state, self.system.model.dofs, self.solids
+        met = self.assembler.met(change)
         change, moved = change[:rods], change[rods:]
         if self.assembler.coupling is None:
             state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
@@ -244,9 +259,10 @@ class Run(run.Run):
         state.sums[FOLLOWED] += float(followed @ change)
         state.sums[PUSHED:FOLLOWED] += dt * (followed * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
-            pushed = self.assembler.contact.forces(change)[0] * self._carried
-            state.sums[PUSHED:FOLLOWED] += dt * pushed.reshape(-1, 3).sum(axis=0)
-            state.sums[DISSIPATED] += self.assembler.contact.accept(change)
+            pushed = self.assembler.contact.forces(met)[0]
+            pushed[:rods] *= self._carried
+            state.sums[PUSHED:FOLLOWED] += dt * resultant(pushed)
+            state.sums[DISSIPATED] += self.assembler.contact.accept(met)
 
     def _energies(self) -> tuple[float, float]:
         """Return the stored energy without activation, and what full activation adds."""
@@ -266,11 +282,14 @@ class Run(run.Run):
         """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
         system, state, model, solids = self.system, self.system.state, self.system.model, self.solids
         displacement, velocity, level = self._displacement, self._velocity, self.level(self.time)
+        self._place_facets()
         forces, contact = system.forces(state.displacement, level)
         momenta = self.assembler.momenta(velocity)
         loads = model.external + self.assembler.following(displacement[: model.dofs])
         internal = np.append(forces[system.order] - loads, solids.internal(solids.displacement, level))
         internal[model.dofs :] -= solids.loads(solids.displacement)
+        if self.assembler.contact is not None:
+            internal[self.assembler.contact.beyond] += forces[model.dofs :]
         bonds, slipped = self.assembler.bonded(displacement)
         balance = internal + bonds + self.settings.damping * momenta
         held, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
