@@ -30,6 +30,7 @@ from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Support
 from isorod.model.tie import EndFace, SolidSurface, Tie
 from tests import solids
+from tests.motions import momenta
 from tests.msh import box, content
 from tests.refused import refused
 from tests.solids import mesh, space
@@ -275,6 +276,16 @@ def test_a_resumed_run_is_that_which_was_not_stopped(tmp_path):
         dynamics.solve(heavier, 1.0, 0.25, resume=True, **(half | {"outputs": 4}))
 
 
+def test_what_a_block_exerts_on_a_rod_changes_its_momentum():
+    model, rod, _ = on_block(LinearElastic(10.0, 0.3))
+    step = 0.02
+    velocity = 1e-5 * (np.cross(SPIN, rod.positions) + rod.is_carrier[:, None] * AHEAD)
+    found = dynamics.solve(model, 30 * step, step, outputs=30, integrator="implicit", velocity=velocity.ravel())
+    own = momenta(Model([model.bodies[0]]), found.velocity).sum(axis=1)
+    rate = (own[2:] - own[:-2]) / (2.0 * step)
+    assert np.abs(found.tie_forces[1:-1, 0] - rate).max() < 0.03 * np.abs(rate).max()
+
+
 def on_these_ranks(path):
     one = space(mesh("tetrahedron", (2, 2, 1), place=below), 2)
     dofs = dolfinx.fem.locate_dofs_topological(one, 2, faces(one.mesh, -1.0))
@@ -291,7 +302,7 @@ def on_these_ranks(path):
     own = np.column_stack([one.reshape(-1, 3) for one in (block.positions, *last.solids, *last.solid_velocities)])
     rows = np.concatenate(MPI.COMM_WORLD.allgather(own))
     if MPI.COMM_WORLD.rank == 0:
-        names = "displacement velocity kinetic stored load_work dissipated".split()
+        names = "displacement velocity kinetic stored load_work dissipated tie_forces tie_moments".split()
         rows = rows[np.lexsort(np.round(rows[:, :3], 6).T)]
         np.savez(path, rows=rows, **{name: getattr(found, name) for name in names})
 

@@ -112,9 +112,9 @@ def support_displacements(model: Model, displacement: Array) -> Array:
     return result
 
 
-def by_support(name: str, rows: Array) -> dict[str, Array]:
-    """Return columns, by their names, of what each support has: vectors ``(rows, supports, 3)``."""
-    return {f"support {k} {name} {axis}": rows[:, k, a] for k in range(rows.shape[1]) for a, axis in enumerate("xyz")}
+def by_name(kind: str, name: str, rows: Array) -> dict[str, Array]:
+    """Return columns, by their names, of what each support, or tie, has: vectors ``(rows, supports, 3)``."""
+    return {f"{kind} {k} {name} {axis}": rows[:, k, a] for k in range(rows.shape[1]) for a, axis in enumerate("xyz")}
 
 
 def support_moments(model: Model, displacement: Array, forces: Array) -> Array:

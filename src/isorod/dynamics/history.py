@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.checks.reactions import by_support, support_displacements
+from isorod.checks.reactions import by_name, support_displacements
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.errors import whole_number
 from isorod.model.model import Model
@@ -66,6 +66,9 @@ class History(Animated):
         All degrees of freedom, shape ``(o, dofs)``.
     reactions
         Force of each support on the model, shape ``(o, supports, 3)``.
+    tie_forces, tie_moments
+        Force of each tie on its slave, and its moment about the middle of the slave's surface at rest, shape ``(o,
+        ties, 3)``; explicit steps tell of none, ``(o, 0, 3)``.
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
     solid_displacement, solid_velocity
@@ -113,6 +116,8 @@ class History(Animated):
     displacement: Array
     velocity: Array
     reactions: Array
+    tie_forces: Array
+    tie_moments: Array
     contact_force: Array
     contact_area: Array
     penetration: Array
@@ -185,6 +190,7 @@ class History(Animated):
             "displacement",
             "velocity",
             "pressure",
+            *(() if self.tie_forces.size else ("tie_forces", "tie_moments")),
             "solid_displacement",
             "solid_velocity",
             "estimates",
@@ -206,8 +212,9 @@ class History(Animated):
         return [(one.time, one) for one in self]
 
     def curves(self) -> dict[str, Array]:
-        """Return time, energies, contact, displacement and force of each support: a row an output."""
+        """Return time, energies, contact, displacement and force of each support, what ties carry: a row an output."""
         found = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
         moved = np.array([support_displacements(self.model, one) for one in self.displacement])
         count = len(self.model.supports)
-        return found | by_support("displacement", moved) | by_support("force", self.reactions[:, :count])
+        found |= by_name("support", "displacement", moved) | by_name("support", "force", self.reactions[:, :count])
+        return found | by_name("tie", "force", self.tie_forces) | by_name("tie", "moment", self.tie_moments)

@@ -208,6 +208,8 @@ class Run(ABC):
             "displacement": displacement,
             "velocity": velocity,
             "reactions": self._by_support(held),
+            "tie_forces": np.zeros((0, 3)),
+            "tie_moments": np.zeros((0, 3)),
             "contact_force": normal,
             "contact_area": area,
             "penetration": max(0.0, -deepest),

@@ -179,8 +179,8 @@ def contact_force(solution: "Equilibrium", contact: int) -> float:
     return float(solution.contacts[contact].force)
 
 
-def tie_force(solution: "Equilibrium", tie: int, component: Component | None = None) -> Any:
-    """Return the force that a tie exerts on its slave, or one component of it (statics alone).
+def tie_force(solution: "Equilibrium | History", tie: int, component: Component | None = None) -> Any:
+    """Return the force that a tie exerts on its slave, or one component of it (not of explicit steps).
 
     Parameters
     ----------
@@ -189,11 +189,13 @@ def tie_force(solution: "Equilibrium", tie: int, component: Component | None = N
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return _component(solution.ties[tie].force, component)
+    return _component(_of_tie(solution, tie, "force"), component)
 
 
-def tie_moment(solution: "Equilibrium", tie: int, component: Component | None = None) -> Any:
-    """Return the moment that a tie exerts on its slave about the middle of its surface at rest (statics alone).
+def tie_moment(solution: "Equilibrium | History", tie: int, component: Component | None = None) -> Any:
+    """Return the moment that a tie exerts on its slave about the middle of its surface at rest.
+
+    Explicit steps do not tell it.
 
     Parameters
     ----------
@@ -202,7 +204,14 @@ def tie_moment(solution: "Equilibrium", tie: int, component: Component | None = 
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return _component(solution.ties[tie].moment, component)
+    return _component(_of_tie(solution, tie, "moment"), component)
+
+
+def _of_tie(solution: Any, tie: int, name: str) -> Any:
+    """Return what a tie has, ``(3,)``; of a motion at each output."""
+    if hasattr(solution, "ties"):
+        return getattr(solution.ties[tie], name)
+    return getattr(solution, f"tie_{name}s")[:, tie]
 
 
 def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:

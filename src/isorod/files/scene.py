@@ -215,6 +215,8 @@ class FileScene(Scene):
                 raise at.error("a result has something else of this name; choose another")
             asked = choice(at, fitting, table)
             self.units[name] = asked.arguments.pop("unit", "")
+            if self._explicit and asked.form in (schema.MEASURES["tie_force"], schema.MEASURES["tie_moment"]):
+                raise at.error('explicit steps do not tell what ties carry; integrator = "implicit" does')
             if asked.form is schema.MEASURES["stress"]:
                 self.stresses.append(name)
             yield name, partial(asked.make, **self._names.of(asked))

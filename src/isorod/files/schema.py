@@ -137,9 +137,9 @@ RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
     "machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
     "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
-    "augmentations residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored "
-    "contact_energy added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step "
-    "critical_step microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points "
-    "stabilisation stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues "
-    "deviation time_error".split()
+    "augmentations residuals rigid below shift iterations frequencies times reactions tie_forces tie_moments "
+    "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "
+    "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
+    "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
+    "stress_error_estimate negative_eigenvalues deviation time_error".split()
 )

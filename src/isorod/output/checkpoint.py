@@ -18,7 +18,7 @@ from isorod.errors import InputError
 from isorod.output.results import write_whole
 
 # Raised whenever what is stored, or what is computed from it, changes.
-_FORMAT = 7
+_FORMAT = 8
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 

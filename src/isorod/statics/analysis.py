@@ -12,7 +12,8 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
-from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
+from isorod.checks.reactions import by_name, check_balance, support_displacements, support_forces, support_moments
+from isorod.checks.tie_result import TieResult, results
 from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
 from isorod.model.model import Model
@@ -26,7 +27,6 @@ from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path, Step
-from isorod.statics.tie_result import TieResult, results
 
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
@@ -230,8 +230,8 @@ class Equilibrium(State, WithSolids, Animated):
         rest = np.zeros((1, count, 3))
         moved = [support_displacements(self.model, one.displacement) for one in frames]
         found = {"load factor": np.array([0.0, *(one.factor for one in frames)])}
-        found |= by_support("displacement", np.append(rest, np.reshape(moved, (len(frames), count, 3)), 0))
-        return found | by_support("force", np.append(rest, [one.reactions[:count] for one in frames], 0))
+        found |= by_name("support", "displacement", np.append(rest, np.reshape(moved, (len(frames), count, 3)), 0))
+        return found | by_name("support", "force", np.append(rest, [one.reactions[:count] for one in frames], 0))
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some.
@@ -362,6 +362,10 @@ def _solve(
         stabilisation = None if held is None else (held.left, held.rounds)
         negative = stability.negative_eigenvalues(solver)
         stability.warn_of(negative)
+        ties: list[TieResult] = []
+        if assembler.coupling is not None:
+            carried = assembler.system_forces(solver.x, 1.0), assembler.system_displacement(solver.x, 1.0)
+            ties = results(model, assembler.coupling, *carried)
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         return Equilibrium(
@@ -385,7 +389,7 @@ def _solve(
             stabilisation=stabilisation,
             path=path.steps if keep or assembler.contact is not None else (),
             negative_eigenvalues=negative,
-            ties=results(assembler, solver.x, 1.0),
+            ties=ties,
             solids=assembler.solids(solver.x, 1.0),
         )
     finally:

@@ -53,7 +53,7 @@ class Inertia:
         return self.assembler.tied(displacement), self.assembler.tied(velocity)
 
     def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
-        """Return the forces that supports alone carry, shape ``(dofs,)``, and all pressures.
+        """Return the forces that supports and ties exert, shape ``(dofs,)``, and all pressures.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class Inertia:
         solution = self.assembler.vector()
         self._ksp.solve(self.assembler.onto_unknowns(balance), solution)
         held = balance - self.assembler.momenta(self.assembler.change(solution))
-        return self.assembler.onto_masters(held), np.empty(0)
+        return held, np.empty(0)
 
     def stored(self, displacement: Array) -> float:
         """Return the energy of pressures."""
@@ -140,7 +140,7 @@ class MixedInertia(Inertia):
         return displacement, velocity + lost(displacement, grown)
 
     def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
-        """Return the forces that supports alone carry, shape ``(dofs,)``, and all pressures (`Inertia.settle`)."""
+        """Return the forces that supports and ties exert, ``(dofs,)``, and all pressures (`Inertia.settle`)."""
         assembler, half = self.assembler, 0.5 * step
         local, moving = assembler.local(displacement), assembler.local(velocity)
         fixed = self._sums(lambda part, sums: part.add_bends(local, moving, sums))
@@ -159,7 +159,7 @@ class MixedInertia(Inertia):
         acceleration = assembler.change(x)
         x.scale(half)
         held = balance + assembler.momenta(acceleration) + assembler.pressed_by(displacement, x)
-        return assembler.onto_masters(held), assembler.all_pressures(x)
+        return held, assembler.all_pressures(x)
 
     def stored(self, displacement: Array) -> float:
         """Return the energy ``U(theta)`` of pressures, ``p^2 / (2 kappa)``."""

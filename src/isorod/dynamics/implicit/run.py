@@ -7,6 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.factorisation import is_mixed
+from isorod.checks.tie_result import results
 from isorod.dynamics import run
 from isorod.dynamics.explicit.step_kernel import ACTIVATED, DISSIPATED, FOLLOWED, PUSHED
 from isorod.dynamics.explicit.system import System
@@ -292,8 +293,13 @@ class Run(run.Run):
             internal[self.assembler.contact.beyond] += forces[model.dofs :]
         bonds, slipped = self.assembler.bonded(displacement)
         balance = internal + bonds + self.settings.damping * momenta
-        held, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
+        exerted, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
+        held = self.assembler.onto_masters(exerted)
+        coupling = self.assembler.coupling
+        ties = [] if coupling is None else results(model, coupling, exerted, displacement)
         return self._seen(velocity[: model.dofs], held[model.held], contact) | {
+            "tie_forces": np.array([one.force for one in ties]).reshape(-1, 3),
+            "tie_moments": np.array([one.moment for one in ties]).reshape(-1, 3),
             "kinetic": 0.5 * float(velocity @ momenta),
             "added_kinetic": 0.0,
             "stored": self._energies()[0] + self._inertia.stored(displacement) + slipped + float(solids.work[0]),

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.model.model import Model
 from isorod.model.tie import Tie
 
 if TYPE_CHECKING:
-    from petsc4py import PETSc
-
-    from isorod.assembly.assembler import Assembler
     from isorod.assembly.constraints import Tied
+    from isorod.assembly.coupling import Coupling
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +53,24 @@ class TieResult:
         return {name: getattr(self, name) for name in ("force", "moment", "jump", "gap", "area")}
 
 
-def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieResult]:
-    """Return what each tie carries in an equilibrium, on every rank."""
-    if assembler.coupling is None:
-        return []
-    constraints = assembler.coupling.constraints
-    forces, moved = assembler.system_forces(x, factor), assembler.system_displacement(x, factor).reshape(-1, 3)
+def results(model: Model, coupling: "Coupling", forces: Array, displacement: Array) -> list[TieResult]:
+    """Return what each tie carries, on every rank.
+
+    Parameters
+    ----------
+    model, coupling
+        The model, and its ties.
+    forces
+        What supports and ties exert, on all degrees of freedom, those of solids behind those of rods: internal and
+        inertial forces less external ones.
+    displacement
+        Of all degrees of freedom.
+    """
+    constraints, forces, moved = coupling.constraints, forces.copy(), displacement.reshape(-1, 3)
     # Of solids all functions add up to one, of rods those of carriers.
-    model, carriers = assembler.model, np.ones(len(moved))
+    carriers = np.ones(len(moved))
     carriers[: model.dofs // 3] = model.is_carrier
-    of_solids = assembler.coupling.everywhere([solid.positions.ravel() for solid in model.solids])
+    of_solids = coupling.everywhere([solid.positions.ravel() for solid in model.solids])
     places = np.concatenate([*(body.space.positions for body in model.bodies), of_solids.reshape(-1, 3)])
     found: list[TieResult | None] = [None] * len(constraints.ties)
     for k in constraints.order:
