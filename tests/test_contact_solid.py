@@ -25,7 +25,6 @@ from isorod.contact.quality import widths
 from isorod.contact.tables import pack
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
-from isorod.modal import loaded
 from isorod.model import Body, Contact, Model, Support
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 
@@ -233,8 +232,6 @@ def test_surfaces_that_are_tied_do_not_touch():
 
 
 def test_what_is_not_known_is_refused():
-    with pytest.raises(InputError, match="contact 0: vibrations of rods that touch finite element bodies"):
-        loaded.find(lying(), 1)
     with pytest.raises(InputError, match=r"facets of solid 0: .* points are needed to see a rod of radius 0.0001"):
         statics.solve(lying(radius=1e-4))
     with pytest.raises(SolveError, match="a solid is free to move as a rigid body"):

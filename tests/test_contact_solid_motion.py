@@ -12,7 +12,7 @@ import solids
 from conftest import straight
 from dolfinx import mesh
 from msh import box, content
-from test_contact_solid import block, fitted, lying
+from test_contact_solid import SOFT, block, fitted, lying
 from touching import ACROSS, moved
 
 from isorod import NeoHookean, SolveError, Space, dynamics, statics
@@ -115,6 +115,18 @@ def test_energy_errs_by_the_square_of_the_step_and_both_momenta_do_not():
     assert errors[2] < 0.4 * errors[1] < 0.2 * errors[0]
 
 
+def test_an_incompressible_bar_bounces_off_a_block():
+    model = flying(NeoHookean(30.0, 0.3))
+    bodies = [Body(model.bodies[0].space, NeoHookean(30.0, 0.5), 1.0)]
+    model = Model(bodies, contacts=model.contacts, solids=model.solids)
+    found = dynamics.solve(model, 1.6, 0.04, outputs=8, integrator="implicit", **thrown(model, (0.0, 0.0, -0.1)))
+    assert found.contact_force.max() > 0.1 and found.contact_force[-1] == 0.0
+    assert means(found)[1][-1, 2] < -0.09
+    assert found.pressure.any()
+    assert np.abs(found.energy_error).max() < 3e-3
+    assert found.momentum_error.max() < 1e-12
+
+
 def heavy(model, density=2.0):
     """Return a model with densities, on the spaces of motion."""
     model.solids[0].density = 1.0
@@ -143,10 +155,19 @@ def test_what_is_in_equilibrium_in_statics_stays_so(shape):
     assert found.momentum_error.max() < 1e-10
 
 
+def stacked(model):
+    """Return a model with a hollow bar by polynomials on its bar, which it touches too."""
+    rod = moved(straight(8, radius=0.3, height=2.0), (-1.0, 0.0, 1.02), ACROSS).with_rings((0.5, 1.0))
+    upper = Body(Space(rod, section_degree=3, elements=1, degree=2), SOFT, 1.0)
+    contacts = [*model.contacts, Contact(0, 1, 30.0)]
+    return Model([*model.bodies, upper], model.supports, contacts=contacts, solids=model.solids).in_motion("implicit")
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize(("shape", "degree"), [("hexahedron", 1), ("tetrahedron", 2)])
-def test_the_tangent_of_a_step_is_the_derivative_of_its_balance(shape, degree, friction):
+@pytest.mark.parametrize(("shape", "degree", "several"), [("hexahedron", 1, True), ("tetrahedron", 2, False)])
+def test_the_tangent_of_a_step_is_the_derivative_of_its_balance(shape, degree, several, friction):
     model = heavy(lying(shape, degree, push=0.0, height=-0.04, friction=friction, penalty=40.0))
+    model = stacked(model) if several else model
     assembler, rng = StepAssembler(model), np.random.default_rng(5)
     count = model.dofs + 3 * model.solids[0].nodes
     start, ahead = 1e-3 * rng.standard_normal((2, count))
@@ -159,6 +180,7 @@ def test_the_tangent_of_a_step_is_the_derivative_of_its_balance(shape, degree, f
     way.array_w[:] = rng.standard_normal(x.local_size)
     assembler.tangent(x, 1.0, matrix)
     assert assembler.contact.touching > 20
+    assert all(one.active for one in assembler.contact.results(assembler.met(0.0 * start)))
     forces = [assembler.vector() for _ in range(2)]
     for sign, force in zip((1.0, -1.0), forces, strict=True):
         assembler.residual(x + sign * 1e-7 * way, 1.0, force)

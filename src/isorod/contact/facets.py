@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array, Index
 from isorod.contact.cells import functions
@@ -85,6 +86,17 @@ def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Fac
     return Facets(
         len(model.bodies) + k, nodes, trace.values.reshape(-1, n, count), trace.weights.reshape(-1, n), np.sqrt(area)
     )
+
+
+def values_of(model: "Model", contact: "Contact", known: Index, points: int) -> csr_matrix:
+    """Return the shape functions of so many points of a contact's facets, rows over all nodes of rods and ``known``."""
+    assert contact.facets is not None
+    one = model.solids[contact.facets.solid].trace(contact.facets.facets, 1)
+    # Each facet has the points of its rule as often as it has pieces.
+    own = facets(model, contact, 2 * round(np.sqrt(points / len(one.weights))), known)
+    nodes = model.dofs // 3 + np.repeat(own.nodes, own.values.shape[1], axis=0)
+    places = np.arange(0, nodes.size + 1, nodes.shape[1])
+    return csr_matrix((own.values.ravel(), nodes.ravel(), places), shape=(points, model.dofs // 3 + known.size))
 
 
 def points_of(model: "Model", contact: "Contact", radius: float) -> tuple[int, int]:

@@ -7,6 +7,9 @@ Contact Mechanics (2006), chapter 4, where there is no gap).
 
 Points that stick hang on springs of the same stiffness along the surface.  Tractions of those that slip keep their
 direction and their share of the pressure; the tangent is then not symmetric.
+
+Facets of finite element bodies are flat: what curvature adds is that of the rods that they touch.  Their nodes are
+numbered behind those of rods, as by `isorod.contact.operator.ContactOperator`.
 """
 
 from collections.abc import Sequence
@@ -17,6 +20,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_matrix, diags, vstack
 
 from isorod.arrays import Array, Index
+from isorod.contact.facets import nodes_of, values_of
 from isorod.contact.result import ContactResult
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 from isorod.model.model import Model
@@ -29,6 +33,15 @@ _STEP = 1e-4
 
 # Stiffness against what all points of a cell do together, in penalties.
 _TIGHT = 1e4
+
+
+class _Case(NamedTuple):
+    """A contact of a model, the nodes of facets (`isorod.contact.facets.nodes_of`), and where all nodes are at rest."""
+
+    model: Model
+    contact: Contact
+    known: Index
+    rest: Array
 
 
 class _Points(NamedTuple):
@@ -65,7 +78,7 @@ class Frozen:
     contacts, results
         Contacts, and their outcome.
     displacement
-        The equilibrium on the spaces of the model, shape ``(dofs,)``.
+        The equilibrium on the spaces of the model, that of facets behind it, shape ``(dofs,)``.
     comm
         The ranks, each of which has a share of the tangent.
     tight
@@ -77,11 +90,11 @@ class Frozen:
         How far pressed points go from their partners, rows over all degrees of freedom, and their stiffnesses.
     friction
         True where the tangent is not symmetric, else None.
+    beyond, of_rods, rows, columns, values
+        As of `isorod.contact.operator.ContactOperator`: the tangent has a share on each rank.
     """
 
     version = 0
-    beyond = np.empty(0, dtype=np.int64)
-    of_rods = slice(None)
 
     def __init__(
         self,
@@ -93,7 +106,13 @@ class Frozen:
         tight: bool = False,
     ) -> None:
         self._start = displacement
-        found = [_points(model, *pair, displacement) for pair in zip(contacts, results, strict=True)]
+        nodes, places = nodes_of(model)
+        self.beyond: Index = (3 * nodes[:, None] + np.arange(3)).ravel()
+        rest = np.concatenate([*(body.space.positions for body in model.bodies), places])
+        found = [
+            _points(_Case(model, contact, nodes, rest), one, displacement)
+            for contact, one in zip(contacts, results, strict=True)
+        ]
         self.gaps, self._pushes = (csr_matrix(vstack([one[k] for one in found])) for k in range(2))
         self._loads, self.springs, self._ways = (np.concatenate([one[k] for one in found]) for k in range(2, 5))
         self.friction = True if any((one.slips & (one.pressure > 0.0)).any() for one in results) else None
@@ -105,7 +124,8 @@ class Frozen:
         entries = self._stiffness.tocoo()
         self.rows, self.columns = entries.row.astype(np.int64), entries.col.astype(np.int64)
         mine = np.arange(entries.nnz) % comm.getSize() == comm.getRank()
-        self._values = np.where(mine, entries.data, 0.0)
+        self.values = np.where(mine, entries.data, 0.0)
+        self.of_rods = np.maximum(self.rows, self.columns) < model.dofs
 
     def place(self, factor: float) -> None:
         """Leave obstacles where they are."""
@@ -115,13 +135,13 @@ class Frozen:
         return 0.0
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
-        """Return the forces on all degrees of freedom ``(dofs,)``, and no energy."""
+        """Return the forces on all degrees of freedom, those of facets behind the others, and no energy."""
         moved = displacement - self._start
         return np.asarray(self._pushes.T @ self._loads - self._stiffness @ moved), 0.0
 
     def tangent(self, displacement: Array) -> Array:
-        """Return minus the derivatives of the forces at ``rows`` and ``columns``: a share of each rank."""
-        return self._values
+        """Return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``."""
+        return self.values
 
     def give(self, motions: Array) -> tuple[Array, Array]:
         """Return, of tight contact, how sure it is how much it gives way in motions ``(m, dofs)``.
@@ -146,11 +166,12 @@ class Frozen:
         return np.asarray(pressed * self._ways)
 
 
-def _points(model: Model, contact: Contact, one: ContactResult, displacement: Array) -> _Points:
+def _points(case: _Case, one: ContactResult, displacement: Array) -> _Points:
     """Return the pressed points of a contact about a displacement ``(dofs,)`` of a model."""
+    contact = case.contact
     here = one.pressure > 0.0
     normals, areas, cells = one.normals[here], one.areas[here], one.cells[here]
-    sliding = _sliding(model, contact, one)
+    sliding = _sliding(case, one)
     directions, which = [normals], [np.arange(normals.shape[0])]
     sticks = np.flatnonzero(contact.friction > 0.0 and ~one.slips[here])
     if sticks.size:
@@ -177,7 +198,7 @@ def _points(model: Model, contact: Contact, one: ContactResult, displacement: Ar
         one.penalty * areas[rows],
         pushing @ way,
         cells[rows] + (cells.max(initial=0) + 1) * number,
-        _bent(model, contact, one, displacement, sliding, force),
+        _bent(case, one, displacement, sliding, force),
     )
 
 
@@ -195,16 +216,14 @@ def _tight(one: _Points) -> csr_matrix:
     return csr_matrix(_TIGHT * (means.T @ means))
 
 
-def _bent(
-    model: Model, contact: Contact, one: ContactResult, displacement: Array, sliding: csr_matrix, loads: Array
-) -> csr_matrix:
+def _bent(case: _Case, one: ContactResult, displacement: Array, sliding: csr_matrix, loads: Array) -> csr_matrix:
     """Return what the curvature of surfaces adds to the tangent, where points slide under loads ``(m,)``.
 
     ``sliding`` has their displacements less those of their partners, rows over all nodes.
     """
     here = one.pressure > 0.0
     normals, bodies, projections = one.normals[here], one.partners[here], one.projections[here]
-    obstacle = contact.obstacle
+    obstacle = case.contact.obstacle
     if isinstance(obstacle, Cylinder | Sphere):
         ways = [np.cross(normals, _axis(obstacle, normals))]
         if isinstance(obstacle, Sphere):
@@ -212,16 +231,16 @@ def _bent(
         rows = csr_matrix(vstack([_along(sliding, way / np.linalg.norm(way, axis=1)[:, None]) for way in ways]))
         return csr_matrix(rows.T @ rows.multiply(-np.tile(loads, len(ways))[:, None] / obstacle.radius))
     if obstacle is not None:
-        return csr_matrix((model.dofs, model.dofs))
-    places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
-    slopes = [_functions(model, contact, bodies, projections, k) for k in range(2)]
+        return csr_matrix((case.rest.size, case.rest.size))
+    places = case.rest + displacement.reshape(-1, 3)
+    slopes = [_functions(case, bodies, projections, k) for k in range(2)]
     y = np.stack([one @ places for one in slopes], axis=1)
-    second = np.stack([_slope_change(model, contact, bodies, projections, k, places) for k in range(2)], axis=1)
+    second = np.stack([_slope_change(case, bodies, projections, k, places) for k in range(2)], axis=1)
     bend = np.einsum("mabi,mi->mab", 0.5 * (second + second.swapaxes(1, 2)), normals)
     dual = np.einsum("mab,mbi->mai", np.linalg.inv(np.einsum("mai,mbi->mab", y, y)), y)
     moves = [_along(sliding, dual[:, k]) for k in range(2)]
     tilts = [_along(slope, normals) for slope in slopes]
-    total = csr_matrix((model.dofs, model.dofs))
+    total = csr_matrix((case.rest.size, case.rest.size))
     for k in range(2):
         mixed = moves[k].T @ tilts[k].multiply(loads[:, None])
         total = total + mixed + mixed.T
@@ -237,28 +256,29 @@ def _axis(obstacle: Cylinder | Sphere, normals: Array) -> Array:
     return np.eye(3)[np.abs(normals).argmin(axis=1)]
 
 
-def _slope_change(
-    model: Model, contact: Contact, bodies: Index, projections: Array, which: int, places: Array
-) -> Array:
+def _slope_change(case: _Case, bodies: Index, projections: Array, which: int, places: Array) -> Array:
     """Return derivatives of both slopes of surfaces by axis parameter (0) or angle (1), shape ``(m, 2, 3)``."""
     ends = np.zeros((2, bodies.size, 2))
-    for b, body in enumerate(model.bodies):
+    for b, body in enumerate(case.model.bodies):
         here, breaks = bodies == b, body.space.axis.breaks
         step = _STEP * (np.diff(breaks).min() if which == 0 else 1.0)
         for side, end in zip((-1.0, 1.0), ends, strict=True):
             end[here] = projections[here]
             end[here, which] += side * step
             end[here, 0] = np.clip(end[here, 0], breaks[0], breaks[-1])
-    found = [np.stack([_functions(model, contact, bodies, end, k) @ places for k in range(2)], axis=1) for end in ends]
+    found = [np.stack([_functions(case, bodies, end, k) @ places for k in range(2)], axis=1) for end in ends]
     length = ends[1, :, which] - ends[0, :, which]
     return np.asarray((found[1] - found[0]) / np.where(length > 0.0, length, 1.0)[:, None, None])
 
 
-def _sliding(model: Model, contact: Contact, one: ContactResult) -> csr_matrix:
+def _sliding(case: _Case, one: ContactResult) -> csr_matrix:
     """Return how pressed points move less their partners do, rows over all nodes, the same for each component."""
     here = one.pressure > 0.0
-    own = _functions(model, contact, one.body[here], one.parameters[here])
-    return csr_matrix(own - _functions(model, contact, one.partners[here], one.projections[here]))
+    if one.on_facets:
+        own = values_of(case.model, case.contact, case.known, one.pressure.size)[here]
+    else:
+        own = _functions(case, one.body[here], one.parameters[here])
+    return csr_matrix(own - _functions(case, one.partners[here], one.projections[here]))
 
 
 def _along(functions: csr_matrix, directions: Array) -> csr_matrix:
@@ -269,18 +289,19 @@ def _along(functions: csr_matrix, directions: Array) -> csr_matrix:
     return csr_matrix((values, (rows, columns)), shape=(functions.shape[0], 3 * functions.shape[1]))
 
 
-def _functions(model: Model, contact: Contact, bodies: Index, places: Array, slope: int | None = None) -> csr_matrix:
+def _functions(case: _Case, bodies: Index, places: Array, slope: int | None = None) -> csr_matrix:
     """Return the functions of nodes at points of surfaces, rows over all nodes.
 
     Parameters
     ----------
-    contact
+    case
         Which surfaces touch.
     bodies, places
         Body of each point, -1 where it is an obstacle's, its axis parameter and its angle, shapes ``(m,)``, ``(m, 2)``.
     slope
         Take derivatives by the axis parameter (0) or the angle (1).
     """
+    model, contact = case.model, case.contact
     values, rows, columns = [np.empty(0)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for b, body in enumerate(model.bodies):
         here, space = np.flatnonzero(bodies == b), body.space
@@ -301,4 +322,4 @@ def _functions(model: Model, contact: Contact, bodies: Index, places: Array, slo
         rows.append(np.broadcast_to(here[:, None, None], entries.shape)[kept])
         columns.append(nodes[kept])
     every = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_matrix(every, shape=(bodies.size, model.dofs // 3))
+    return csr_matrix(every, shape=(bodies.size, len(case.rest)))

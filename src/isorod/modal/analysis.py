@@ -72,6 +72,8 @@ class Modes:
         Of a body that spins the number of motions that its stiffness alone would not hold, as beyond a critical speed.
     lumped
         Whether the mass matrix is lumped.
+    patches
+        `contact_error` of models with finite element bodies, None of others.
     """
 
     model: Model
@@ -92,6 +94,7 @@ class Modes:
     quarter: Array | None = None
     falling: int = 0
     lumped: bool = False
+    patches: float | None = None
 
     @property
     def state(self) -> Array | None:
@@ -140,6 +143,8 @@ class Modes:
         """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""
         if self.equilibrium is None or not self.contacts:
             return 0.0
+        if self.patches is not None:
+            return self.patches
         from isorod.modal import touching
 
         modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
@@ -233,7 +238,7 @@ def solve(
     if state is not None and at_rest:
         raise InputError("modes: got a state and at_rest, need one of them")
     with in_force(petsc):
-        _refuse_massless(model)
+        loaded.refuse_massless(model)
         began = perf_counter()
         found = state
         if state is not None:
@@ -289,6 +294,9 @@ def _solve(
         flexible = slice(len(loose), None)
         about = None if state is None else state.displacement
         hourglass.check_modes(assembler, rules, found.eigenvalues[flexible], vectors[flexible], about)
+    patches = None
+    if state is not None and model.contacts and model.solids:
+        patches = touching.doubt_with_solids(assembler, state, found, len(loose), lumped)
     check = pencil.check_seconds + perf_counter() - begin
     assert found.below is not None
     return Modes(
@@ -316,6 +324,7 @@ def _solve(
         quarter=quarter if turns else None,
         falling=found.falling,
         lumped=lumped,
+        patches=patches,
     )
 
 
@@ -329,15 +338,6 @@ def _whirling(assembler: Assembler, pencil: Pencil, wanted: int, lumped: bool) -
         return Quadratic(pencil, matrix).solve(wanted)
     finally:
         matrix.destroy()
-
-
-def _refuse_massless(model: Model) -> None:
-    """Raise `InputError` for a body without mass."""
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
-            )
 
 
 def _wanted(pencil: Pencil, modes: int) -> int:

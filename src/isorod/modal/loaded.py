@@ -85,10 +85,10 @@ def refuse(model: Model) -> None:
             raise InputError(
                 f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
-    for k, contact in enumerate(model.contacts):
-        if contact.facets is not None:
+    for k, solid in enumerate(model.solids):
+        if solid.law is not None and solid.law.linear:
             raise InputError(
-                f"contact {k}: vibrations of rods that touch finite element bodies are not known; tie them"
+                f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for load in model.following:
         if not _edges_held(model, load):
@@ -106,3 +106,12 @@ def _edges_held(model: Model, load: Pressure) -> bool:
     first, last = model.first_node[load.body : load.body + 2]
     free = model.free[3 * first : 3 * last].reshape(space.layers, -1)
     return bool((free[[0, -1]] < 0).all())
+
+
+def refuse_massless(model: Model) -> None:
+    """Raise `InputError` for a body without mass."""
+    for b, body in enumerate(model.bodies):
+        if not body.densities.min() > 0.0:
+            raise InputError(
+                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
+            )

@@ -6,7 +6,8 @@ follow any more: as springs of all points they would be far too soft (of a cylin
 much again for the patch itself), and much stiffer ones would hold surfaces beyond the patch.
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction, rigid_motions
 from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
+from isorod.modal.pencil import Found
 from isorod.model.model import Model
 from isorod.statics.analysis import Equilibrium
 
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 # A rigid motion slides if gaps change by less than this share of it, root mean squares of both, and is held if by more
 # than that one: between them patches hold it by their width, as what rolls or tips.
 _SLIDES, _HELD = 1e-6, 0.25
+
+# Doubt that is warned of.
+_UNSURE = 0.005
 
 # Changes that are told by reactions alone; iterations to the frequencies of softer contact.
 _SURE, _ITERATIONS = 0.01, 3
@@ -51,13 +56,14 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
                 f"contact {k}: {one.slipping} of {one.active} points slip; modes are of points that stick or slide "
                 "without friction: raise the friction, or leave it out"
             )
-    contact = Frozen(model, model.contacts, state.contacts, state.displacement, assembler.comm, tight=True)
+    x = assembler.state(state.displacement, state.pressures, state.solids)
+    contact = Frozen(model, model.contacts, state.contacts, assembler.touching(x, 1.0), assembler.comm, tight=True)
     assembler.contact = contact  # type: ignore[assignment]
     slides = _sliding(model, state.displacement, contact, state.contacts)
     if not slides:
         return []
     matrix = assembler.matrix()
-    assembler.tangent(assembler.state(state.displacement, state.pressures, state.solids), 1.0, matrix)
+    assembler.tangent(x, 1.0, matrix)
     vectors = list(rigid_motions.on_unknowns(assembler, slides))
     sizes = matrix.getDiagonal()
     found = []
@@ -95,26 +101,63 @@ def doubt(
         Whether there are Coriolis forces: then springs in series with the body say how much softer it is.
     """
     contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF, tight=True)
-    within, besides = (one / np.abs(eigenvalues) for one in contact.give(vectors))
+
+    def softer() -> Array:
+        assembler = assembler_for(model, PETSc.COMM_SELF)
+        return _softer(assembler, state, eigenvalues, [assembler.state(one) for one in vectors], free, lumped)
+
+    return _doubt(contact, eigenvalues, vectors, None if whirls else softer)
+
+
+def doubt_with_solids(assembler: Assembler, state: Equilibrium, found: Found, rigid: int, lumped: bool) -> float:
+    """Return what `doubt` does of modes of a model with solids, and warn of it: of these there is no other estimate.
+
+    `hold` has prepared the assembler, whose contact is then as springs of all points are; ``rigid`` modes come first.
+    """
+    eigenvalues, vectors, contact = found.eigenvalues[rigid:], found.vectors[rigid:], assembler.contact
+    assert isinstance(contact, Frozen)
+    # Supports that are moved are no part of a mode.
+    still = assembler.touching(assembler.vector(), 0.0)
+    moved = np.array([assembler.touching(one, 0.0) - still for one in vectors])
+    copies = [one.copy() for one in vectors]
+    error = _doubt(
+        contact, eigenvalues, moved, lambda: _softer(assembler, state, eigenvalues, copies, rigid > 0, lumped)
+    )
+    if error > _UNSURE:
+        warnings.warn(
+            f"compliance of contact patches may change frequencies by up to {100.0 * error:.2g} %: use smaller facets "
+            "and shorter elements there, or a higher penalty",
+            stacklevel=4,
+        )
+    return error
+
+
+def _doubt(contact: Frozen, eigenvalues: Array, moved: Array, springs: Callable[[], Array] | None) -> float:
+    """Return what `doubt` does of modes that move what contact takes, ``(m, dofs)``.
+
+    ``springs`` returns how much softer these are, if that can be known.
+    """
+    within, besides = (one / np.abs(eigenvalues) for one in contact.give(moved))
     softer = 1.0 - 1.0 / np.sqrt(1.0 + besides)
     # Where little changes there is no need of another factorisation.
-    if not whirls and softer.max(initial=0.0) > _SURE:
-        softer = _softer(model, state, eigenvalues, vectors, free, lumped)
+    if springs is not None and softer.max(initial=0.0) > _SURE:
+        softer = springs()
     return float(np.max(0.5 * within + softer, initial=0.0))
 
 
-def _softer(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array, free: bool, lumped: bool) -> Array:
-    """Return by how much springs of all points make frequencies lower, relative, shape ``(m,)``."""
-    assembler = assembler_for(model, PETSc.COMM_SELF)
-    contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF)
+def _softer(
+    assembler: Assembler, state: Equilibrium, eigenvalues: Array, found: list[PETSc.Vec], free: bool, lumped: bool
+) -> Array:
+    """Return by how much springs of all points make frequencies lower, relative, ``(m,)``; changes the vectors."""
+    model, x = assembler.model, assembler.state(state.displacement, state.pressures, state.solids)
+    contact = Frozen(model, model.contacts, state.contacts, assembler.touching(x, 1.0), assembler.comm)
     assembler.contact = contact  # type: ignore[assignment]
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
-    assembler.tangent(assembler.state(state.displacement, state.pressures, state.solids), 1.0, matrix)
+    assembler.tangent(x, 1.0, matrix)
     shift = float(np.abs(eigenvalues[0])) if free else 0.0
     if free:
         matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     ksp = correction.solver(assembler, matrix)
-    found = [assembler.state(vector) for vector in vectors]
     try:
         for _ in range(_ITERATIONS):
             pushed = [mass * one for one in found]
@@ -139,9 +182,9 @@ def _sliding(
     for b in sorted({b for b, _ in free}):
         moved = np.stack([motion.ravel() for body, motion in free if body == b], axis=1)
         moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_carrier.sum())
-        whole = np.zeros((model.dofs, moved.shape[1]))
+        whole = np.zeros((contact.gaps.shape[1], moved.shape[1]))
         for column, one in zip(whole.T, moved.T, strict=True):
-            model.nodal(column, b)[:] = one.reshape(-1, 3)
+            model.nodal(column[: model.dofs], b)[:] = one.reshape(-1, 3)
         rows = weights[:, None] * (contact.gaps @ whole)
         everywhere.append(rows)
         _, sizes, turns = np.linalg.svd(np.concatenate([rows, np.zeros((moved.shape[1], moved.shape[1]))]))
