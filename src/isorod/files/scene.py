@@ -236,6 +236,10 @@ class FileScene(Scene):
         """Return the names of the rods."""
         return [*self.plans]
 
+    def solid_names(self) -> list[str]:
+        """Return the names of the finite element bodies, each with its mesh and the groups of that."""
+        return [f"{name}: {plan}" for name, plan in self._names.solids.items()]
+
     def tie_names(self) -> list[str]:
         """Return the names of the ties."""
         return [*self._names.ties]

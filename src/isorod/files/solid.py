@@ -133,6 +133,7 @@ class SolidPlan:
                 raise (place / key).unknown_key(known)
         self._solid = call(place, schema.SOLID, own)
         self.grid: msh.Grid = self._solid.arguments["mesh"]
+        self._mesh = str(own["mesh"])
         if "law" not in table:
             raise place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         self.law = choice(place / "law", schema.LAWS, table["law"])
@@ -142,6 +143,10 @@ class SolidPlan:
         ]
         for one in (*self._held, *self._loads):
             self._group(one)
+
+    def __str__(self) -> str:
+        groups = ", ".join(self.grid.groups) or "none"
+        return f"{self._mesh}, groups {groups}"
 
     def _one_held(self, place: Place, said: Any) -> Call:
         if isinstance(said, str):
