@@ -179,7 +179,9 @@ def test_a_group_inside_the_mesh_is_refused(written, tmp_path):
     scene = written(*HELD)
     cut = inner[0][np.isclose(points[inner[0]][:, 2], -0.5)][None]
     (tmp_path / "block.msh").write_bytes(content(points, cells, faces | {"cut": cut}))
-    scene = FileScene(scene.path, changes=HELD)
+    # Nothing names it.
+    assert FileScene(scene.path, changes=HELD).model().solids
+    scene = FileScene(scene.path, changes=["solid.block.held=cut"])
     with pytest.raises(
         InputError, match=r"my.toml:\d+: solid.block.mesh: group cut: 1 of its 1 facets are none of the mesh's"
     ):

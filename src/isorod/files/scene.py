@@ -302,7 +302,8 @@ class FileScene(Scene):
                 # Loads what models are made of.
                 from isorod.files.ties import built
 
-                names = {key: built(surface, facets) for key, surface in names.items()}
+                with one.place.locating(one.keys):
+                    names = {key: built(surface, facets) for key, surface in names.items()}
             return one.make(**names)
 
         supports = [placed(one) for one in self._names.supports.values()]
