@@ -30,7 +30,7 @@ def answers(shape, counts, degree):
     found = [solution.ties[0].jump, *solution.ties[0].force, block.energy(solution.solids[0], 1.0), block.volume, work]
     found += modal.solve(model, 2).frequencies.tolist()
     motion = dynamics.solve(model, 0.2, 0.1, integrator="implicit")
-    return [*found, float(np.linalg.norm(motion[-1].displacement))]
+    return [float(one) for one in (*found, np.linalg.norm(motion[-1].displacement))]
 
 
 def same(expected, *mesh):

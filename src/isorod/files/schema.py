@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
-from isorod.files.data import POINTS
+from isorod.files.data import BOND, POINTS
 from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, MESH
@@ -102,7 +102,7 @@ OBSTACLES = {
     "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
-TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE})
+TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE, "bond": BOND})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
 _RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep solids".split())

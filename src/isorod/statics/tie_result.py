@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.assembly.bonds import tangential
 from isorod.model.tie import Tie
 
 if TYPE_CHECKING:
@@ -28,7 +29,10 @@ class TieResult:
     center
         Mean of the surface at rest, shape ``(3,)``.
     jump
-        Largest distance, at a point, between the displacements of both sides, units of length.
+        Largest distance, at a point, between the displacements of both sides, units of length; of what slides along the
+        normal alone.
+    slip
+        Largest distance along the surface, of what slides.
     gap
         Largest distance of the surfaces at rest, units of length.
     area
@@ -43,6 +47,7 @@ class TieResult:
     moment: Array
     center: Array
     jump: float
+    slip: float
     gap: float
     area: float
     points: Array = field(repr=False)
@@ -51,7 +56,7 @@ class TieResult:
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it."""
-        return {name: getattr(self, name) for name in ("force", "moment", "jump", "gap", "area")}
+        return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
 
 
 def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieResult]:
@@ -78,7 +83,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
         nodal[tied.slaves] = carried
         nodal[own] -= passed[own]
         if tied.bond is not None:
-            nodal[own] -= (tied.bond @ moved.ravel())[own]
+            nodal[own] -= tied.bond.forces(moved.ravel())[own]
         nodal = nodal.reshape(-1, 3)
         trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
@@ -88,6 +93,7 @@ def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieRe
             moment=np.cross(places - carriers[:, None] * center, nodal).sum(axis=0),
             center=center,
             jump=_jump(tie, tied, moved),
+            slip=_slip(tie, tied, moved),
             gap=tied.gap,
             area=float(trace.weights.sum()),
             points=trace.points,
@@ -120,3 +126,10 @@ def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
     if tie.kind == "slide":
         return float(np.abs(np.sum(apart * tied.trace.normals, axis=1)).max())
     return float(np.linalg.norm(apart, axis=1).max())
+
+
+def _slip(tie: Tie, tied: "Tied", moved: Array) -> float:
+    """Return the largest slip, of what slides."""
+    if tie.kind != "slide":
+        return 0.0
+    return float(np.linalg.norm(tangential(tied.jump @ moved, tied.trace.normals), axis=1).max())
