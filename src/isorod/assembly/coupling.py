@@ -103,6 +103,8 @@ class Coupling:
         place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
         self._whole = whole = csr_array(whole + place @ dependent)
         bonds = [tied.bond for tied in constraints.ties if tied.bond is not None]
+        # What linear ones add is always the same.
+        self._kept: tuple[Condensed | None, Array] = None, np.empty(0)
         self.bonds = Bonds(bonds, of_dofs.size // 3, comm) if bonds else None
         if self.bonds is not None:
             first = int(np.count_nonzero(rank < comm.getRank()))
@@ -323,10 +325,17 @@ class Coupling:
                 preallocate(matrix, np.append(rows, entries[0]), np.append(columns, entries[1]))
             matrix.setAttr(_CONTACT, version)
         parts = [rods, *solids]
-        if len(added) > len(parts) and self.bonds is not None:
-            parts.append(self.bonds.matrix)
-        values = [one.values(own) for one, own in zip(added, parts, strict=True)]
+        values = [one.values(own) for one, own in zip(added[: len(parts)], parts, strict=True)]
+        if len(added) > len(parts):
+            values.append(self._of_bonds(added[-1]))
         set_values(matrix, np.concatenate([*values, entries[2]]))
+
+    def _of_bonds(self, added: Condensed) -> Array:
+        """Return the values of what bonds add to a matrix."""
+        assert self.bonds is not None
+        if not (self.bonds.linear and self._kept[0] is added):
+            self._kept = added, added.values(self.bonds.matrix)
+        return self._kept[1]
 
     def _of_contact(self, contact: "ContactOperator | None") -> tuple[Index, Index, Array]:
         """Return rows, columns and values of this rank's entries of contact that are not between rods alone."""
