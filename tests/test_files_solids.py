@@ -7,7 +7,7 @@ import pytest
 import solids
 
 from isorod import InputError, LinearElastic, SolveError, modal, statics
-from isorod.command import printing, solving
+from isorod.command import cli, printing, solving
 from isorod.files.scene import FileScene
 from tests.msh import box, content
 
@@ -179,7 +179,9 @@ def test_a_group_inside_the_mesh_is_refused(written, tmp_path):
     scene = written(*HELD)
     cut = inner[0][np.isclose(points[inner[0]][:, 2], -0.5)][None]
     (tmp_path / "block.msh").write_bytes(content(points, cells, faces | {"cut": cut}))
-    scene = FileScene(scene.path, changes=HELD)
+    # Nothing names it.
+    assert FileScene(scene.path, changes=HELD).model().solids
+    scene = FileScene(scene.path, changes=["solid.block.held=cut"])
     with pytest.raises(
         InputError, match=r"my.toml:\d+: solid.block.mesh: group cut: 1 of its 1 facets are none of the mesh's"
     ):
@@ -232,3 +234,20 @@ def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
     body = solids.solid(shape, degree=2, law=LinearElastic(200.0, 0.3))
     u = body.positions * 1e-3 * np.array([1.0, -0.3, -0.3])
     assert grid(body, u.ravel())["von_mises"] == pytest.approx(0.2, rel=1e-9)
+
+
+def test_show_tells_of_a_body_and_draws_it(written, tmp_path, capsys):
+    pytest.importorskip("pyvista")
+    image, picture = pytest.importorskip("PIL.Image"), tmp_path / "seen.png"
+    scene = written(bricks=True)
+    assert cli.main(["show", scene.path, "--png", str(picture), "--size", "420x320"]) == 0
+    written_to, told = capsys.readouterr().out.splitlines()
+    assert told == (
+        "solid block: block.msh, groups bottom, top, 8 hexahedra of degree 2, 125 nodes, volume 4, LinearElastic"
+    )
+    assert written_to.startswith(str(picture))
+    with image.open(picture) as found:
+        pixels = np.asarray(found)[60:-30, : 420 - 190, :3].astype(int)
+    # Lines between cells are of the legend's colour, what is between them paler: nothing else is green.
+    rows, columns = np.nonzero(pixels[:, :, 1] > 8 + pixels[:, :, [0, 2]].max(axis=2))
+    assert rows.size > 3000 and np.ptp(columns) > 100

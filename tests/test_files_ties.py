@@ -172,3 +172,17 @@ def test_a_part_between_knots_that_a_file_gives_is_refused(written):
         InputError, match=r"my.toml:\d+: tie.bond.along: .*1 along the rod is no joint .* knot 0.125 tw"
     ):
         solving.solve(scene, {})
+
+
+@pytest.mark.parametrize("given", ["[[0, 0], [0.1, 2.0], [0.3, 0]]", "law.csv"])
+def test_a_law_of_traction_over_slip_is_points_or_a_file_of_them(given, written, tmp_path):
+    (tmp_path / "law.csv").write_text("# slip, traction\n0, 0\n0.1, 2\n0.3, 0\n")
+    scene = written(SLEEVE, f"tie.bond.bond={given}", "tie.bond.kind=slide")
+    (tie,) = scene.model().ties
+    assert tie.bond == ((0.0, 0.0), (0.1, 2.0), (0.3, 0.0))
+    with pytest.raises(InputError, match=r"my.toml:\d+: tie.bond.bond: got 'x'|my.toml:\d+: tie.bond.bond: x: cannot"):
+        written(SLEEVE, "tie.bond.bond=x", "tie.bond.kind=slide")
+    for wrong in ("[[0, 0], [0.1, -2.0]]", "[[0, 0, 1], [0.1, 2.0, 1]]"):
+        with pytest.raises(InputError, match=r"^\S+my.toml:\d+: tie.bond.bond: ") as caught:
+            written(SLEEVE, f"tie.bond.bond={wrong}", "tie.bond.kind=slide").model()
+        assert "\n" not in str(caught.value)

@@ -50,6 +50,8 @@ def test_waypoints_are_passed_at_equal_shares_of_the_way():
     for waypoints in (legs[1], np.full((1, *arms.shape), np.nan), [legs[1][:2]]):
         with pytest.raises(InputError, match=r"^support 0: got waypoints of shape .*, need \(count, \d+, 3\) finite"):
             Model([Body(space, LAW)], [Support(end.nodes, waypoints=waypoints)])
+    with pytest.raises(InputError, match=r"^support 0: got no nodes of body 0, need at least one$"):
+        Model([Body(space, LAW)], [Support([])])
 
 
 @pytest.mark.parametrize("name", SPACES)

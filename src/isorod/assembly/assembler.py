@@ -191,7 +191,7 @@ class Assembler(Parts):
             if self.coupling is not None:
                 solids = self._solid_forces(x, factor)
                 self.coupling.add(solids, out)
-                self.coupling.add_bonds(x, self.coupling.given(factor), out)
+                self.coupling.add_bonds(x, factor, out)
                 own += self.coupling.carried(solids, factor)
             return float(np.sqrt(self.comm.tompi4py().allreduce(own) + self._push() ** 2))
 
@@ -276,6 +276,7 @@ class Assembler(Parts):
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, entries)
             if self.coupling is not None:
+                self.coupling.set_bonds(x, factor)
                 self.coupling.fill(system, self.coupling.tangents(x, factor), self.contact)
 
     def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
@@ -355,8 +356,7 @@ class Assembler(Parts):
             for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
                 energy += solid.energy(moved, factor)
             if self.coupling is not None and self.coupling.bonds is not None:
-                everywhere = self.system_displacement(x, factor)
-                energy += 0.5 * float(everywhere @ self.coupling.bond_forces(everywhere))
+                energy += self.coupling.bonds.energy(self.system_displacement(x, factor))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:

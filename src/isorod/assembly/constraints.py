@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, diags, vstack
 
 from isorod.arrays import Array, Index
 from isorod.assembly import faces
+from isorod.assembly.bonds import Bond
 from isorod.assembly.faces import Passed
 from isorod.assembly.multipliers import Multipliers, passed_on_along, passed_on_near
 from isorod.errors import InputError
@@ -54,8 +55,8 @@ class Tied(NamedTuple):
         The master's less the slave's functions at the points of the trace, on all nodes.
     gap
         Largest distance of the surfaces at rest.
-    bond : (dofs, dofs)
-        Stiffness of what slides, if there is a bond.
+    bond
+        Of what slides, if there is one.
     multipliers
         Of a weld, for each component.
     """
@@ -66,7 +67,7 @@ class Tied(NamedTuple):
     own: csr_array
     jump: csr_array
     gap: float
-    bond: csr_array | None
+    bond: Bond | None
     multipliers: dict[int, Multipliers]
 
 
@@ -166,7 +167,11 @@ class Constraints:
         if not found.size:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
         self._taken[found] = True
-        bond = _bond(tie.bond, trace, jump) if tie.bond else None
+        bond = None
+        if tie.law is not None:
+            nodes = np.hstack([self._first(tie.slave) + trace.nodes, self._first(tie.master) + near.nodes])
+            values = np.hstack([-trace.values, near.values])
+            bond = Bond(jump, nodes, values, trace.normals, trace.weights, tie.law)
         return Tied(trace, found, rows, own, jump, float(near.gap.max()), bond, multipliers)
 
     def _welded(
@@ -360,14 +365,3 @@ def _tested(kind: str, trace: Trace, own: csr_array) -> Array:
     shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
     turns = np.cross(np.eye(3)[:, None], arms[None] / np.abs(arms).max())
     return np.concatenate([shifts, turns]) * weights
-
-
-def _bond(stiffness: float, trace: Trace, jump: csr_array) -> csr_array:
-    """Return the second derivative by all degrees of freedom of half the stiffness times the square of the slip."""
-    across = np.eye(3) - trace.normals[:, :, None] * trace.normals[:, None]
-    found = csr_array((3 * jump.shape[1], 3 * jump.shape[1]))
-    moved = [_of_component(jump, a) for a in range(3)]
-    for a in range(3):
-        for b in range(3):
-            found = found + moved[a].T @ csr_array(diags(stiffness * trace.weights * across[:, a, b])) @ moved[b]
-    return csr_array(found)

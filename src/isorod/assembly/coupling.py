@@ -14,11 +14,11 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from isorod.arrays import Array, Index
-from isorod.assembly.condensed import Condensed, groups, indices
+from isorod.assembly.bonds import Bonds
+from isorod.assembly.condensed import Condensed, groups
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
 from isorod.petsc.matrix import create_matrix, fits, keep_symmetric, preallocate, renewed, set_values
-from isorod.petsc.rows import local_rows
 
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
@@ -51,6 +51,9 @@ class Coupling:
     rows, unknowns
         Number of unknowns of the system, on this rank and in all.
     """
+
+    # How much of a change of the unknowns bonds see.
+    _share = 1.0
 
     def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
         self._model, self._comm = model, comm
@@ -94,20 +97,20 @@ class Coupling:
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self.own_dofs]
         # State, load factor and tangents of the solids, each with PETSc's number of its changes, as they were last.
         self._known: tuple[list[Array], float, list[tuple[PETSc.Mat, int]]] = [], np.nan, []
-        self.bonds = _sum([tied.bond for tied in constraints.ties if tied.bond is not None])
         # What of the unknowns each degree of freedom is made, and which of these solids have in contact.
         plain = np.flatnonzero(of_dofs >= 0)
         whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
         place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
         self._whole = whole = csr_array(whole + place @ dependent)
+        bonds = [tied.bond for tied in constraints.ties if tied.bond is not None]
+        # What linear ones add is always the same.
+        self._kept: tuple[Condensed | None, Array] = None, np.empty(0)
+        self.bonds = Bonds(bonds, of_dofs.size // 3, comm) if bonds else None
         if self.bonds is not None:
             first = int(np.count_nonzero(rank < comm.getRank()))
-            self._pushed = csr_array((whole.T @ self.bonds)[first : first + self.rows])
-            stiffness = csr_array(self._pushed @ whole)
-            stiffness.sort_indices()
-            arrays = stiffness.indptr.astype(PETSc.IntType), stiffness.indices.astype(PETSc.IntType), stiffness.data
-            self._bonds = PETSc.Mat().createAIJ(((self.rows, self.unknowns),) * 2, csr=arrays, comm=comm)
-            self._bonds.assemble()
+            self._pushed = csr_array(whole.T.tocsr()[first : first + self.rows])
+            self._of_dofs = of_dofs, slave_of
+            self.bonds.set(np.zeros(of_dofs.size), self._share)
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
         """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
@@ -209,17 +212,28 @@ class Coupling:
             row.array_w[:] = force
             transformation.multTransposeAdd(row, out, out)
 
-    def add_bonds(self, x: PETSc.Vec | None, given: Array, out: PETSc.Vec) -> None:
-        """Add the forces of bonds, of unknowns and what is ``given`` (of which a change may stand alone)."""
-        if self.bonds is None:
-            return
-        if x is not None:
-            self._bonds.multAdd(x, out, out)
-        out.array_w[:] += self._pushed @ given
+    def add_bonds(self, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> None:
+        """Add the forces of bonds."""
+        if self.bonds is not None:
+            out.array_w[:] += self._pushed @ self.bond_forces(self._everything(x, factor))
 
     def bond_forces(self, moved: Array) -> Array:
         """Return the forces of bonds on all degrees of freedom, of displacements of these."""
-        return np.zeros(moved.size) if self.bonds is None else np.asarray(self.bonds @ moved)
+        return np.zeros(moved.size) if self.bonds is None else self.bonds.forces(self._seen(moved))
+
+    def set_bonds(self, x: PETSc.Vec, factor: float) -> None:
+        """Let what bonds add to matrices be of a state."""
+        if self.bonds is not None and not self.bonds.linear:
+            self.bonds.set(self._seen(self._everything(x, factor)), self._share)
+
+    def _everything(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return all degrees of freedom, on every rank."""
+        unknowns = np.concatenate(self._comm.tompi4py().allgather(np.array(x.array_r)))
+        return np.asarray(self._whole @ unknowns + self.given(factor))
+
+    def _seen(self, moved: Array) -> Array:
+        """Return the displacements that bonds see where degrees of freedom are ``moved``."""
+        return moved
 
     def carried(self, forces: Sequence[Array], factor: float) -> float:
         """Return the sum of the squares of the solids' loads, and of the forces where they are held, on this rank."""
@@ -237,7 +251,8 @@ class Coupling:
     def add_load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:
         """Add the linearised change of the solids' residuals when the load factor grows by ``step`` at ``x``."""
         change, forces = self.given(factor + step) - self.given(factor), []
-        self.add_bonds(None, change, out)
+        if self.bonds is not None:
+            out.array_w[:] += self._pushed @ self.bonds.change(self._everything(x, factor), change)
         for own, solid, tangent in zip(self.own_dofs, self._model.solids, self.tangents(x, factor), strict=True):
             move, force = tangent.createVecs()
             move.array_w[:] = change[own]
@@ -281,12 +296,13 @@ class Coupling:
     ) -> PETSc.Mat:
         """Return a new matrix of the system with room for ``T^T K T`` of these and, of a stiffness, for bonds."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
-        bonded = stiffness and self.bonds is not None
-        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added, bonded))
+        if stiffness and self.bonds is not None:
+            added.append(Condensed(self.bonds.matrix, *self._of_dofs, self._groups))
+        made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
         # Both are new, and nothing was factorised yet.
         renewed(rods), renewed(made)
         made.setAttr(_RODS, rods)
-        made.setAttr(_ADDED, (added, bonded))
+        made.setAttr(_ADDED, added)
         return keep_symmetric(made) if symmetric else made
 
     @staticmethod
@@ -296,7 +312,7 @@ class Coupling:
 
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat], contact: "ContactOperator | None" = None) -> None:
         """Fill a matrix of the system from the rods' own, which is filled, the solids', and their contact with rods."""
-        rods, (added, bonded) = self.of_rods(matrix), matrix.getAttr(_ADDED)
+        rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
         entries = self._of_contact(contact)
         if renewed(rods):
             # Contact has come where there was none.
@@ -304,14 +320,22 @@ class Coupling:
             matrix.setAttr(_CONTACT, None)
         version = None if contact is None else contact.version
         if self._comm.tompi4py().allreduce(matrix.getAttr(_CONTACT) != version):
-            rows, columns = self._places(added, bonded)
+            rows, columns = self._places(added)
             if not (matrix.getAttr(_CONTACT) is not None and fits(matrix, rows.size, *entries[:2])):
                 preallocate(matrix, np.append(rows, entries[0]), np.append(columns, entries[1]))
             matrix.setAttr(_CONTACT, version)
-        values = [one.values(own) for one, own in zip(added, (rods, *solids), strict=True)]
-        if bonded:
-            values += [part.values for part in local_rows(self._bonds)[:2]]
+        parts = [rods, *solids]
+        values = [one.values(own) for one, own in zip(added[: len(parts)], parts, strict=True)]
+        if len(added) > len(parts):
+            values.append(self._of_bonds(added[-1]))
         set_values(matrix, np.concatenate([*values, entries[2]]))
+
+    def _of_bonds(self, added: Condensed) -> Array:
+        """Return the values of what bonds add to a matrix."""
+        assert self.bonds is not None
+        if not (self.bonds.linear and self._kept[0] is added):
+            self._kept = added, added.values(self.bonds.matrix)
+        return self._kept[1]
 
     def _of_contact(self, contact: "ContactOperator | None") -> tuple[Index, Index, Array]:
         """Return rows, columns and values of this rank's entries of contact that are not between rods alone."""
@@ -333,19 +357,10 @@ class Coupling:
         number, slave = self._of_solid[k - 1] if k else (self._of_rods, self._slave_of_rods)
         return Condensed(own, number, slave, self._groups)
 
-    def _places(self, added: Sequence[Condensed], bonded: bool) -> tuple[Index, Index]:
+    def _places(self, added: Sequence[Condensed]) -> tuple[Index, Index]:
         """Return row and column in the system of all entries of what parts, and maybe bonds, add."""
-        places = [(one.rows, one.columns) for one in added] + ([indices(self._bonds)] if bonded else [])
-        rows, columns = (np.concatenate(each) for each in zip(*places, strict=True))
+        rows, columns = (np.concatenate(each) for each in zip(*((one.rows, one.columns) for one in added), strict=True))
         return rows, columns
-
-
-def _sum(matrices: Sequence[csr_array]) -> csr_array | None:
-    """Return the sum of matrices, None of none."""
-    total = None
-    for one in matrices:
-        total = one if total is None else csr_array(total + one)
-    return total
 
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.assembly.bonds import tangential
 from isorod.model.model import Model
 from isorod.model.tie import Tie
 
@@ -27,7 +28,10 @@ class TieResult:
     center
         Mean of the surface at rest, shape ``(3,)``.
     jump
-        Largest distance, at a point, between the displacements of both sides, units of length.
+        Largest distance, at a point, between the displacements of both sides, units of length; of what slides along the
+        normal alone.
+    slip
+        Largest distance along the surface, of what slides.
     gap
         Largest distance of the surfaces at rest, units of length.
     area
@@ -42,6 +46,7 @@ class TieResult:
     moment: Array
     center: Array
     jump: float
+    slip: float
     gap: float
     area: float
     points: Array = field(repr=False)
@@ -50,7 +55,7 @@ class TieResult:
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it."""
-        return {name: getattr(self, name) for name in ("force", "moment", "jump", "gap", "area")}
+        return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
 
 
 def results(model: Model, coupling: "Coupling", forces: Array, displacement: Array) -> list[TieResult]:
@@ -85,7 +90,7 @@ def results(model: Model, coupling: "Coupling", forces: Array, displacement: Arr
         nodal[tied.slaves] = carried
         nodal[own] -= passed[own]
         if tied.bond is not None:
-            nodal[own] -= (tied.bond @ moved.ravel())[own]
+            nodal[own] -= tied.bond.forces(moved.ravel())[own]
         nodal = nodal.reshape(-1, 3)
         trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
@@ -95,6 +100,7 @@ def results(model: Model, coupling: "Coupling", forces: Array, displacement: Arr
             moment=np.cross(places - carriers[:, None] * center, nodal).sum(axis=0),
             center=center,
             jump=_jump(tie, tied, moved),
+            slip=_slip(tie, tied, moved),
             gap=tied.gap,
             area=float(trace.weights.sum()),
             points=trace.points,
@@ -127,3 +133,10 @@ def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
     if tie.kind == "slide":
         return float(np.abs(np.sum(apart * tied.trace.normals, axis=1)).max())
     return float(np.linalg.norm(apart, axis=1).max())
+
+
+def _slip(tie: Tie, tied: "Tied", moved: Array) -> float:
+    """Return the largest slip, of what slides."""
+    if tie.kind != "slide":
+        return 0.0
+    return float(np.linalg.norm(tangential(tied.jump @ moved, tied.trace.normals), axis=1).max())

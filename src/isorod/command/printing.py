@@ -154,7 +154,8 @@ def _contact(one: Mapping[str, Any]) -> str:
 def _tie(one: Mapping[str, Any]) -> str:
     """Return what a tie carries, and how far apart its surfaces are and move."""
     force, moment = (", ".join(f"{item:.4g}" for item in one[name]) for name in ("force", "moment"))
-    return f"force {force}; moment {moment}; gap {one['gap']:.2g}, jump {one['jump']:.2g}"
+    slip = f", slip {one['slip']:.3g}" if one["slip"] else ""
+    return f"force {force}; moment {moment}; gap {one['gap']:.2g}, jump {one['jump']:.2g}{slip}"
 
 
 def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:

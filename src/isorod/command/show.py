@@ -1,4 +1,4 @@
-"""``isorod show``: the rods of a scene with their control points, before anything is solved."""
+"""``isorod show``: the rods of a scene with their control points, and what they meet, before anything is solved."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,9 +14,9 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         return 0
     scene, found, _ = chosen.choose("show", ours, theirs, _more)
     window = drawing.prepare("show", found)
-    from isorod.output import picture, shape
+    from isorod.output import picture, shape, solids
 
-    model, start = None, None
+    model, start, words = None, None, [scene.title]
     if scene.analysis == "geometry":
         rods = [*scene.rods()]
         for rod in rods:
@@ -26,13 +26,15 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         rods = [body.space.rod for body in model.bodies]
         if scene.analysis == "dynamics":
             start = scene.settings().get("displacement")
+        words += [solids.told(one, name) for one, name in zip(model.solids, scene.solid_names(), strict=True)]
     with picture.stage(found.size, window) as plotter:
-        shape.draw(plotter, rods, model, start, scene.title, found.view, found.size)
+        shape.draw(plotter, rods, model, start, "\n".join(words), found.view, found.size)
         if window:
             picture.wait(plotter)
         else:
             picture.save(picture.taken(plotter), Path(found.png))
             print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
+    print(*(f"solid {line}\n" for line in words[1:]), sep="", end="")
     notes.show()
     return 0
 

@@ -126,7 +126,9 @@ def geometry_dofs(mesh: Any, cells: int) -> Index:
     """Return where in ``mesh.geometry.x`` the nodes of this rank's first cells are, shape ``(cells, nodes)``."""
     dofs = _only(mesh.geometry, "dofmap")
     # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
-    table = dofs.array.reshape(dofs.num_nodes, -1) if hasattr(dofs, "num_nodes") else dofs
+    # A rank may have no cells at all.
+    nodes = geometry_element(mesh).dim
+    table = dofs.array.reshape(-1, nodes) if hasattr(dofs, "num_nodes") else dofs
     return np.asarray(table[:cells], dtype=np.int64)
 
 
@@ -156,7 +158,7 @@ def cell_dofs(space: Any, cells: int) -> Index:
     """Return the blocked degrees of freedom of this rank's first cells, shape ``(cells, functions)``."""
     table = space.dofmap.list
     # An adjacency list up to 0.6, an array since.
-    rows = table.array.reshape(table.num_nodes, -1) if hasattr(table, "num_nodes") else table
+    rows = table.array.reshape(-1, space.dofmap.dof_layout.num_dofs) if hasattr(table, "num_nodes") else table
     return np.asarray(rows[:cells], dtype=np.int64)
 
 

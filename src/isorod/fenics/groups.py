@@ -20,6 +20,24 @@ from isorod.fenics.loads import Held, Load
 from isorod.fenics.solid import Solid
 
 
+class Facets(dict[str, Index]):
+    """Numbers of the facets of each group on this rank, by its name; none of groups that are partly within the mesh.
+
+    Attributes
+    ----------
+    inner
+        How many of these groups' facets are within the mesh, and of how many.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.inner: dict[str, tuple[int, int]] = {}
+
+    def __missing__(self, name: str) -> Index:
+        count, wanted = self.inner[name]
+        raise InputError(f"group {name}: {count:,} of its {wanted:,} facets are none of the mesh's surface")
+
+
 class Groups:
     """A mesh and the facets of its groups.
 
@@ -28,7 +46,7 @@ class Groups:
     mesh
         The dolfinx mesh, of all ranks.
     facets
-        This rank's numbers of the facets of each group.
+        This rank's numbers of the facets of each group; `InputError` where some are none of the mesh's surface.
 
     Parameters
     ----------
@@ -37,11 +55,6 @@ class Groups:
         geometry; the same on every rank.
     groups
         Corners ``(f, 3 or 4)`` of facets, by the name of the group.
-
-    Raises
-    ------
-    InputError
-        If a facet of a group is none of the mesh's surface.
     """
 
     def __init__(self, points: Array, cells: Index, shape: str, degree: int, groups: Mapping[str, Index]) -> None:
@@ -51,29 +64,27 @@ class Groups:
         own = slice(None) if comm.rank == 0 else slice(0)
         self.mesh = compat.create_mesh(comm, cells[own, order], points[own], shape, degree)
         exterior = compat.exterior_facets(self.mesh)
-        numbers = self._corners(exterior)
-        self.facets: dict[str, Index] = {}
-        for name, corners in groups.items():
-            wanted = np.unique(np.sort(corners, axis=1), axis=0)
+        numbers = np.sort(corners(self.mesh, exterior), axis=1)
+        self.facets = Facets()
+        for name, given in groups.items():
+            wanted = np.unique(np.sort(given, axis=1), axis=0)
             found = exterior[_among(numbers, wanted)]
             count = comm.allreduce(len(found), op=MPI.SUM)
             if count < len(wanted):
-                inner = len(wanted) - count
-                raise InputError(
-                    f"group {name}: {inner:,} of its {len(wanted):,} facets are none of the mesh's surface"
-                )
-            self.facets[name] = found
+                self.facets.inner[name] = len(wanted) - count, len(wanted)
+            else:
+                self.facets[name] = found
 
-    def _corners(self, facets: Index) -> Index:
-        """Return the numbers that the corners of exterior facets had when the mesh was made, in order."""
-        mesh = self.mesh
-        faces = np.array(basix.topology(compat.geometry_element(mesh).cell_type)[2], dtype=np.int64)
-        cells, first = compat.links(mesh, 2, 3)
-        carrier = cells[first[facets]]
-        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[carrier]
-        nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[carrier]
-        corners = np.take_along_axis(nodes, faces[(table == facets[:, None]).argmax(axis=1)], axis=1)
-        return np.sort(compat.original_nodes(mesh)[corners], axis=1)
+
+def corners(mesh: Any, facets: Index) -> Index:
+    """Return the numbers ``(f, 3 or 4)`` that the corners of facets of this rank had when the mesh was made."""
+    faces = np.array(basix.topology(compat.geometry_element(mesh).cell_type)[2], dtype=np.int64)
+    cells, first = compat.links(mesh, 2, 3)
+    carrier = cells[first[facets]]
+    table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[carrier]
+    nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[carrier]
+    found = np.take_along_axis(nodes, faces[(table == facets[:, None]).argmax(axis=1)], axis=1)
+    return np.asarray(compat.original_nodes(mesh)[found])
 
 
 def space_of(groups: Groups, degree: int) -> Any:

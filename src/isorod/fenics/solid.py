@@ -204,18 +204,21 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """The volume at rest, of all ranks, by the mass."""
-        mass = self.momenta(np.ones(3 * self._count)).sum()
-        return float(self.comm.allreduce(mass)) / (3.0 * self.density)
+        """The volume at rest, of all ranks."""
+        one = dolfinx.fem.Constant(self.space.mesh, PETSc.ScalarType(1.0))
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(one * self._dx(0), FAST))))
+
+    def _dx(self, degree: int) -> Any:
+        """Return the measure that is exact for polynomials of a degree in the reference cell."""
+        geometry = compat.geometry_element(self.space.mesh).degree
+        # With the determinant of the map's gradient.
+        exact = degree + (3 * geometry - 1 if self._bricks else 3 * (geometry - 1))
+        return ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": exact})
 
     @cached_property
     def _mass(self) -> PETSc.Mat:
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
-        degree, geometry = self.degree, compat.geometry_element(self.space.mesh).degree
-        # With the determinant of the map's gradient.
-        exact = 2 * degree + (3 * geometry - 1 if self._bricks else 3 * (geometry - 1))
-        dx = ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": exact})
-        bilinear = compat.form(self.density * ufl.inner(u, v) * dx, FAST)
+        bilinear = compat.form(self.density * ufl.inner(u, v) * self._dx(2 * self.degree), FAST)
         matrix = compat.create_matrix(bilinear, "aij")
         compat.assemble_matrix(matrix, bilinear, ())
         return matrix

@@ -70,7 +70,13 @@ def points(place: Place, value: Any) -> Points:
     return found
 
 
+def _bond(place: Place, value: Any) -> Points | float:
+    """Return a stiffness, or points of a law."""
+    return points(place, value) if isinstance(value, list | str) else float(values.value_of(place, value, float))
+
+
 POINTS = values.Kind(points, "points in lists, or the name of a file beside this one")
+BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 
 
 def _csv(place: Place, name: str, content: bytes) -> Points:

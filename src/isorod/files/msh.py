@@ -2,14 +2,12 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.errors import InputError
-from isorod.files import values
-from isorod.files.document import Place, shown
 
 # Kinds of cells in gmsh's numbers: shape, degree, nodes; and of facets: corners, nodes.
 _CELLS = {
@@ -39,7 +37,7 @@ class Grid(NamedTuple):
     shape, degree
         ``"tetrahedron"`` or ``"hexahedron"``, and the degree of the geometry.
     groups
-        Corners ``(f, 3 or 4)`` of the facets of each physical group of surfaces, by its name, or its number.
+        Corners ``(f, 3 or 4)`` of the facets of each group, by its name, or its number.
     """
 
     points: Array
@@ -47,20 +45,6 @@ class Grid(NamedTuple):
     shape: str
     degree: int
     groups: dict[str, Index]
-
-
-def _mesh(place: Place, value: Any) -> Grid:
-    """Return the mesh in a file beside the scene's."""
-    if not isinstance(value, str):
-        raise place.error(f"got {shown(value)}, need {MESH.words}")
-    content = place.data(value)
-    try:
-        return read(content)
-    except InputError as problem:
-        raise place.error(f"{value}: {problem}") from None
-
-
-MESH = values.Kind(_mesh, "the name of a .msh file beside this one")
 
 
 class _Block(NamedTuple):

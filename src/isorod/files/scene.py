@@ -238,6 +238,10 @@ class FileScene(Scene):
         """Return the names of the rods."""
         return [*self.plans]
 
+    def solid_names(self) -> list[str]:
+        """Return the names of the finite element bodies, each with its mesh and the groups of that."""
+        return [f"{name}: {plan}" for name, plan in self._names.solids.items()]
+
     def tie_names(self) -> list[str]:
         """Return the names of the ties."""
         return [*self._names.ties]
@@ -300,7 +304,8 @@ class FileScene(Scene):
                 # Loads what models are made of.
                 from isorod.files.ties import built
 
-                names = {key: built(surface, facets) for key, surface in names.items()}
+                with one.place.locating(one.keys):
+                    names = {key: built(surface, facets) for key, surface in names.items()}
             return one.make(**names)
 
         supports = [placed(one) for one in self._names.supports.values()]

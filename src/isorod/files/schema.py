@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
-from isorod.files.data import POINTS
+from isorod.files.data import BOND, POINTS
 from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
 from isorod.files.material import BULK, CONSTANTS, FIBRE
-from isorod.files.msh import MESH
+from isorod.files.meshes import FACETS, MESH
 from isorod.files.values import Kind
 
 CURVES = {
@@ -91,7 +91,7 @@ def _on_group(name: str, **more: Any) -> Form:
 
 
 # Of finite element bodies what else they have, what holds and what loads them.
-SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH})
+SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS})
 HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
 SPIN = Form("isorod.model.load:Spin")
@@ -102,7 +102,7 @@ OBSTACLES = {
     "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
-TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE})
+TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE, "bond": BOND})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
 _RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep solids".split())

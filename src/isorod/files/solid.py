@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError
-from isorod.files import msh, schema
+from isorod.files import schema
 from isorod.files.document import Place
 from isorod.files.form import Call, Name, call, choice
+from isorod.files.msh import Grid
+from isorod.files.xdmf import Facets
 
 if TYPE_CHECKING:
     from isorod.fenics.groups import Groups
@@ -15,18 +17,22 @@ if TYPE_CHECKING:
     from isorod.fenics.solid import Solid
 
 
-def solid(mesh: msh.Grid, degree: int = 2, density: float = 0.0) -> tuple[msh.Grid, int, float]:
+def solid(mesh: Grid, degree: int = 2, density: float = 0.0, facets: Facets | None = None) -> tuple[Grid, int, float]:
     """Return what makes a finite element body (`isorod.fenics.solid.Solid`), which takes dolfinx.
 
     Parameters
     ----------
     mesh
-        Of gmsh, version 2.2 or 4.1: tetrahedra or hexahedra, of degree 1 or 2, in the units of the rods. Its physical
-        groups of surfaces have names, by which supports, loads and ties know them.
+        Tetrahedra or hexahedra, of degree 1 or 2, in the units of the rods: `.msh` of gmsh, version 2.2 or 4.1, or
+        `.xdmf` of dolfinx or meshio. Supports, loads and ties know facets by the names of groups: the physical groups
+        of gmsh's surfaces; of XDMF the names of mesh tags, for all their facets, and the numbers in these.
     degree
         Of the displacement, 1 or 2; one of 1 locks in bending.
     density
         Mass per reference volume.
+    facets
+        An `.xdmf` file of tagged facets, with the points of the mesh, where these are not in the mesh's own: so does
+        meshio write them.
     """
     return mesh, degree, density
 
@@ -132,7 +138,11 @@ class SolidPlan:
             if key not in known:
                 raise (place / key).unknown_key(known)
         self._solid = call(place, schema.SOLID, own)
-        self.grid: msh.Grid = self._solid.arguments["mesh"]
+        self.grid: Grid = self._solid.arguments["mesh"]
+        facets = self._solid.arguments.get("facets")
+        if facets is not None:
+            self.grid = facets.on(self.grid)
+        self._files = " and ".join(str(own[key]) for key in ("mesh", "facets") if key in own)
         if "law" not in table:
             raise place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         self.law = choice(place / "law", schema.LAWS, table["law"])
@@ -142,6 +152,10 @@ class SolidPlan:
         ]
         for one in (*self._held, *self._loads):
             self._group(one)
+
+    def __str__(self) -> str:
+        groups = ", ".join(self.grid.groups) or "none"
+        return f"{self._files}, groups {groups}"
 
     def _one_held(self, place: Place, said: Any) -> Call:
         if isinstance(said, str):
@@ -169,7 +183,7 @@ class SolidPlan:
         finally:
             # ffcx would have all warnings in its log.
             warnings.showwarning = show
-        grid, degree, density = self._solid.make()
+        _, degree, density = self._solid.make()
         if degree not in (1, 2):
             raise (self.place / "degree").error(f"got {degree}, need 1 or 2")
         if not density >= 0.0:
@@ -178,7 +192,7 @@ class SolidPlan:
         loads = [one.make(**self._group(one)) for one in self._loads]
         law = self.law.make()
         with self.place.locating(self._solid.keys):
-            found = groups.Groups(*grid)
+            found = groups.Groups(*self.grid)
             space = groups.space_of(found, degree)
             conditions, external = groups.conditions(space, found, fixed), groups.external(space, found, loads)
             return Solid(space, law, density, conditions, external), found

@@ -44,7 +44,7 @@ def tie(
     along: tuple[float, float] | None = None,
     gap: float | None = None,
     kind: str = "weld",
-    bond: float = 0.0,
+    bond: float | Sequence[tuple[float, float]] = 0.0,
 ) -> Tie:
     """Return the weld of two surfaces, whose meshes need not match (`isorod.model.tie.Tie`).
 
@@ -64,7 +64,9 @@ def tie(
         `"weld"`; `"slide"`: displacements along the normal alone are the same; or `"mean"`: mean displacement and
         rotation of the slave alone (a distributing coupling).
     bond
-        Of what slides: tangential traction per slip, force / length^3.
+        Of what slides: tangential traction per slip, force / length^3; or a law: points `[slip, traction]` from
+        `[0, 0]` on, slips ascending, straight between them, the last traction beyond. It is elastic, unloading goes
+        back on the same curve; statics and modes alone take it.
     """
     if along is not None:
         if not isinstance(slave, LateralSurface):

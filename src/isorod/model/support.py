@@ -167,6 +167,8 @@ class Support(Checked):
             If a node or a component is not there, or a displacement, turn or arm is not of its shape or not finite.
         """
         nodes = np.asarray(self.nodes, dtype=np.int64)
+        if not nodes.size:
+            raise InputError(f"got no nodes of body {self.body}, need at least one")
         bad = (nodes < 0) | (nodes >= space.nodes)
         if bad.any():
             raise InputError(f"node {nodes[np.argmax(bad)]} is not in body {self.body}")

@@ -1,12 +1,14 @@
 """Ties: surfaces of two bodies, with meshes of their own, that are welded together."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from isorod.errors import Checked, InputError, finite, positive, whole_number
+from isorod.model.bond import BondLaw
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ class Tie(Checked):
         ``"weld"``; ``"slide"``: displacements along the slave's normal alone are the same; or ``"mean"``: its mean
         displacement and its mean rotation alone, so that neither surface is stiffened (a distributing coupling).
     bond
-        Of what slides, stiffness of the bond: tangential traction per slip, force / length^3.
+        Of what slides: stiffness of the bond, tangential traction per slip, force / length^3; or points ``(slip,
+        traction)`` of a law (`isorod.model.bond.BondLaw`).
     gap
         The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
         the slave's size, the root of its area over pi.
@@ -121,7 +124,7 @@ class Tie(Checked):
     master: Surface
     gap: float | None = None
     kind: str = "weld"
-    bond: float = 0.0
+    bond: float | Sequence[tuple[float, float]] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -129,9 +132,14 @@ class Tie(Checked):
             positive("tie: gap", self.gap)
         if self.kind not in KINDS:
             raise InputError(f"tie: got kind {self.kind!r}, need one of {', '.join(KINDS)}")
-        finite("tie: bond", self.bond, "a stiffness, not negative")
-        if self.bond < 0.0 or (self.bond and self.kind != "slide"):
-            raise InputError(f"tie: got bond {self.bond:g} of kind {self.kind!r}, need a positive one of 'slide'")
+        if np.ndim(self.bond):
+            self._set(bond=tuple((float(slip), float(traction)) for slip, traction in self.bond))  # type: ignore[union-attr]
+        try:
+            BondLaw(self.bond)
+        except InputError as problem:
+            raise InputError(f"tie: {problem}") from None
+        if self.bond and self.kind != "slide":
+            raise InputError(f"tie: got a bond of kind {self.kind!r}, need 'slide'")
         first, second = (
             ("solid", one.solid) if isinstance(one, SolidSurface) else ("body", one.body)
             for one in (self.slave, self.master)
@@ -145,6 +153,11 @@ class Tie(Checked):
                 "make the rod's end the slave",
                 stacklevel=3,
             )
+
+    @property
+    def law(self) -> BondLaw | None:
+        """The law of the bond, if there is one."""
+        return BondLaw(self.bond) if self.bond else None
 
     def __str__(self) -> str:
         return f"{self.slave} to {self.master}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from isorod.model.contact import Cylinder, Obstacle, Plane, Sphere
 from isorod.model.load import SectionLoad
 from isorod.model.model import Model
 from isorod.output import picture
+from isorod.output.solids import mesh_of, told
 from isorod.space.space import Space
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 # Of rods, one after the other, and of what is beside them.
 _TINTS = ("#e3b587", "#8fb7dd", "#a5cf93", "#d9a0c3", "#c9c07a", "#8ecfc9", "#c3aee0")
 _POINTS, _HELD, _MOVED, _LOADED, _OBSTACLE, _LAID = "#a01c1c", "#303030", "#1f5fbf", "#d9480f", "#868c93", "#9db1c4"
+_CELLS = "#6d7f5e"
 
 # Points round a section and slices of an element, and no more slices of a rod than this.
 _AROUND = 64
@@ -30,6 +33,9 @@ _SLICES, _MOST = 16, 4000
 
 # Pixels at the right for the legend and the axes.
 _ROOM = 190
+
+# Width of a letter of what is written, pixels, at most.
+_LETTER = 9
 
 # Length of an arrow over the size of all rods, or over the section's radius where it would not come out of it.
 _ARROW, _OUT = 0.12, 2.0
@@ -43,7 +49,8 @@ def show(
 ) -> "Image":
     """Return a picture of rods with their control points, which a notebook shows; ``save("rod.png")`` keeps it.
 
-    Of a model also held ends and prescribed displacements, loads and obstacles; arrows say where to, not how far.
+    Of a model also held ends and prescribed displacements, loads, obstacles and finite element bodies; arrows say where
+    to, not how far.
 
     Parameters
     ----------
@@ -64,8 +71,9 @@ def show(
     model = what if isinstance(what, Model) else None
     rods = list(_rods(what))
     picture.check(view, size, "show")
+    solids = [] if model is None else [told(one, f"solid {k}") for k, one in enumerate(model.solids)]
     with picture.stage(size) as plotter:
-        draw(plotter, rods, model, None, title, view, size)
+        draw(plotter, rods, model, None, "\n".join(filter(None, [title, *solids])), view, size)
         return picture.taken(plotter)
 
 
@@ -97,10 +105,14 @@ def draw(
         for name, colour, points in chain(_marks(plotter, model, extent), _obstacles(plotter, model, everything)):
             legend[name] = colour
             seen.append(points)
+        for points in _cells(plotter, model):
+            legend["finite elements"] = _CELLS
+            seen.append(points)
         if start is not None:
             legend["as it begins"] = _LAID
             seen += _laid(plotter, model, start)
-    words = "\n".join(filter(None, [title, _counts(rods)]))
+    letters = (size[0] - _ROOM) // _LETTER
+    words = "\n".join(fill(line, letters) for line in f"{title}\n{_counts(rods)}".splitlines() if line)
     picture.write(plotter, words, (10, 8))
     picture.write(plotter, _extents(everything), (10, -8), 9)
     for k, (name, colour) in enumerate(legend.items()):
@@ -261,6 +273,16 @@ def _obstacles(plotter: Any, model: Model, rods: Array) -> Iterator[tuple[str, s
             if edges.n_points:
                 plotter.add_mesh(edges, color=_OBSTACLE, line_width=1.5, lighting=False)
             yield "obstacle", _OBSTACLE, mesh.points[np.abs(mesh.points - middle).max(axis=1) < 0.75 * extent]
+
+
+def _cells(plotter: Any, model: Model) -> Iterator[Array]:
+    """Add the surfaces of finite element bodies with the edges of their cells, and yield points of each."""
+    for solid in model.solids:
+        outer = mesh_of(solid).extract_surface(algorithm="dataset_surface")
+        # One sees what is within.
+        plotter.add_mesh(outer, color=_CELLS, opacity=0.35, lighting=False)
+        plotter.add_mesh(outer.extract_all_edges(), color=_CELLS, line_width=1.0, lighting=False)
+        yield outer.points
 
 
 def _laid(plotter: Any, model: Model, displacement: Array) -> Iterator[Array]:

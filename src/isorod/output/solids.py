@@ -37,6 +37,32 @@ def owned(model: Model, everywhere: Array) -> list[Array]:
     return found
 
 
+def told(solid: "Solid", name: str) -> str:
+    """Return in words what a body of a name is made of; collective."""
+    from isorod.fenics.groups import described
+
+    of = described(solid)
+    made = f"{of['cells']:,} {of['kind']} of degree {of['degree']}, {of['nodes']:,} nodes, volume {solid.volume:.6g}"
+    return f"{name}, {made}, {'a form' if solid.law is None else type(solid.law).__name__}"
+
+
+def mesh_of(solid: "Solid") -> "pyvista.UnstructuredGrid":
+    """Return the undeformed body, on one rank.
+
+    Raises
+    ------
+    InputError
+        If pyvista is not installed.
+    """
+    from isorod.fenics import compat
+    from isorod.output import vtk
+
+    vtk.require()
+    import pyvista
+
+    return pyvista.UnstructuredGrid(*compat.vtk_cells(solid.space))
+
+
 def grid(solid: "Solid", u: Array, factor: float = 1.0) -> "pyvista.UnstructuredGrid":
     """Return the undeformed body with its ``displacement`` and, where it has a law, ``von_mises``, on one rank.
 
@@ -54,13 +80,9 @@ def grid(solid: "Solid", u: Array, factor: float = 1.0) -> "pyvista.Unstructured
     InputError
         If pyvista is not installed.
     """
-    from isorod.fenics import compat
-    from isorod.output import stress, vtk
+    from isorod.output import stress
 
-    vtk.require()
-    import pyvista
-
-    mesh = pyvista.UnstructuredGrid(*compat.vtk_cells(solid.space))
+    mesh = mesh_of(solid)
     mesh.point_data["displacement"] = u.reshape(-1, 3)
     if solid.law is not None:
         law, F = solid.law.at(factor), np.eye(3) + solid.gradients(u)

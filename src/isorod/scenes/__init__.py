@@ -124,6 +124,10 @@ class Scene(Checked):
         """Return the names of the rods, where they have names."""
         return []
 
+    def solid_names(self) -> list[str]:
+        """Return the names of the finite element bodies, each with its mesh and the groups of that."""
+        return []
+
     def tie_names(self) -> list[str]:
         """Return the names of the ties, where they have names."""
         return []

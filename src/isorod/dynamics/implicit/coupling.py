@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.coupling import Coupling
+from isorod.errors import InputError
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -26,14 +27,18 @@ class StepCoupling(Coupling):
         Sum of the norms of the solids' inertial and internal forces and loads at the last residual.
     """
 
+    _share = 0.5
+
     def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
+        for k, tie in enumerate(model.ties):
+            if tie.law is not None and not tie.law.linear:
+                raise InputError(
+                    f"tie {k}: bond: a law of traction over slip is for statics and modes; give a stiffness"
+                )
         super().__init__(model, comm, unknown_of, rows, unknowns)
         self.steps = _steps(model.solids)
         self.amount = 0.0
         self._start = np.zeros(self.constraints.held.size)
-        if self.bonds is not None:
-            self.bonds, self._pushed = 0.5 * self.bonds, 0.5 * self._pushed
-            self._bonds.scale(0.5)
 
     def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
         """Set the state a step starts from (all degrees of freedom), its length and the damping."""
@@ -61,20 +66,15 @@ class StepCoupling(Coupling):
         """Return nothing: steps ask for the ``amount``."""
         return 0.0
 
-    def bond_forces(self, moved: Array) -> Array:
-        """Return the forces of bonds on all degrees of freedom, of a change of these."""
-        return super().bond_forces(moved + 2.0 * self._start)
-
-    def add_bonds(self, x: PETSc.Vec | None, given: Array, out: PETSc.Vec) -> None:
-        """Add the forces of bonds."""
-        super().add_bonds(x, given + 2.0 * self._start, out)
+    def _seen(self, moved: Array) -> Array:
+        """Return the mean of both states, of the change between them."""
+        return self._start + self._share * moved
 
     def bonded(self, displacement: Array) -> tuple[Array | float, float]:
         """Return the forces of bonds in a state on all degrees of freedom, and their energy."""
         if self.bonds is None:
             return 0.0, 0.0
-        half = self.bonds @ displacement
-        return 2.0 * half, float(displacement @ half)
+        return self.bonds.forces(displacement), self.bonds.energy(displacement)
 
 
 def _steps(solids: "Sequence[Solid]") -> "list[Step]":

@@ -1,0 +1,168 @@
+"""Bonds of ties that slide: forces and tangent of a potential of the slip, on the degrees of freedom of all bodies."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+from scipy.sparse import bsr_array, csr_array
+
+from isorod.arrays import Array, Index
+from isorod.model.bond import BondLaw
+
+
+class Bond(NamedTuple):
+    """The bond of a tie, at the points of its slave.
+
+    Attributes
+    ----------
+    jump : (q, nodes)
+        The master's less the slave's functions, on all nodes.
+    nodes, values : (q, m)
+        The same: nodes, and what of these the jump is made of.
+    normals, weights
+        The slave's normals at rest ``(q, 3)``, and areas ``(q,)``.
+    law
+        Of the size of the slip.
+    """
+
+    jump: csr_array
+    nodes: Index
+    values: Array
+    normals: Array
+    weights: Array
+    law: BondLaw
+
+    def slips(self, moved: Array) -> Array:
+        """Return the slips ``(q, 3)`` of displacements of all degrees of freedom ``(dofs,)``."""
+        return tangential(self.jump @ moved.reshape(-1, 3), self.normals)
+
+    def forces(self, moved: Array) -> Array:
+        """Return the forces ``(dofs,)`` on all degrees of freedom: the derivative of the energy."""
+        slips = self.slips(moved)
+        secant = self.law.at(np.linalg.norm(slips, axis=1))[0]
+        return np.asarray(self.jump.T @ ((self.weights * secant)[:, None] * slips)).ravel()
+
+    def energy(self, moved: Array) -> float:
+        """Return the energy."""
+        return float(self.weights @ self.law.at(np.linalg.norm(self.slips(moved), axis=1))[2])
+
+    def stiffness(self, moved: Array) -> Array:
+        """Return the derivative of the traction by the jump, times areas, at each point ``(q, 3, 3)``; symmetric."""
+        slips = self.slips(moved)
+        sizes = np.linalg.norm(slips, axis=1)
+        secant, tangent, _ = self.law.at(sizes)
+        way = slips / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+        across = np.eye(3) - self.normals[:, :, None] * self.normals[:, None]
+        along = way[:, :, None] * way[:, None]
+        return np.asarray(
+            (self.weights * secant)[:, None, None] * across + (self.weights * (tangent - secant))[:, None, None] * along
+        )
+
+
+class _Piece(NamedTuple):
+    """Points of a bond at which the same functions do not vanish.
+
+    Attributes
+    ----------
+    bond
+        The bond.
+    points
+        Their numbers among its points, ``(p,)``.
+    values : (p, m)
+        The functions.
+    mine : (m,)
+        Which of these are of nodes whose rows this rank has.
+    """
+
+    bond: Bond
+    points: Index
+    values: Array
+    mine: NDArray[np.bool_]
+
+
+class Bonds:
+    """All bonds of a model.
+
+    Parameters
+    ----------
+    bonds
+        One or more.
+    nodes
+        Number of all nodes.
+    comm
+        Communicator of the matrix.
+
+    Attributes
+    ----------
+    matrix
+        The tangent on all degrees of freedom (AIJ), of the state that was `set`.
+    linear
+        Whether it is the same in all states.
+    """
+
+    def __init__(self, bonds: Sequence[Bond], nodes: int, comm: PETSc.Comm) -> None:
+        self._bonds, self._nodes = bonds, nodes
+        self.linear = all(one.law.linear for one in bonds)
+        rank, size = comm.getRank(), comm.getSize()
+        first, last = nodes * rank // size, nodes * (rank + 1) // size
+        self._pieces, places = [], [np.empty(0, dtype=np.int64)]
+        for bond in bonds:
+            sets, of = np.unique(bond.nodes, axis=0, return_inverse=True)
+            order = np.argsort(of.ravel(), kind="stable")
+            for own, points in zip(sets, np.split(order, np.cumsum(np.bincount(of.ravel()))[:-1]), strict=True):
+                mine = (own >= first) & (own < last)
+                self._pieces.append(_Piece(bond, points, bond.values[points], mine))
+                places.append(((own[mine] - first)[:, None] * nodes + own).ravel())
+        # Pairs of nodes, row by row, and of each entry of each piece which one it is.
+        self._pairs, self._which = np.unique(np.concatenate(places), return_inverse=True)
+        sizes = ((3 * (last - first), 3 * nodes),) * 2
+        row = np.searchsorted(self._pairs, nodes * np.arange(last - first + 1, dtype=np.int64))
+        self._start = row, self._pairs % nodes
+        csr = self._expanded(np.zeros((self._pairs.size, 3, 3)))
+        self.matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
+        self.matrix.assemble()
+
+    def _expanded(self, blocks: Array) -> tuple[Array, Array, Array]:
+        """Return the rows of this rank with blocks ``(pairs, 3, 3)`` of pairs of nodes, as PETSc takes them."""
+        start, column = self._start
+        shape = 3 * (start.size - 1), 3 * self._nodes
+        whole = csr_array(bsr_array((blocks, column, start), shape=shape).tocsr())
+        return whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data
+
+    def set(self, moved: Array, share: float = 1.0) -> None:
+        """Let the matrix be ``share`` times the tangent at displacements of all degrees of freedom ``(dofs,)``."""
+        stiffness = {id(one): share * one.stiffness(moved) for one in self._bonds}
+        found = [np.empty((0, 3, 3))]
+        for one in self._pieces:
+            own, every = stiffness[id(one.bond)][one.points], one.values
+            products = every[:, one.mine].T @ (own.reshape(-1, 9).T[:, :, None] * every)
+            found.append(np.moveaxis(products, 0, 2).reshape(-1, 3, 3))
+        entries = np.concatenate(found).reshape(-1, 9)
+        count = self._pairs.size
+        sums = [np.bincount(self._which.ravel(), one, count) for one in entries.T]
+        blocks: Array = np.stack(sums, axis=1).astype(float)
+        self.matrix.setValuesCSR(*self._expanded(blocks.reshape(-1, 3, 3)))
+        self.matrix.assemble()
+
+    def forces(self, moved: Array) -> Array:
+        """Return the forces on all degrees of freedom ``(dofs,)``, of displacements of these."""
+        return np.asarray(sum(one.forces(moved) for one in self._bonds))
+
+    def change(self, moved: Array, way: Array) -> Array:
+        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
+        result = np.zeros(moved.size)
+        for one in self._bonds:
+            tractions = np.einsum("qab,qb->qa", one.stiffness(moved), one.jump @ way.reshape(-1, 3))
+            result += np.asarray(one.jump.T @ tractions).ravel()
+        return result
+
+    def energy(self, moved: Array) -> float:
+        """Return the energy of all."""
+        return sum(one.energy(moved) for one in self._bonds)
+
+
+def tangential(vectors: Array, normals: Array) -> Array:
+    """Return the parts of vectors ``(q, 3)`` across normals."""
+    return np.asarray(vectors - np.sum(vectors * normals, axis=1)[:, None] * normals)
