@@ -13,6 +13,7 @@ from isorod.model.tie import EndFace, Tie
 
 LAW = LinearElastic(10.0, 0.3)
 PUSH = np.array([0.0, 3e-6, 2e-6])
+BONDED = Tie(EndFace(1, "start"), EndFace(0, "end"), kind="slide", bond=20.0)
 CENTER = np.array([0.0, 0.0, 2.0])
 
 
@@ -41,7 +42,9 @@ def rates(model, history, step):
 
 
 @pytest.mark.parametrize(
-    ("tie", "sign"), [(WELD, 1.0), (Tie(EndFace(0, "end"), EndFace(1, "start")), -1.0)], ids=["upper", "lower"]
+    ("tie", "sign"),
+    [(WELD, 1.0), (Tie(EndFace(0, "end"), EndFace(1, "start")), -1.0), (BONDED, 1.0)],
+    ids=["upper", "lower", "bonded"],
 )
 def test_a_tie_exerts_what_changes_the_momenta(tie, sign):
     """Central differences of them are the tie's force and moment but for an error of second order in the step."""
