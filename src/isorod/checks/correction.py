@@ -14,7 +14,7 @@ from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
-from isorod.petsc.direct import direct
+from isorod.petsc.direct import direct, room
 
 if TYPE_CHECKING:
     from isorod.contact.frozen import Frozen
@@ -74,7 +74,7 @@ def corrected(
             if added:
                 matrix.axpy(*added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             ksp.setOperators(matrix)
-            with defaults(unscaled(assembler, _PREFIX)):
+            with defaults(room(assembler.comm, _PREFIX) | unscaled(assembler, _PREFIX)):
                 ksp.solve(force, change)
             size = change.norm()
         x.axpy(-1.0, change)

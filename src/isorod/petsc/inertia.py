@@ -7,6 +7,7 @@ from scipy.linalg import lapack
 from isorod.petsc.band import Factors
 from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.banded import is_banded
+from isorod.petsc.direct import WORK_SPACE
 from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors
 
@@ -32,8 +33,7 @@ def prepare(pc: PETSc.PC) -> None:
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(13, 1)
     factor.setMumpsIcntl(24, 1)
-    # Room beyond its estimate, in per cent: on several ranks 20 can fall short by a little.
-    factor.setMumpsIcntl(14, 50)
+    factor.setMumpsIcntl(14, WORK_SPACE)
 
 
 def is_factored(pc: PETSc.PC) -> bool:

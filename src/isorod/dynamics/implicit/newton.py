@@ -6,6 +6,8 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.factorisation import factorisation
 from isorod.dynamics.implicit.assembler import StepAssembler
+from isorod.options import defaults
+from isorod.petsc.direct import room
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 
@@ -75,7 +77,8 @@ class Newton:
         self._factor = factor
         self._last = np.inf
         self.assembler.guess(guess).copy(self.x)
-        self.snes.solve(None, self.x)
+        with defaults(room(self.assembler.comm)):
+            self.snes.solve(None, self.x)
         self.iterations += self.snes.getIterationNumber()
         if self.snes.getConvergedReason() < 0 and not self._accurate():
             return None
