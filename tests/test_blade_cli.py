@@ -87,10 +87,11 @@ def refused(blade, tmp_path):
         ("--twist -91", "twist: got -91 degrees"),
         ("--chord 0 --airfoil 2412", "chord: got 0, need a positive length"),
         (
-            "--chord 1e-8",
+            "--chord 1e-6",
             r"body 0 is free to turn about \(.*\) \(rigid-body mode, to 1e-8 of its size\)"
             ".*add a support, or give a shift",
         ),
+        ("--chord 1e-8", "rod: 1.66e.09 radii long, need at most 6.7e.07"),
         ("--airfoil 24", "airfoil: got '24', need a NACA 4-digit number such as 2412"),
         ("--airfoil 2400", "airfoil: got '2400'"),
         ("--airfoil clarky", "airfoil: got 'clarky'"),

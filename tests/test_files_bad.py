@@ -140,7 +140,7 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         (f"analysis = 'modal'\n{ROD}{ENDS}[measure.a]\nreaction = 'low'\n", "10: measure: no measures in"),
         (
             f"analysis = 'dynamics'\n{ROD}{ENDS}[measure.a]\nmoment = 'low'\n",
-            "11: measure.a: 'moment' is not known; known: reaction, displacement",
+            "11: measure.a: 'moment' is not known; did you mean tie_moment.",
         ),
         # At odds.
         (f"{HELD}[support.more]\nend = 'end'\ndisplacement = [1, 0, 0]\n", "12: support.more"),
