@@ -82,13 +82,13 @@ def bars(integrator):
 [rod.lower]
 curve = {{straight = 2.0}}
 section = {{circle = 0.5}}
-space = {{elements = 2, degree = 3, section_degree = 2}}
+space = {{elements = 4, degree = 3, section_degree = 2}}
 law = {{NeoHookean = {{E = 10.0, nu = 0.3}}}}
 density = 1.0
 [rod.upper]
 curve = {{straight = {{start = [0.0, 0.0, 2.0], end = [0.0, 0.0, 4.0]}}}}
 section = {{circle = 0.5}}
-space = {{elements = 2, degree = 3, section_degree = 2}}
+space = {{elements = 4, degree = 3, section_degree = 2}}
 law = {{NeoHookean = {{E = 10.0, nu = 0.3}}}}
 density = 1.0
 [support.foot]
