@@ -95,7 +95,7 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(turned):
     assert ((ends[0] - ends[1]) * (0.5 / small) - out).norm() < 1e-6 * out.norm()
 
 
-@pytest.mark.parametrize("slip", [0.05, 0.2, 0.6])
+@pytest.mark.parametrize("slip", [pytest.param(0.05, marks=pytest.mark.slow), 0.2, 0.6])
 def test_a_stiff_rod_is_pulled_out_by_perimeter_times_length_times_traction(slip):
     """Along and round it: 2 pi r L tau, and r times that as a torque."""
     bodies, held, tie = in_hole(2.0, RIGID, elements=2)
@@ -115,7 +115,7 @@ def test_a_stiff_rod_is_pulled_out_by_perimeter_times_length_times_traction(slip
     )
 
 
-@pytest.mark.parametrize("end", [0.12, 0.25, 0.4])
+@pytest.mark.parametrize("end", [pytest.param(0.12, marks=pytest.mark.slow), 0.25, 0.4])
 def test_a_bar_pulled_out_of_its_bond_is_that_of_shear_lag(end):
     """``E A u'' = 2 pi r tau(u)``, ``u'(0) = 0``, ``u(L) = end``; stiff in shear and without Poisson's effect."""
     length, radius, young = 6.0, 0.1, 100.0

@@ -118,7 +118,7 @@ def on_these_ranks(path):
             )
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_ranks_move_as_one(ranks, on_ranks, tmp_path):
     on_these_ranks(tmp_path / "one")
     on_ranks(ranks, f"test_tie_explicit.on_these_ranks({str(tmp_path / 'all')!r})")
