@@ -96,3 +96,22 @@ def _section(name, rows, binary, count=None):
     else:
         body = "\n".join(" ".join(repr(float(v)) if k == "d" else str(int(v)) for v in row) for k, row in rows).encode()
     return f"${name}\n".encode() + head + body + f"\n$End{name}\n".encode()
+
+
+# A bar that is pressed by 0.01 on the top of `box`, in a file without analysis and supports; ends with its contact.
+BAR_ON_BOX = """
+[rod.bar]
+curve = {straight = {start = [-1.5, 0.0, 0.29], end = [1.5, 0.0, 0.29]}}
+section = {circle = 0.3}
+law = {NeoHookean = {E = 20.0, nu = 0.3}}
+density = 1.0
+space = {elements = 3}
+[solid.block]
+mesh = "block.msh"
+law = {NeoHookean = {E = 5.0, nu = 0.3}}
+density = 1.0
+held = "bottom"
+[contact.on]
+first = "bar"
+second = "block.top"
+"""

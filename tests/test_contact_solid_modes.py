@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 from conftest import straight
 from dolfinx import fem
-from msh import box, content
+from msh import BAR_ON_BOX, box, content
 from surfaces import FIT, OUTER
 from test_contact_solid import block, lying
 from test_contact_solid_motion import heavy
@@ -172,26 +172,13 @@ def test_what_is_not_known_is_refused():
         modal.solve(Model(bodies, model.supports, contacts=model.contacts, solids=[linear]), 2)
 
 
-SCENE = """
-analysis = {modal = {modes = 2}}
-[rod.bar]
-curve = {straight = {start = [-1.5, 0.0, 0.29], end = [1.5, 0.0, 0.29]}}
-section = {circle = 0.3}
-law = {NeoHookean = {E = 20.0, nu = 0.3}}
-density = 1.0
-space = {elements = 3}
+SCENE = f"""
+analysis = {{modal = {{modes = 2}}}}
+{BAR_ON_BOX}
 [support.start]
 end = "start"
 [support.end]
 end = "end"
-[solid.block]
-mesh = "block.msh"
-law = {NeoHookean = {E = 5.0, nu = 0.3}}
-density = 1.0
-held = "bottom"
-[contact.on]
-first = "bar"
-second = "block.top"
 """
 
 

@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 import solids
 from conftest import straight
 from dolfinx import mesh
-from msh import box, content
+from msh import BAR_ON_BOX, box, content
 from test_contact_solid import SOFT, block, fitted, lying
 from touching import ACROSS, moved
 
@@ -270,22 +270,9 @@ def test_two_ranks_move_as_one(on_ranks, tmp_path):
         assert two[name] == pytest.approx(one[name], rel=1e-9, abs=1e-12), name
 
 
-SCENE = """
-analysis = {dynamics = {end_time = 2.0, time_step = 0.05, outputs = 10, integrator = "implicit"}}
-[rod.bar]
-curve = {straight = {start = [-1.5, 0.0, 0.31], end = [1.5, 0.0, 0.31]}}
-section = {circle = 0.3}
-law = {NeoHookean = {E = 20.0, nu = 0.3}}
-density = 1.0
-space = {elements = 3}
-[solid.block]
-mesh = "block.msh"
-law = {NeoHookean = {E = 5.0, nu = 0.3}}
-density = 1.0
-held = "bottom"
-[contact.on]
-first = "bar"
-second = "block.top"
+SCENE = f"""
+analysis = {{dynamics = {{end_time = 2.0, time_step = 0.05, outputs = 10, integrator = "implicit"}}}}
+{BAR_ON_BOX.replace("0.29", "0.31")}
 friction = 0.2
 [load.weight]
 body_force = [0.0, 0.0, -0.1]
