@@ -208,6 +208,17 @@ def test_what_a_file_holds(write, tmp_path):
         assert ((middles - found.vertices.mean(axis=0)) * found.normals()[:, 0]).sum(axis=1).min() > 0.9
 
 
+def test_normals_of_edges_and_corners_do_not_depend_on_how_faces_are_cut():
+    """Of a cube: of a face its own, of an edge the mean of its faces', of a corner along the diagonal."""
+    cube = blocks([(0, 0, 0)], (-1.0, -1.0, -1.0), 2.0)
+    corners, found = cube.corners, cube.normals()
+    edges = 0.5 * (corners + np.roll(corners, -1, axis=1))
+    # On a cube about the origin a normal points to where it stands, of diagonals of faces as of faces.
+    to = np.concatenate([corners.mean(axis=1, keepdims=True), edges, corners], axis=1)
+    outwards = np.where(np.abs(to) > 1.0 - 1e-12, np.sign(to), 0.0)
+    np.testing.assert_allclose(found, outwards / np.linalg.norm(outwards, axis=2, keepdims=True), atol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

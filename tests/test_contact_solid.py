@@ -191,19 +191,33 @@ def test_friction_holds_back_what_is_drawn_along():
     assert rough.reactions[:, 0].sum() == pytest.approx(-contact.resultant[0] - contact.friction[0], abs=1e-9)
 
 
+def seen():
+    """Return how many points a narrow patch is looked at with, and the width of it."""
+    model = lying(radius=0.4, height=-0.01, push=0.0)
+    contact = assembler_for(model).contact
+    rest = np.zeros(model.dofs + contact.beyond.size)
+    contact.space_evenly()
+    contact.see_better(rest, between=False)
+    contact.forces(rest)
+    contact.ranks.gather(contact.packed, contact.packed.states, contact.packed.starts)
+    (width,) = widths(contact.packed)
+    return [*contact.points[0], width.around]
+
+
 def pressed():
     """Return the reactions and the force of contact, with friction."""
     solved = statics.solve(lying(along=0.02, friction=0.3), petsc={"snes_rtol": 1e-12})
     return np.append(solved.reactions.ravel(), solved.contacts[0].force)
 
 
-def same(expected):
+def same(expected, points):
     assert pressed() == pytest.approx(np.array(expected), abs=1e-9)
+    assert seen() == pytest.approx(points, rel=1e-12)
 
 
 @pytest.mark.mpi
 def test_ranks_agree(on_ranks):
-    on_ranks(2, f"test_contact_solid.same({pressed().tolist()!r})")
+    on_ranks(2, f"test_contact_solid.same({pressed().tolist()!r}, {seen()!r})")
 
 
 @pytest.mark.parametrize(

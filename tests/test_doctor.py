@@ -128,6 +128,8 @@ def test_what_petsc_was_built_with_is_judged(monkeypatch, scalar, packages, code
     monkeypatch.setitem(sys.modules, "petsc4py.PETSc", petsc(scalar, packages))
     result, text = run()
     assert result == code
+    assert f"{scalar}, int32" in row(text, "PETSc scalar, index")
+    assert ("MUMPS" if "mumps" in packages else "PETSc's own only") in row(text, "direct solvers")
     assert said in text
     assert "PETSc 3.99.0" in text
 

@@ -75,6 +75,14 @@ def test_the_papers_airfoil(capsys):
         assert record["cells"] == 96
 
 
+def test_what_is_not_given(capsys):
+    """The section at the begin of the axis, of the first rod, at level 2 with degree 3."""
+    for words in ("blade", "blade --rod 0 --u 0 --level 2 --degree 3"):
+        assert main(words.split()) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert json.loads(first) == json.loads(second)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

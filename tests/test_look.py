@@ -283,6 +283,20 @@ def test_files_that_are_damaged_or_gone_are_one_line(model, tmp_path, capfd):
     assert re.fullmatch(r"isorod: \S*bad.pvd: cannot be read .*\n", capfd.readouterr().err)
 
 
+def test_a_file_alone_is_a_result(tmp_path):
+    (tmp_path / "rod.vtu").touch()
+    (tmp_path / "rod.csv").touch()
+    entries = "".join(
+        f'<DataSet timestep="{time}" part="{part}" file="{time}-{part}.vtu"/>' for time in (2, 1) for part in (1, 0)
+    )
+    (tmp_path / "rod.pvd").write_text(f"<VTKFile><Collection>{entries}</Collection></VTKFile>")
+    shape, series, curves = (reading.find(str(tmp_path / f"rod.{kind}")) for kind in ("vtu", "pvd", "csv"))
+    assert shape == reading.Result("rod", {}, (reading.Step(0.0, (tmp_path / "rod.vtu",)),), None)
+    steps = [reading.Step(float(t), (tmp_path / f"{t}-0.vtu", tmp_path / f"{t}-1.vtu")) for t in (1, 2)]
+    assert series == reading.Result("rod", {}, tuple(steps), None)
+    assert curves == reading.Result("rod", {}, (), tmp_path / "rod.csv")
+
+
 def test_a_line_that_is_no_record_is_left_out_with_a_warning(tmp_path):
     """As a run that was killed may leave it."""
     records = [json.dumps({"scene": name, "files": []}) for name in "ab"]

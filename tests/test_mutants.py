@@ -130,7 +130,10 @@ def reach(tmp_path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests/test_kernel.py").write_text(TESTS)
     (place / "stranger.py").write_text("def outer(x):\n    return x\n")
+    (place / "adding.py").write_text("@njit\ndef add(x):\n    return x\n")
+    (place / "writer.py").write_text('_NAMES = {"isorod.adding": "add"}\n\n\ndef text():\n    return _NAMES\n')
     seen = {"src/isorod/user.py": {7: {"applies"}, 11: {"others"}}, "src/isorod/stranger.py": {2: {"strange"}}}
+    seen["src/isorod/writer.py"] = {5: {"writes"}}
     tests = "test_it[1] test_it[2] test_other test_offered test_listed[no]".split()
     seconds = {f"tests/test_kernel.py::{test}": 1.0 for test in tests}
     return Reach(tmp_path, covered.Covered(seconds, {}, {}, seen, []))
@@ -151,6 +154,7 @@ def reach(tmp_path):
             {f"tests/test_kernel.py::{test}" for test in ("test_offered", "test_listed[no]")},
         ),  # by the package
         ("stranger.py", 2, {"strange"}),
+        ("adding.py", 3, {"writes"}),  # compiled, in code that is written at run time
     ],
 )
 def test_tests_are_those_that_run_the_line_or_what_uses_it(reach, path, line, tests):

@@ -90,6 +90,8 @@ class Code:
     def _uses(self, path: str, nodes: list[ast.AST], own: set[str]) -> frozenset[Name]:
         found: set[Name | None] = set()
         for node in (one for top in nodes for one in _without_types(top)):
+            if isinstance(node, ast.Dict):
+                found |= self._listed(node)
             if isinstance(node, ast.Name) and node.id not in own:
                 found.add(self._trace(path, node.id))
             if isinstance(node, ast.Attribute):
@@ -98,6 +100,14 @@ class Code:
                 known = self._paths.get(module) if not inner and base not in own else None
                 found.add(self._trace(known, node.attr) if known else ("", node.attr))
         return frozenset(name for name in found if name)
+
+    def _listed(self, table: ast.Dict) -> set[Name | None]:
+        """Return what a table of modules and names in them stands for: generated code imports them."""
+        found: set[Name | None] = set()
+        for key, value in zip(table.keys, table.values, strict=True):
+            if isinstance(key, ast.Constant) and key.value in self._paths and isinstance(value, ast.Constant):
+                found |= {self._trace(self._paths[key.value], name) for name in str(value.value).split()}
+        return found
 
     def _fixtures(self, path: str, node: ast.FunctionDef) -> frozenset[Name]:
         """Return the fixtures that a test or fixture asks for: its arguments, made in its file or in conftest.py."""

@@ -121,7 +121,7 @@ class Turning:
             if not whole or space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
                 return False
             ends[int(layers[0])] = motion.turn
-        if len(ends) < len(held) or len(ends) < 2:
+        if len(ends) < 2:
             return False
         first, last = ends[0], ends[space.layers - 1]
         turned = _rotations(self._arms(body, np.zeros_like(displacement)), self._arms(body, displacement))

@@ -50,11 +50,12 @@ def named(make: Callable[..., "Energy"], *given: Any) -> Compiled:
 
         return source(make(*given))
 
-    return _functions(_name(f"{make.__module__}.{make.__qualname__}{given!r} {_texts()}"), text)
+    return _functions(_name(f"{make.__module__}.{make.__qualname__}{given!r}"), text)
 
 
 def _name(text: str) -> str:
-    return f"law_{sha256(f'{__version__} {text}'.encode()).hexdigest()[:16]}"
+    # Compiled modules hold copies of functions of this folder.
+    return f"law_{sha256(f'{__version__} {_texts()} {text}'.encode()).hexdigest()[:16]}"
 
 
 @cache
