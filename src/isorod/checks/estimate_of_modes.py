@@ -33,6 +33,7 @@ def of_modes(
     about: State | None = None,
     quarter: Array | None = None,
     ranks: int = 1,
+    solids: Sequence[Array] = (),
 ) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes; None where there is none.
 
@@ -52,16 +53,45 @@ def of_modes(
         The equilibrium about which they are; None for the state of rest.
     quarter
         Of a body that spins the shapes a quarter of a period later.
+    solids
+        Shapes ``(m, 3 nodes)`` of finite element bodies, on this rank, whose meshes stay.
     """
     if not eigenvalues.size:
         return None
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter)
+        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter, solids)
         return np.array([np.nan if found is None else found])
 
-    # Of the meshes of solids nothing would be known.
-    return None if model.solids else correction.total(model, directions, ranks, change, 1)[0]
+    return correction.total(model, directions, ranks, change, 1)[0]
+
+
+def of_solids(
+    model: Model, eigenvalues: Array, shapes: Sequence[Array], about: Sequence[Array] = ()
+) -> tuple[float | None, Array | None]:
+    """Return what recovered strains say of frequencies by a model's finite element bodies, and where most of it is.
+
+    Modes err by ``a(e, e) / lambda`` in their eigenvalues, ``a`` the stiffness and ``e`` the error of a shape of unit
+    mass (Babuska and Osborn, Handbook of Numerical Analysis II, 1991).  None where a body has no law; collective.
+
+    Parameters
+    ----------
+    eigenvalues, shapes
+        ``omega^2`` ``(m,)`` of modes above the rigid ones, and of each body the shapes ``(m, 3 nodes)`` on this rank.
+    about
+        Displacements of the bodies in the equilibrium about which they are; none of the state of rest.
+    """
+    if not eigenvalues.size or any(solid.law is None for solid in model.solids):
+        return None, None
+    errors = []
+    for value, *each in zip(eigenvalues, *shapes, strict=True):
+        states = about or [0.0 * one for one in each]
+        found = [solid.recovered(*pair) for solid, *pair in zip(model.solids, each, states, strict=True)]
+        most = max((one for one in found if one is not None), key=lambda one: one.work)
+        work = sum(one.work for one in found if one is not None)
+        errors.append((0.5 * work / abs(float(value)), most.place))
+    error, place = max(errors, key=lambda one: one[0])
+    return (error, place) if np.isfinite(error) else (None, None)
 
 
 def _modes(
@@ -73,6 +103,7 @@ def _modes(
     lumped: bool,
     about: State | None,
     quarter: Array | None,
+    solids: Sequence[Array],
 ) -> float | None:
     """Return the change on finer spaces."""
     assembler = assembler_for(finer.model, comm)
@@ -89,7 +120,8 @@ def _modes(
         if about is None:
             assembler.tangent(assembler.vector(), 0.0, matrix)
         else:
-            x = assembler.state(state, finer.pressures(about.pressures) if about.pressures else ())
+            pressures = finer.pressures(about.pressures) if about.pressures else ()
+            x = assembler.state(state, pressures, about.solids or 0.0)
             added = (_SLIGHT * shift, mass) if free else None
             sizes, *_ = correction.corrected(assembler, x, matrix, ksp, added)
             if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
@@ -101,7 +133,8 @@ def _modes(
             matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp.setOperators(matrix)
         if whirl is None or quarter is None:
-            pushed = [mass * assembler.state(shape) for shape in shapes]
+            parts = [[one[k] for one in solids] for k in range(len(shapes))]
+            pushed = [mass * assembler.state(shape, (), own or 0.0) for shape, own in zip(shapes, parts, strict=True)]
         else:
             later = [finer.displacement(vector) for vector in quarter]
             pushed = _whirled(assembler, mass, whirl, eigenvalues, shapes, later)

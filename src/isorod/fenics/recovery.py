@@ -23,6 +23,9 @@ _LINEAR, _OTHERS = 1.5, 2.2
 # Gradients at nodes are taken nearer to a cell's middle by this share: a curved one may be flat at a corner.
 _INWARD = 0.01
 
+# Largest gradient of a motion at which differences of stresses are taken for those of the tangent.
+_SLIGHT = 1e-6
+
 # Cells at a time.
 _AT_ONCE = 4000
 
@@ -42,7 +45,9 @@ class Recovered(NamedTuple):
     place: Array
 
 
-def recovered(cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.Comm) -> Recovered:
+def recovered(
+    cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.Comm, about: Array | None = None
+) -> Recovered:
     """Return the estimate for a body of a law; collective.
 
     Parameters
@@ -53,6 +58,9 @@ def recovered(cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.C
         Displacements of their nodes, shape ``(cells, m, 3)``.
     nodes
         Number of all nodes.
+    about
+        Displacements about which they are small motions, ``(cells, m, 3)``: the work is then that of the tangent's
+        stresses.
     """
     kind, degree = cells.element.cell_type, cells.element.degree
     X, w = (np.asarray(one) for one in basix.make_quadrature(kind, 2 * degree)[:2])
@@ -60,10 +68,13 @@ def recovered(cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.C
     table, work = tabulated(cells.element, 0, X)[0], np.zeros(len(cells.x))
     for part in _parts(cells):
         gradients, sizes = _gradients(cells, moved, part, X)
-        F = np.eye(3) + gradients
-        smooth = np.eye(3) + np.einsum("qm,cmab->cqab", table, means[cells.nodes[part]])
-        stress = law.stress(smooth) - law.stress(F)
-        work[part] = np.einsum("cqab,cqab,cq,q->c", stress, smooth - F, sizes, w)
+        smooth = np.einsum("qm,cmab->cqab", table, means[cells.nodes[part]])
+        state, scale = np.eye(3), 1.0
+        if about is not None:
+            state = state + _gradients(cells, about, part, X)[0]
+            scale = _SLIGHT / max(np.abs(gradients).max(), np.abs(smooth).max(), np.finfo(float).tiny)
+        stress = law.stress(state + scale * smooth) - law.stress(state + scale * gradients)
+        work[part] = np.einsum("cqab,cqab,cq,q->c", stress, smooth - gradients, sizes, w) / scale
     most = int(np.argmax(work)) if len(work) else 0
     found = (float(work[most]), cells.x[most].mean(axis=0)) if len(work) else (-np.inf, np.zeros(3))
     place = max(comm.allgather(found), key=lambda one: one[0])[1]

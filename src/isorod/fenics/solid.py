@@ -243,9 +243,15 @@ class Solid:
         self.set(u, 1.0)
         return self.assembled(self._load)
 
-    def recovered(self, u: Array) -> Recovered | None:
-        """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law."""
-        return None if self.law is None else recovered(*self._moved(u), self.nodes, self.law, self.comm)
+    def recovered(self, u: Array, about: Array | None = None) -> Recovered | None:
+        """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law.
+
+        With a displacement that it is ``about``, ``u`` is a small motion; both ``(3 nodes,)`` on this rank.
+        """
+        if self.law is None:
+            return None
+        state = None if about is None else self._moved(about)[1]
+        return recovered(*self._moved(u), self.nodes, self.law, self.comm, state)
 
     def gradients(self, u: Array) -> Array:
         """Return the displacement gradients at all nodes, averages of those of the cells, shape ``(nodes, 3, 3)``."""

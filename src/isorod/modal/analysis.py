@@ -1,10 +1,8 @@
 """Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -14,172 +12,15 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, rigid_motions
-from isorod.errors import InputError, SolveError, expect, whole_number
+from isorod.errors import InputError, SolveError, expect
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
-from isorod.modal.mode import Mode
+from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
 from isorod.model.model import Model
 from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
-
-if TYPE_CHECKING:
-    from isorod.contact.result import ContactResult
-    from isorod.output.matrices import Matrices
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Vibration modes, ascending: ``modes[k]`` is the `Mode` ``k``, which answers for any point of it.
-
-    Attributes
-    ----------
-    model
-        What was solved.
-    frequencies
-        ``omega / 2 pi``, cycles per time, shape ``(modes,)``; of an unstable state negative,
-        ``-sqrt(-omega^2) / 2 pi``.
-    eigenvalues
-        ``omega^2``, shape ``(modes,)``; the rigid modes of a free body come first, near zero.
-    vectors
-        Mode shapes on all degrees of freedom, shape ``(modes, dofs)``, ``x^T M x = 1``.
-    residuals
-        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; for rigid modes with the first flexible
-        ``lambda``.
-    rigid
-        Number of rigid modes among them.
-    below
-        Number of eigenvalues below the last one returned, that one included, by the inertia of ``K - tau M`` (Sturm
-        count).
-    shift
-        Shift of the spectral transformation.
-    iterations
-        Restarts of the eigensolver, those of all its rounds.
-    seconds
-        ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time; ``equilibrium`` where that
-        was solved for.
-    built, solver, ranks
-        As for `isorod.statics.Equilibrium`.
-    equilibrium
-        What they are about, or None for the state of rest.
-    about
-        That in words.
-    quarter
-        Of a body that spins, in the frame that turns: shapes a quarter of a period later, shape ``(modes, dofs)``; at
-        time ``t`` it is ``vectors cos(omega t) + quarter sin(omega t)``, and the sum of both ``x^T M x`` is 1.
-    falling
-        Of a body that spins the number of motions that its stiffness alone would not hold, as beyond a critical speed.
-    lumped
-        Whether the mass matrix is lumped.
-    patches
-        `contact_error` of models with finite element bodies, None of others.
-    """
-
-    model: Model
-    frequencies: Array
-    eigenvalues: Array
-    vectors: Array
-    residuals: Array
-    rigid: int
-    below: int
-    shift: float
-    iterations: int
-    seconds: dict[str, float]
-    built: list[str]
-    solver: dict[str, str]
-    ranks: int
-    equilibrium: Equilibrium | None = None
-    about: str = "the state of rest"
-    quarter: Array | None = None
-    falling: int = 0
-    lumped: bool = False
-    patches: float | None = None
-
-    @property
-    def state(self) -> Array | None:
-        """Displacement about which they are, shape ``(dofs,)``, or None for the state of rest."""
-        return None if self.equilibrium is None else self.equilibrium.displacement
-
-    @property
-    def contacts(self) -> "Sequence[ContactResult]":
-        """Outcome of each contact in the equilibrium about which they are."""
-        return () if self.equilibrium is None else self.equilibrium.contacts
-
-    def __len__(self) -> int:
-        return self.frequencies.size
-
-    def __getitem__(self, number: int) -> Mode:
-        """Return a mode, the first (of a free body a rigid one) by 0, the last by -1; raises `InputError`."""
-        k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
-        later = None if self.quarter is None else self.quarter[k]
-        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state, later)
-
-    def __iter__(self) -> Iterator[Mode]:
-        return (self[k] for k in range(len(self)))
-
-    def __repr__(self) -> str:
-        values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
-        more = ", ..." if self.frequencies.size > 6 else ""
-        return (
-            f"Modes of {self.model!r}\n  about {self.about}\n"
-            f"  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
-            f"{self.residuals.max():.3g}\n  frequencies {values}{more}"
-        )
-
-    def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`).
-
-        None where there is none.  It takes about as long as the modes.  It is the sum of those across the ``"section"``
-        and along the ``"axis"``, and of `contact_error`; of one direction alone where that is asked for.
-        """
-        from isorod.checks.estimate_of_modes import of_modes
-
-        modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
-        found = of_modes(self.model, *modes, directions, self.equilibrium, self.quarter, self.ranks)
-        return found if found is None or directions else found + self.contact_error()
-
-    def contact_error(self) -> float:
-        """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""
-        if self.equilibrium is None or not self.contacts:
-            return 0.0
-        if self.patches is not None:
-            return self.patches
-        from isorod.modal import touching
-
-        modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
-        return touching.doubt(self.model, self.equilibrium, *modes, self.quarter is not None)
-
-    def matrices(self) -> "Matrices":
-        """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
-        from isorod.output.matrices import matrices
-
-        return matrices(self.model, self.equilibrium, self.lumped)
-
-    def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them, and of how the equilibrium was found."""
-        kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
-        found = {name: getattr(self, name) for name in kept}
-        if self.falling:
-            found["falling"] = self.falling
-        return found if self.equilibrium is None else self.equilibrium.record() | found
-
-    def frames(self) -> "list[tuple[float, Modes]]":
-        """Return what there is to show: these modes."""
-        return [(0.0, self)]
-
-    def curves(self) -> dict[str, Array]:
-        """Return number, frequency and residual of each mode, a row a mode."""
-        numbers = np.arange(1.0, len(self) + 1.0)
-        return {"mode": numbers, "frequency": self.frequencies, "residual": self.residuals}
-
-    def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's part of each mode shape, ``(nodes, 3)``, and the fields of what they are about, if any."""
-        found = {} if self.equilibrium is None else self.equilibrium.fields(body)
-        later = () if self.quarter is None else self.quarter
-        for name, vectors in (("mode", self.vectors), ("quarter", later)):
-            found |= {f"{name}_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(vectors)}
-        return found
 
 
 def solve(
@@ -287,7 +128,7 @@ def _solve(
             found = pencil.solve(wanted, _shift(pencil, model, loose))
     except SolveError as problem:
         raise SolveError(f"{problem}{hourglass.hint(model)}") from None
-    vectors, quarter = _shapes(assembler, found.vectors, found.later)
+    vectors, quarter, solids = _shapes(assembler, found.vectors, found.later)
     begin = perf_counter()
     rules = hourglass.better_rules(model)
     if rules:
@@ -325,6 +166,7 @@ def _solve(
         falling=found.falling,
         lumped=lumped,
         patches=patches,
+        solids=solids,
     )
 
 
@@ -381,8 +223,10 @@ def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> 
     return shift
 
 
-def _shapes(assembler: Assembler, first: Sequence[PETSc.Vec], later: Sequence[PETSc.Vec]) -> tuple[Array, Array]:
-    """Return mode shapes, shape ``(modes, dofs)``, and those a quarter of a period later, if there are any.
+def _shapes(
+    assembler: Assembler, first: Sequence[PETSc.Vec], later: Sequence[PETSc.Vec]
+) -> tuple[Array, Array, list[Array]]:
+    """Return mode shapes, shape ``(modes, dofs)``, those a quarter of a period later, if any, and those of solids.
 
     The shape is the largest of a period; of its largest components the first is positive.
     """
@@ -397,4 +241,5 @@ def _shapes(assembler: Assembler, first: Sequence[PETSc.Vec], later: Sequence[PE
         vectors, quarter = turned.real, turned.imag
     large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
     signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])[:, None]
-    return vectors * signs, quarter * signs
+    solids = [signs * np.array(of_one) for of_one in zip(*(assembler.solids(x, 0.0) for x in first), strict=True)]
+    return vectors * signs, quarter * signs, solids

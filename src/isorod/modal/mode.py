@@ -1,11 +1,13 @@
 """One vibration mode, which answers for any point of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
+from isorod.output.solids import WithSolids
 from isorod.output.state import Animated, Deformation, Moment, Named
 
 # Largest displacement of a mode that is drawn, over the model's size.
@@ -13,7 +15,7 @@ _EXAGGERATION = 0.12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mode(Deformation, Animated):
+class Mode(Deformation, Animated, WithSolids):
     """A mode shape, which answers for any point of it (`isorod.output.state`).
 
     Attributes
@@ -27,12 +29,15 @@ class Mode(Deformation, Animated):
         so, and more by the shape; None for the state of rest.
     quarter
         Of a body that spins the shape a quarter of a period later, shape ``(dofs,)``, else None: it whirls.
+    solids
+        The shape of each solid's degrees of freedom on this rank (`function`).
     """
 
     number: int
     frequency: float
     state: Array | None = None
     quarter: Array | None = None
+    solids: Sequence[Array] = ()
 
     def __repr__(self) -> str:
         return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"

@@ -32,20 +32,25 @@ class Frame(NamedTuple):
     factor
         Load factor of the stress.
     solids
-        Displacements of each finite element body, ``(3 nodes,)``; none where they are not known.
+        Fields of each finite element body by name, each ``(3 nodes,)``; none where they are not known.
     """
 
     time: float
     fields: Sequence[Mapping[str, Array]]
     factor: float = 1.0
-    solids: Sequence[Array] = ()
+    solids: Sequence[Mapping[str, Array]] = ()
 
 
 def frames(solution: Any) -> list[Frame]:
     """Return the states of a solution that its ``frames()`` has."""
-    bodies = range(len(solution.model.bodies))
+    bodies, solids = (range(len(one)) for one in (solution.model.bodies, solution.model.solids))
     return [
-        Frame(time, [state.fields(b) for b in bodies], getattr(state, "factor", 1.0), getattr(state, "solids", ()))
+        Frame(
+            time,
+            [state.fields(b) for b in bodies],
+            getattr(state, "factor", 1.0),
+            [state.solid_fields(k) for k in solids],
+        )
         for time, state in solution.frames()
     ]
 
@@ -147,7 +152,7 @@ def _of_solid(solid: "Solid", states: Sequence[Frame], number: int) -> Iterator[
     from isorod.output.solids import grid
 
     for state in states:
-        yield vtk.content(grid(solid, state.solids[number], state.factor)) if len(state.solids) else None
+        yield vtk.content(grid(solid, state.solids[number], state.factor)) if any(state.solids) else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:

@@ -1,6 +1,6 @@
 """What states say of finite element bodies beside the rods, and these bodies as VTK's grids."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,10 @@ class WithSolids:
 
     model: Model
     solids: Sequence[Array]
+
+    def solid_fields(self, solid: int) -> dict[str, Array]:
+        """Return fields of one of the model's solids by name, each ``(3 nodes,)`` of those on this rank, if known."""
+        return {"displacement": self.solids[solid]} if len(self.solids) else {}
 
     def function(self, solid: int = 0) -> Any:
         """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
@@ -63,15 +67,15 @@ def mesh_of(solid: "Solid") -> "pyvista.UnstructuredGrid":
     return pyvista.UnstructuredGrid(*compat.vtk_cells(solid.space))
 
 
-def grid(solid: "Solid", u: Array, factor: float = 1.0) -> "pyvista.UnstructuredGrid":
-    """Return the undeformed body with its ``displacement`` and, where it has a law, ``von_mises``, on one rank.
+def grid(solid: "Solid", fields: Mapping[str, Array], factor: float = 1.0) -> "pyvista.UnstructuredGrid":
+    """Return the undeformed body with fields and, of a ``displacement`` where it has a law, ``von_mises``, on one rank.
 
     Stresses are those of displacement gradients that are averaged at the nodes.
 
     Parameters
     ----------
-    u
-        Displacements, shape ``(3 nodes,)``.
+    fields
+        By name, each of shape ``(3 nodes,)``.
     factor
         Load factor of the stress, which activation follows.
 
@@ -83,9 +87,10 @@ def grid(solid: "Solid", u: Array, factor: float = 1.0) -> "pyvista.Unstructured
     from isorod.output import stress
 
     mesh = mesh_of(solid)
-    mesh.point_data["displacement"] = u.reshape(-1, 3)
-    if solid.law is not None:
-        law, F = solid.law.at(factor), np.eye(3) + solid.gradients(u)
+    for name, field in fields.items():
+        mesh.point_data[name] = field.reshape(-1, 3)
+    if solid.law is not None and "displacement" in fields:
+        law, F = solid.law.at(factor), np.eye(3) + solid.gradients(fields["displacement"])
         cauchy = law.stress(F)
         if not law.linear:
             cauchy = cauchy @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
