@@ -233,7 +233,7 @@ def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
 
     body = solids.solid(shape, degree=2, law=LinearElastic(200.0, 0.3))
     u = body.positions * 1e-3 * np.array([1.0, -0.3, -0.3])
-    assert grid(body, u.ravel())["von_mises"] == pytest.approx(0.2, rel=1e-9)
+    assert grid(body, {"displacement": u.ravel()})["von_mises"] == pytest.approx(0.2, rel=1e-9)
 
 
 def test_show_tells_of_a_body_and_draws_it(written, tmp_path, capsys):
