@@ -1,14 +1,17 @@
 """Finite element bodies in scene files: what holds and loads them, ties to rods, and what is refused."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 import solids
 
-from isorod import InputError, LinearElastic, SolveError, modal, statics
+from isorod import InputError, LinearElastic, SolveError, files, modal, statics
 from isorod.command import cli, printing, solving
 from isorod.files.scene import FileScene
+from isorod.geometry.quadrature import WHOLE
+from isorod.space import choice
 from tests.msh import box, content
 
 pytest.importorskip("dolfinx")
@@ -234,6 +237,28 @@ def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
     body = solids.solid(shape, degree=2, law=LinearElastic(200.0, 0.3))
     u = body.positions * 1e-3 * np.array([1.0, -0.3, -0.3])
     assert grid(body, {"displacement": u.ravel()})["von_mises"] == pytest.approx(0.2, rel=1e-9)
+
+
+SCREW = str(Path(files.__file__).parent / "examples" / "screw.toml")
+BONDED = [
+    ((), choice.BONDED),
+    (("tie.thread={slave='plate.hole', master='screw.outer'}",), choice.BONDED),
+    (("rod.screw.space={section_degree=4}",), WHOLE),
+    (("rod.screw.section={flower={}}",), WHOLE),
+    (("rod.screw.rings=[0.5, 1]",), (0.5, 1.0)),
+    (("tie.thread={slave='screw.start', master='plate.hole'}",), WHOLE),
+]
+
+
+@pytest.mark.parametrize(("changes", "rings"), BONDED)
+def test_a_rod_in_a_hole_has_functions_that_see_its_rim(changes, rings):
+    """In rings, unless what it is across is given, or polynomials do not suit."""
+    scene = FileScene(SCREW, changes=changes)
+    body = scene.plans["screw"].body(scene._use(0))
+    assert body.space.rod.rings == rings
+    assert len({id(law) for law in body.laws}) == 1
+    again = scene.on([body.space])
+    assert again.plans["screw"].body(again._use(0)).space.rod.rings == rings
 
 
 def test_show_tells_of_a_body_and_draws_it(written, tmp_path, capsys):

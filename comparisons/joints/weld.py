@@ -20,6 +20,7 @@ from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface
+from isorod.space import choice
 
 Array = NDArray[np.float64]
 
@@ -164,6 +165,7 @@ def rod_space(hole: bool, **space: Any) -> Space:
     line = isorod.straight(HEIGHT + ROD) if hole else isorod.straight(ROD, start=(0.0, 0.0, HEIGHT))
     rod = line.sweep(isorod.circle(8, 1.0))
     if hole:
+        rod = choice.bonded(rod)
         share = HEIGHT / (HEIGHT + ROD)
         layers = share + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
         space.setdefault("knots", (*(np.array([0.2, 0.5]) / 12.0), *layers))

@@ -72,6 +72,21 @@ class Names:
         own = [one for one in self.ties.values() if getattr(self.of(one)["slave"], "body", None) == rod]
         return [length for one in own for length in one.arguments.get("along") or ()]
 
+    def bonded(self, rod: int) -> bool:
+        """Return whether the lateral surface of a rod, by its number, is tied to a finite element body."""
+        if not (self.ties and self.solids):
+            return False
+        # Loads what models are made of.
+        from isorod.files.ties import Facets
+        from isorod.model.tie import LateralSurface
+
+        both = [[self.of(one)[side] for side in ("slave", "master")] for one in self.ties.values()]
+        return any(
+            any(isinstance(one, LateralSurface) and one.body == rod for one in pair)
+            and any(isinstance(one, Facets) for one in pair)
+            for pair in both
+        )
+
     @property
     def _numbered(self) -> dict[str, Mapping[str, Any]]:
         """What analyses know by their numbers."""

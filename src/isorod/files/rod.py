@@ -43,6 +43,8 @@ class Use(NamedTuple):
         Axis parameters of sections on which loads act.
     tied
         Lengths along it at which a tie of its lateral surface begins or ends.
+    bonded
+        Whether its lateral surface is tied to a finite element body.
     angle
         By which supports turn it in all, radians.
     patches
@@ -55,6 +57,7 @@ class Use(NamedTuple):
     explicit: bool
     loaded: list[float]
     tied: list[float]
+    bonded: bool
     angle: float
     patches: "Sequence[Patch]"
 
@@ -156,13 +159,18 @@ class RodPlan:
             found["knots"] = tuple(sorted([*{*found.get("knots", ())}.difference(kinks), *2 * kinks]))
         return {name: value for name, value in found.items() if name not in given}
 
+    @property
+    def _says_across(self) -> bool:
+        """Whether section functions are given."""
+        return bool({"order", "section_points", "section_degree"} & set(self.space.arguments))
+
     def _across(self, rod: "Rod", laws: Sequence[Any], use: Use) -> dict[str, int]:
         """Return section functions that suit the rod's use, if none are given and these are others than are chosen."""
         from isorod.material.law import reach
         from isorod.material.places import Places
         from isorod.space import choice as chosen
 
-        if {"order", "section_points", "section_degree"} & set(self.space.arguments):
+        if self._says_across:
             return {}
         if use.surface and self._rings is None:
             return {"order": chosen.ORDER}
@@ -178,6 +186,10 @@ class RodPlan:
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         rod = self.rod()
+        if use.bonded and len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
+            from isorod.space import choice as choices
+
+            rod = choices.bonded(rod)
         own, rings = rod.axis.elements, len(rod.rings) - 1
         laws = [one.make() for one in self.laws]
         places = own if rings == 1 else rings

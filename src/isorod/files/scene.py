@@ -142,7 +142,9 @@ class FileScene(Scene):
                 if isinstance(space := table.setdefault("space", {}), dict):
                     space[name] = given
         for rod, space in self.spaces.items():
-            named[rod]["space"] = dict(space)
+            own = dict(space)
+            named[rod] |= {"rings": own.pop("rings")} if "rings" in own else {}
+            named[rod]["space"] = own
         for name in _SPACE:
             spaces = [table.get("space", {}) for table in rods]
             said = [space.get(name) for space in spaces if isinstance(space, dict)]
@@ -165,6 +167,7 @@ class FileScene(Scene):
             explicit=self._explicit,
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
             tied=self._names.tied(number),
+            bonded=self._names.bonded(number),
             angle=max((dist(one, other) for one in turns for other in turns), default=0.0),
             patches=self.patches.get(number, ()),
         )
@@ -266,6 +269,8 @@ class FileScene(Scene):
                 chosen[name]["knots"] = list(space.knots)
             if space.section_degree is None:
                 chosen[name]["section_points"] = space.points_around
+            if len(space.rod.rings) > 2:
+                chosen[name]["rings"] = list(space.rod.rings)
         return replace(self, spaces=chosen, **rest)
 
     def closer(self, solution: Any) -> "FileScene | None":

@@ -62,6 +62,11 @@ CURVED = 0.005
 # 10.
 RINGED, RINGED_STRESSED, MOST_RINGED = 4, 5, 10
 
+# At the rim of a hole that a rod is bonded in its stresses rise along the surface: polynomials across converge slowly,
+# rings do not.  A rod through a block of 0.1, 1 and 10 times its stiffness is 0.4, 0.5 and 0.5 % too stiff across its
+# axis, with polynomials of degree 4 alone 0.45, 1.0 and 1.7 % (`comparisons.joints.weld`).
+BONDED = (0.0, 0.8, 1.0)
+
 # A tube's wall bends where it is held or ends, over a few times sqrt(radius times thickness): elements of that many
 # times this err by 6e-3 at the most under pressure, and so many carry tubes of any length.
 WALL, MOST_WALL = 2.0, 16
@@ -303,6 +308,11 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     turn = refinement_turn(rod.section_points, multiple)
     harmonic = torsion(rod, Polyharmonic(points["section_points"], ORDER, turn))[0]
     return points if harmonic * (1.0 + missed) < constant else {"section_degree": MOST}
+
+
+def bonded(rod: Rod) -> Rod:
+    """Return a rod that is tied in the hole of a body in rings (`BONDED`); as it is where polynomials do not suit."""
+    return rod.with_rings(BONDED) if rod.rings == WHOLE and "section_degree" in section(rod) else rod
 
 
 def stressed(rod: Rod, reach: float) -> dict[str, int]:

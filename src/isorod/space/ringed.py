@@ -72,6 +72,11 @@ class Ringed(Polynomials):
         turn = np.einsum("qib,ic->qbc", harmonic_functions(rod.section_points, xi)[1], self._polygon)
         self._mix, self._taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area)
 
+    def __str__(self) -> str:
+        return (
+            f"{self.family} in rings {' '.join(f'{radius:g}' for radius in self._rings)}, section degree {self.degree}"
+        )
+
     def _fine_points(self) -> tuple[Array, Array]:
         """Return points of the disk and weights that tell all functions apart."""
         n = self._polygon.shape[0]
