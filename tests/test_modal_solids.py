@@ -43,7 +43,7 @@ def mast(shape, count, degree, law=LAW, finer=0, **more):
     return Model([Body(rod, LAW, 1.0)], ties=[tie], solids=[block], **more)
 
 
-PULL = {"loads": [SectionLoad((0.0, 0.0, 1.0), 0)]}
+PULL = {"loads": [SectionLoad((0.0, 0.0, 1.0))]}
 
 
 @cache

@@ -137,6 +137,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         solution, seconds = solving.solve(scene, settings)
         if not getattr(found, "no_estimate", True):
             refined = solving.estimate(solution, shown)
+    solving.warn_of_embedded(scene, solution)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
     solving.refuse_unused()
     return record, solution

@@ -121,6 +121,22 @@ def start_at(solution: Any, model: Any) -> Any:
     )
 
 
+def warn_of_embedded(scene: Any, solution: Any) -> None:
+    """Warn of rods that begin within others to which their ends are welded (`isorod.checks.embedded`)."""
+    if scene.analysis == "dynamics" or not solution.model.ties:
+        return
+    from isorod.checks import embedded
+
+    share, part = embedded.of(solution)
+    if part is not None and share > LARGE:
+        said = (
+            f"body {part.body} is within body {part.other} for {part.depth:.3g} from the end on that is welded to it, "
+            f"and held at that end alone: this makes an error of about {100.0 * share:.2g} %; end it where it leaves "
+            "the other, or tie its outer surface over that length in the place of its end"
+        )
+        warnings.warn(scene.named(said), stacklevel=2)
+
+
 def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     """Return what a record says of a solution's errors, the time alone where none can be told; warn of large ones.
 

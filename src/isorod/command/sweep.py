@@ -187,6 +187,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
                 settings = chosen.settings(scene, found)
                 solution, seconds = solving.solve(scene, settings)
                 record = solving.record(scene, solution, seconds, settings, theirs)
+                solving.warn_of_embedded(scene, solution)
                 if estimated:
                     record |= solving.estimate(solution, bool(scene.stresses))
         except (InputError, SolveError) as problem:

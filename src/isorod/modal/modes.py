@@ -127,6 +127,7 @@ class Modes:
         and along the ``"axis"``, of `contact_error`, and of what recovered strains say of finite element bodies; of one
         direction alone where that is asked for.  Collective with such bodies.
         """
+        from isorod.checks import embedded
         from isorod.checks.estimate_of_modes import of_modes
 
         modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
@@ -136,7 +137,7 @@ class Modes:
             # Beside contact the rods' part is not known, and not counted.
             rods, meshes = 0.0 if self.model.contacts else found, self._of_solids[0]
             found = None if rods is None or meshes is None else rods + meshes
-        return found if found is None or directions else found + self.contact_error()
+        return found if found is None or directions else found + self.contact_error() + embedded.of(self).error
 
     @property
     def coarsest(self) -> Array | None:

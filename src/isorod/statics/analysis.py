@@ -133,7 +133,7 @@ class Equilibrium(State, WithSolids, Animated):
         return self._estimated(())
 
     def _estimated(self, directions: Sequence[str]) -> "Error":
-        from isorod.checks import estimate
+        from isorod.checks import embedded, estimate
 
         found = estimate.of_equilibrium(
             self.model,
@@ -151,10 +151,10 @@ class Equilibrium(State, WithSolids, Animated):
             # Beside contact the rods' part is not known, and not counted.
             rods = 0.0 if self.model.contacts else found.work
             found = estimate.Error(None if rods is None or meshes is None else rods + meshes, None)
-        stretched = sum(one.stretched for one in self.contacts)
-        if found.work is None or not stretched:
-            return found
-        return found._replace(work=found.work + stretched / max(2.0 * self._stored, abs(self.work)))
+        stretched = float(sum(one.stretched for one in self.contacts))
+        more = stretched and stretched / max(2.0 * self._stored, abs(self.work))
+        more += 0.0 if directions else embedded.of(self).error
+        return found if found.work is None else found._replace(work=found.work + more)
 
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
