@@ -120,6 +120,11 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         (f"{HELD}[load.pull]\n", "10: load.pull: need one of end, section, "),
         (BAR, "1: analysis: supports: rod bar is free to move"),
         (BAR.replace("straight = 1.0", "straight = 1e300"), "2: rod.bar: rod: inf radii long, need at most 6.7e.07"),
+        # Whose square is zero.
+        (
+            BAR.replace("section = {circle = 0.2}", "section = {circle = 1e-300}\nrings = [0, 0.5, 1]"),
+            "2: rod.bar: rod: inf radii",
+        ),
         (f"analysis = 'modal'\n{ROD}{ENDS}", "1: analysis: .*density"),
         (f"analysis = 'dynamics'\n{ROD}{ENDS}", "1: analysis: end_time is missing: a number"),
         # Too much.

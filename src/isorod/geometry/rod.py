@@ -114,7 +114,9 @@ class Rod(Checked):
     def slenderness(self) -> float:
         """Length of the polygon of the sections' centres over `radius`."""
         centers = self.control_points.mean(axis=1)
-        return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()) / self.radius
+        length = float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum())
+        # Squares of the smallest radii are zero.
+        return length / self.radius if self.radius else np.inf
 
     def radii(self, u: ArrayLike, points: int) -> tuple[Array, Array]:
         """Return mean and largest distance of so many points of the outline from their centre, ``(t,)`` each."""
