@@ -18,7 +18,7 @@ from comparisons.joints.lattice import circle, ring
 from comparisons.joints.sleeve import pinned
 from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
-from isorod.contact import cells
+from isorod.contact import cells, quality
 from isorod.contact.facets import nodes_of
 from isorod.contact.passing import Passing
 from isorod.contact.quality import widths
@@ -154,6 +154,16 @@ def test_the_width_of_a_strip_is_that_in_which_points_press():
     # The pressure is a parabola across, whose second moment is a fifth of half the width's square.
     assert width.around * spacing == pytest.approx(np.sqrt(12.0 / 5.0 * 2.0 * radius * depth), rel=0.03)
     assert width.along == np.inf
+
+
+def test_angles_are_in_the_arcs_of_graded_sections():
+    """Ten fine arcs, the first about the angle 0.3, in arcs of 1, 2, 3 and 4."""
+    arc_of = np.repeat(np.arange(4), [1, 2, 3, 4])
+    masters = {"turn": np.full(12, 0.3), "fine": np.full(12, 10), "arc_of": np.tile(arc_of, (12, 1))}
+    numbers = np.arange(12) - 1
+    for off in (-0.49, 0.0, 0.49):
+        theta = 0.3 + 2.0 * np.pi / 10.0 * (numbers + off)
+        assert quality._arcs(masters, theta).tolist() == arc_of[numbers % 10].tolist()
 
 
 @pytest.mark.parametrize("shape", solids.SHAPES)

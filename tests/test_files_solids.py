@@ -229,6 +229,19 @@ def test_bodies_are_written_beside_the_rods(written, tmp_path):
     assert mesh.volume == pytest.approx(4.0)
 
 
+def test_no_file_of_a_body_is_overwritten(written, tmp_path):
+    pytest.importorskip("pyvista")
+    from isorod.output import folder
+
+    solved = solving.solve(written(*HELD), {})[0]
+    place = tmp_path / "found"
+    place.mkdir()
+    (place / "my-1.vtu").write_text("mine")
+    record = folder.add(place, {"scene": "my"}, solved.model.bodies, folder.frames(solved), solids=solved.model.solids)
+    assert record["files"] == ["my-run2-0.vtu", "my-run2-1.vtu", "my-run2.pvd"]
+    assert (place / "my-1.vtu").read_text() == "mine"
+
+
 @pytest.mark.parametrize("shape", solids.SHAPES)
 def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
     pytest.importorskip("pyvista")
