@@ -93,6 +93,23 @@ master = "column.outer"
 """
 
 
+MOTION = """
+[analysis.dynamics]
+integrator = "implicit"
+end_time = 1.0
+time_step = 0.25
+outputs = 4
+"""
+
+
+def test_a_motion_is_warned_of(tmp_path, capsys):
+    path = tmp_path / "t.toml"
+    scene = SCENE.replace('analysis = "statics"', "").replace("nu = 0.3}}", "nu = 0.3}}\ndensity = 1.0")
+    path.write_text(scene + MOTION)
+    assert main(["run", str(path)]) == 0
+    assert re.search(r"rod strut is within rod column for 0\.9\d* .* an error of about \d\d %", capsys.readouterr().err)
+
+
 @pytest.mark.parametrize("words", [(), ("--no-estimate",), ("--tolerance", "0.01")])
 def test_a_file_whose_axes_meet_is_warned_of(words, tmp_path, capsys):
     path = tmp_path / "t.toml"

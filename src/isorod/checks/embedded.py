@@ -6,7 +6,7 @@ gives way too much by, nearly: of rods of 0.3 and 0.6 radii in one of 1, pulled 
 1.6 times as much, for ends from the axis of the other on to half its radius (`tests/test_tie_flank.py`).
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from isorod.tensors import determinant
 
 if TYPE_CHECKING:
     from isorod.modal.modes import Modes
-    from isorod.statics.analysis import Equilibrium
 
 # Sections to a radius, and at most; their points in each slice.
 _SECTIONS, _MOST = 8, 2000
@@ -84,16 +83,21 @@ class Share(NamedTuple):
     part: Part | None
 
 
-def of(solution: "Equilibrium | Modes") -> Share:
-    """Return what the parts within other rods make of an equilibrium's works, or of frequencies."""
+def of(solution: Any) -> Share:
+    """Return what the parts within other rods make of works, in motion where it goes farthest, or of frequencies.
+
+    ``solution`` is an `isorod.statics.Equilibrium`, an `isorod.dynamics.History` or `isorod.modal.Modes`.
+    """
     known = parts(solution.model)
     if not known:
         return Share(0.0, None)
-    if isinstance(solution, State):
-        energies = [part.energy(solution) for part in known]
-        stored = float(sum(solution.energy(b) for b in range(len(solution.model.bodies))))
-        return _largest(known, [energies], max(stored, _TINY))
-    return _of_modes(solution, known)
+    if hasattr(solution, "vectors"):
+        return _of_modes(solution, known)
+    states = [solution] if isinstance(solution, State) else [state for _, state in solution.frames()]
+    state = max(states, key=lambda one: float(np.abs(one.displacement).max(initial=0.0)))
+    energies = [part.energy(state) for part in known]
+    stored = float(sum(state.energy(b) for b in range(len(state.model.bodies))))
+    return _largest(known, [energies], max(stored, _TINY))
 
 
 def _of_modes(modes: "Modes", known: list[Part]) -> Share:

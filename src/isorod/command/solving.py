@@ -123,7 +123,7 @@ def start_at(solution: Any, model: Any) -> Any:
 
 def warn_of_embedded(scene: Any, solution: Any) -> None:
     """Warn of rods that begin within others to which their ends are welded (`isorod.checks.embedded`)."""
-    if scene.analysis == "dynamics" or not solution.model.ties:
+    if not solution.model.ties:
         return
     from isorod.checks import embedded
 
