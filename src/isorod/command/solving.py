@@ -1,5 +1,6 @@
 """Running a scene: from its parameters to a solution and a record of it."""
 
+import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -15,6 +16,9 @@ LARGE = 0.005
 
 # The same of stresses, where these are asked for.
 LARGE_STRESS = 0.01
+
+# Operations of a factorisation that is said to take long before it begins, some ten seconds.
+_LARGE_BAND = 5e10
 
 # How often spaces are made finer where patches of contact are too small to be seen.
 CLOSER = 3
@@ -53,6 +57,8 @@ def solve(
         started = perf_counter()
         model = scene.model()
         built = perf_counter()
+        if scene.analysis != "dynamics":
+            _tell_of_large(model)
         start = None if begin is None else begin(model)
         if start is not None:
             settings = {**settings, "start": start}
@@ -88,6 +94,20 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
     for one in warned:
         warnings.warn(str(one.message), one.category, stacklevel=3)
     return solution
+
+
+def _tell_of_large(model: Any) -> None:
+    """Say on standard error how large a model is before whose first iteration nothing else would be said for long."""
+    sizes = [(3 * body.space.nodes, 3 * body.space.element_nodes.shape[1]) for body in model.bodies]
+    # As many operations as a factorisation of a band takes.
+    if sum(dofs * functions**2 for dofs, functions in sizes) < _LARGE_BAND:
+        return
+    from petsc4py import PETSc
+
+    if PETSc.COMM_WORLD.getRank() == 0:
+        dofs, functions = max(sizes, key=lambda one: one[0] * one[1] ** 2)
+        said = f"{dofs:,} degrees of freedom, {functions:,} of them in an element: each iteration takes long"
+        print(f"isorod: {said}", file=sys.stderr, flush=True)
 
 
 def _solve_and_record_warnings(
