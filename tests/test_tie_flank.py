@@ -1,5 +1,6 @@
 """Rods whose ends are welded to the flanks of others, and what is said where they begin within these."""
 
+import json
 import re
 
 import numpy as np
@@ -118,6 +119,18 @@ def test_a_file_whose_axes_meet_is_warned_of(words, tmp_path, capsys):
     _, err = capsys.readouterr()
     assert re.search(
         r"warning: rod strut is within rod column for 0\.9\d* from the end on that is welded to it, and held at that "
-        r"end alone: this makes an error of about \d\d %; end it where it leaves the other",
+        r"end alone: this makes an error of about \d\d %; end it where it leaves the other, "
+        r"or tie its outer surface in the place of its end, along = \[0, 0\.7\d+\]",
         err,
     )
+
+
+def test_what_is_advised_is_right_to_some_per_cent(tmp_path, capsys):
+    """Beside one solid; nothing is said of it but the estimate."""
+    path = tmp_path / "t.toml"
+    measure = '[measure.tip]\ndisplacement = "strut"\ncomponent = "y"\n'
+    path.write_text(SCENE.replace('slave = "strut.start"', 'slave = "strut.outer"\nalong = [0, 0.75]') + measure)
+    assert main(["run", str(path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert "is within" not in err
+    assert json.loads(out)["tip"] == pytest.approx(1e-3 * flank.as_one(RADIUS, 0.1)[1], rel=0.03)

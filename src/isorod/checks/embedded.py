@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 # Sections to a radius, and at most; their points in each slice.
 _SECTIONS, _MOST = 8, 2000
 _POINTS = Rule(3, 2, 1)
+_AROUND = 32
 
 # In the place of an energy that is zero.
 _TINY = float(np.finfo(float).tiny)
@@ -47,6 +49,8 @@ class Part(NamedTuple):
         The rod, and the one that it is in.
     depth
         How far it is inside from its end on, along its axis, units of length.
+    wholly
+        Lengths along it, from its start, between which all of its surface is inside; None if there are none.
     u, xi
         Axis parameters of sections ``(t,)`` and disk points ``(q, 2)``.
     volumes
@@ -57,6 +61,7 @@ class Part(NamedTuple):
     body: int
     other: int
     depth: float
+    wholly: tuple[float, float] | None
     u: Array
     xi: Array
     volumes: Array
@@ -131,8 +136,10 @@ def parts(model: Model) -> list[Part]:
     return found
 
 
-def _within(space: Space, other: Space, at_start: bool) -> tuple[float, Array, Array, Array] | None:
-    """Return depth, axis parameters, disk points and volumes of what is in another rod from an end on."""
+def _within(
+    space: Space, other: Space, at_start: bool
+) -> "tuple[float, tuple[float, float] | None, Array, Array, Array] | None":
+    """Return depth, what is wholly inside, axis parameters, disk points and volumes of what is in another rod."""
     rod, length = space.rod, space.rod.arc_length
     step = rod.radius / _SECTIONS
     ways = (np.arange(min(int(length.total / step), _MOST)) + 0.5) * step
@@ -153,4 +160,9 @@ def _within(space: Space, other: Space, at_start: bool) -> tuple[float, Array, A
     # In sections across the axis a step along it is as long in the middle.
     speed = np.interp(u[:count], length.u, length.speed)
     volumes = inside[:count] * determinant(jacobian[:count]) * area * (step / speed)[:, None]
-    return count * step, u[:count], xi, volumes
+    surface = rod.grid(circle(_AROUND), u[:count])[0]
+    out = rows_at(other, surface.reshape(-1, 3)).gap.reshape(surface.shape[:2]) > _OUTSIDE * other.rod.radius
+    # Up to the last of these sections.
+    sure = step * max(0.0, int(np.argmax([*out.any(axis=1), True])) - 0.5)
+    wholly = (0.0, sure) if at_start else (length.total - sure, length.total)
+    return count * step, wholly if sure else None, u[:count], xi, volumes

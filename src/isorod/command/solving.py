@@ -149,10 +149,15 @@ def warn_of_embedded(scene: Any, solution: Any) -> None:
 
     share, part = embedded.of(solution)
     if part is not None and share > LARGE:
+        cure = (
+            ""
+            if part.wholly is None
+            else ", or tie its outer surface in the place of its end, along = [{:.4g}, {:.4g}]"
+        )
         said = (
             f"body {part.body} is within body {part.other} for {part.depth:.3g} from the end on that is welded to it, "
             f"and held at that end alone: this makes an error of about {100.0 * share:.2g} %; end it where it leaves "
-            "the other, or tie its outer surface over that length in the place of its end"
+            f"the other{cure.format(*part.wholly or ())}"
         )
         warnings.warn(scene.named(said), stacklevel=2)
 
