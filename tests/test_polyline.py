@@ -212,3 +212,16 @@ def test_radii_of_a_closed_polyline_go_on_as_they_began():
     here, after, before = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
     # The curve's speed at its start is the length of (5, 0, -3).
     assert ((after - here) / 0.05, (here - before) / 0.05) == pytest.approx([0.1 / 34**0.5] * 2, rel=0.02)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.2, 0.3)])
+def test_a_closed_path_of_arcs_that_is_not_plane_begins_at_its_normal(normal):
+    """Its frames are turned back evenly on the way, so that both ends meet."""
+    corners = [[2.0, 0.0, 0.5], [0.0, 2.0, -0.5], [-2.0, 0.0, 0.5], [0.0, -2.0, -0.5]]
+    rod = polyline(corners, fillet=0.4, closed=True, normal=normal).sweep(circle(8, 0.1))
+    u = rod.axis.breaks[[0, -1]]
+    places, _ = rod.grid([[0.0, 0.0], [1.0, 0.0]], u)
+    np.testing.assert_allclose(places[0], places[1], atol=1e-12)
+    (tangent,) = rod.tangents(u[:1])
+    across = np.array(normal) - np.dot(normal, tangent) * tangent
+    np.testing.assert_allclose((places[0, 1] - places[0, 0]) / 0.1, across / np.linalg.norm(across), atol=1e-9)
