@@ -217,7 +217,7 @@ def test_radii_of_a_closed_polyline_go_on_as_they_began():
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.2, 0.3)])
 def test_a_closed_path_of_arcs_that_is_not_plane_begins_at_its_normal(normal):
     """Its frames are turned back evenly on the way, so that both ends meet."""
-    corners = [[2.0, 0.0, 0.5], [0.0, 2.0, -0.5], [-2.0, 0.0, 0.5], [0.0, -2.0, -0.5]]
+    corners = [[2.0, 0.0, 0.5], [0.0, 2.0, -0.7], [-2.0, 0.3, 0.1], [0.0, -2.0, -0.5], [1.0, -2.2, 0.4]]
     rod = polyline(corners, fillet=0.4, closed=True, normal=normal).sweep(circle(8, 0.1))
     u = rod.axis.breaks[[0, -1]]
     places, _ = rod.grid([[0.0, 0.0], [1.0, 0.0]], u)
