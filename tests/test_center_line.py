@@ -205,9 +205,9 @@ def flipped():
     return CenterLine(straight(4.0, range(5), 1).axis, straight(4.0, range(5), 1).centers, rotations)
 
 
-def back():
+def back(size=1.0):
     line = straight(4.0, range(5), 1)
-    return CenterLine(line.axis, line.centers[[0, 1, 2, 1, 4]])
+    return CenterLine(line.axis, size * line.centers[[0, 1, 2, 1, 4]])
 
 
 def tilted():
@@ -224,6 +224,7 @@ test_a_fold_is_explained = refused(
     (lambda: straight().sweep(circle(6)[::-1]), "the outline runs clockwise about the line's direction"),
     (lambda: flipped().sweep(circle(6)), r"the frame flips over between u = 2\.\d+ and (2|3)"),
     (lambda: back().sweep(circle(6)), "the centre line turns back between u = 2 and (2|3)"),
+    (lambda: back(1e-3).sweep(circle(6, 1e-3)), "the centre line turns back between u = 2 and (2|3)"),
     (
         lambda: arc(2.0, 90.0).sweep(circle(6, 2.5)),
         "bends too sharply: its radius of curvature is 2 there, and the section reaches 2.5 from it",

@@ -18,6 +18,7 @@ from isorod.contact.patches import ENOUGH, patches
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.output.state import State
 from isorod.scenes import Scene
 from isorod.space.closer import Patch, closer
 from isorod.space.graded import Graded
@@ -207,6 +208,21 @@ def test_patches_are_where_contact_presses_and_as_wide():
     assert not patches(pressed(section_points=16), results)
     plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
     assert not patches(plane, ContactOperator(plane).results(moved))
+
+
+def test_a_finer_space_begins_where_the_one_before_ended():
+    """What a bar of few elements does is a field of one of more."""
+    rod = straight(8, radius=0.3, height=3.0)
+    models = []
+    for elements in (2, 4):
+        space = Space(rod, elements=elements, degree=3, section_degree=3)
+        supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.02, 0.01))]
+        models.append(Model([Body(space, LAW)], supports))
+    solved = statics.solve(models[0])
+    start = State(models[1], solving.start_at(solved, models[1]))
+    u, xi = np.linspace(0.0, 1.0, 7), [[0.0, 0.0], [0.9, 0.1], [-0.2, -0.8]]
+    for one in xi:
+        np.testing.assert_allclose(start.at(0, u, one), solved.at(0, u, one), atol=1e-9)
 
 
 def rounds(monkeypatch, analyse, scenes, first=0):

@@ -1,11 +1,13 @@
 """What a study of a scene asks finite elements for, and what it makes of their answers."""
 
 import contextlib
+import dataclasses
 import types
 
 import pytest
 
 from comparisons.measure import scene, timing
+from comparisons.measure.work import Curve
 
 ARGUMENTS = ("--level 1", "--level 2", "--level 4")
 
@@ -17,9 +19,10 @@ def asked(monkeypatch):
 
     def run(module, words, **more):
         asked.append((module, *words))
-        size = 1.0 / float(words[-1])
+        level = int(words[words.index("--level") + 1])
+        size = 1.0 / level
         force = 3.0 + 0.4 * size**2
-        return {"options": {"layers": int(words[-1])}, "force": force, "frequencies": [force, 2.0 * force]}
+        return {"options": {"layers": level}, "force": force, "frequencies": [force, 2.0 * force]}
 
     monkeypatch.setattr(timing, "run", run)
     return asked
@@ -63,6 +66,18 @@ def test_three_meshes_are_extrapolated(asked):
     # The finest mesh is 0.4 / 16 from 3.
     assert last["uncertainty"] == pytest.approx(0.025 / 3.0)
     assert last["force"] == values["force"]
+
+
+def test_runs_along_curves_have_their_errors(asked):
+    curve = Curve("ours", "cylindrical", ("--level 2", "--level 3"))
+    one = dataclasses.replace(measured(), curves=(curve,))
+    where, steps, records, texts = study()
+    one.run(where, steps)
+    assert one.steps == len(texts) == 5
+    found = [record for kind, record in records if kind == "work"]
+    assert [record["arguments"] for record in found] == ["--level 2", "--level 3"]
+    assert [record["error"] for record in found] == pytest.approx([0.1 / 3.0, 0.4 / 27.0])
+    assert {record["curve"] for record in found} == {"ours"}
 
 
 def test_the_error_of_a_run_is_the_largest_of_what_is_measured():
