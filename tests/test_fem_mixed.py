@@ -76,6 +76,24 @@ def test_modes_of_a_free_incompressible_cylinder():
     assert [ours[2], theirs[2]] == pytest.approx([1.0 / 12.0] * 2, rel=1e-4)
 
 
+def test_a_table_of_modes_has_the_cases_and_ratios_asked_for(monkeypatch, capsys):
+    asked = []
+
+    def row(case, nu):
+        asked.append((case, nu))
+        return mixed_modes.Row(nu, 1e-3, 2e-3, (100, 2000), (0.5, 2.0), None)
+
+    monkeypatch.setattr(mixed_modes, "row", row)
+    assert mixed_modes.main(["--case", "cylinder", "--nu", "0.45", "--nu", "0.5"]) == 0
+    assert asked == [(mixed_modes.CASES["cylinder"], nu) for nu in (0.45, 0.5)]
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"{mixed_modes.CASES['cylinder'].title}: {mixed_modes.MODES} frequencies"
+    assert [line.split()[:2] for line in said[2:]] == [["0.45", "0.100"], ["0.5", "0.100"]]
+    asked.clear()
+    assert mixed_modes.main([]) == 0
+    assert asked == [(case, nu) for case in mixed_modes.CASES.values() for nu in mixed_modes.RATIOS]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", mixed_modes.CASES)
 @pytest.mark.parametrize("nu", [0.49999, 0.5])

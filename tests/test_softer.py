@@ -200,3 +200,27 @@ def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
     )
     climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor)))
     assert (targets, reached, solver.cuts) == ([1.0, 1.0], [1.0], 0)
+
+
+@pytest.mark.parametrize("fails", range(6))
+def test_multipliers_change_by_half_as_much_each_time_that_fails(fails):
+    """Three times; then they are what they were."""
+    packed = SimpleNamespace(multipliers=np.array([1.0, 2.0]))
+    tried = []
+
+    def augment(displacement, in_cells):
+        packed.multipliers = packed.multipliers + 8.0
+
+    def advance(factor, target):
+        tried.append(packed.multipliers.copy())
+        if len(tried) <= fails:
+            raise Diverged("no equilibrium")
+
+    assembler = SimpleNamespace(touching=lambda x, factor: np.zeros(2))
+    solver = SimpleNamespace(assembler=assembler, x=None, advance=advance)
+    policy = ContactPolicy(solver, SimpleNamespace(friction=None, packed=packed, augment=augment))
+    problem = policy._update(1.0, in_cells=False)
+    count = min(fails + 1, 4)
+    assert [one[0] for one in tried] == [1.0 + 8.0 / 2**k for k in range(count)]
+    assert (problem is None) == (fails < 4)
+    assert packed.multipliers.tolist() == ([1.0 + 8.0 / 2**fails, 2.0 + 8.0 / 2**fails] if fails < 4 else [1.0, 2.0])
