@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from isorod import SolveError, scenes, statics
+from isorod import scenes, statics
 from isorod.command import cli
 
 COARSE = "--preset paper --no-estimate --coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
@@ -395,18 +395,3 @@ def test_output_that_nobody_reads_is_no_traceback():
 )
 def test_what_generated_input_found_is_one_line(arguments, message, refused):
     assert message in refused(*arguments)
-
-
-def test_a_model_that_takes_long_says_so_before_it_begins(monkeypatch, capsys):
-    """Nothing is said of one that does not."""
-
-    def stopped(model, **settings):
-        raise SolveError("begun")
-
-    monkeypatch.setattr(statics, "solve", stopped)
-    for words, said in (([], ""), (["--section-points=100"], "36,000 degrees of freedom, 3,000 of them in an element")):
-        assert cli.main(["run", "coil", *words]) == 2
-        assert (
-            capsys.readouterr().err
-            == (f"isorod: {said}: each iteration takes long\n" if said else "") + "isorod: begun\n"
-        )

@@ -394,8 +394,12 @@ def test_command_line():
     done = subprocess.run([*FEM, "biceps", *options], capture_output=True, text=True, check=True)
     record = json.loads(done.stdout)
     assert len(record["end_force"]) == 4 and len(record["history"]["time"]) == 2
-    assert record["quadrature"] == 3
-    assert record["steps"] > 0 and record["seconds"]["step"] > 0.0 and record["time_step"] < record["critical_step"]
+    assert (
+        record["quadrature"] == 3
+        and record["steps"] > 0
+        and record["seconds"]["step"] > 0.0
+        and record["time_step"] < record["critical_step"]
+    )
     refused = subprocess.run([*FEM, "biceps", "--penalty", "0"], capture_output=True, text=True)
     said = "comparisons.fem: penalty: got 0, need a positive force per volume\n"
     assert (refused.returncode, refused.stdout, refused.stderr) == (2, "", said)

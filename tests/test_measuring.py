@@ -74,7 +74,7 @@ def test_the_checks_of_a_result_count_as_run_time_and_stay_a_part_of_their_own(m
     monkeypatch.setattr(solving, "import_module", lambda name: SimpleNamespace(solve=lambda model: solution))
     solution = SimpleNamespace(seconds=parts)
     scene = Scene()
-    scene.analysis, scene.model = "modal", lambda: None
+    scene.analysis, scene.model = "modal", lambda: SimpleNamespace(bodies=())
     assert solving.solve(scene, {}) == (solution, parts | {"setup": 2.0, "total": 9.0})
 
 

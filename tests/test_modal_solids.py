@@ -122,7 +122,7 @@ def test_a_linear_body_has_the_estimate_of_its_tangent():
 
 def told():
     modes = modal.solve(mast("tetrahedron", 3, 1), MODES)
-    sizes = [solids.gathered(MPI.COMM_WORLD, np.abs(one)).max() for one in modes.solids[0]]
+    sizes = [float(solids.gathered(MPI.COMM_WORLD, np.abs(one)).max()) for one in modes.solids[0]]
     return [*modes.frequencies.tolist(), modes.estimate(), *sizes, *modes.coarsest.tolist()]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_motion_steps import MUSCLE, bar
 
-from isorod import dynamics, modal, scenes, statics
+from isorod import SolveError, dynamics, modal, scenes, statics
 from isorod.command import cli, printing, solving
 from isorod.dynamics.explicit import run as explicit
 from isorod.geometry import center_line, section
@@ -235,3 +235,18 @@ def test_a_terminal_gets_a_bar_whose_line_is_ended(monkeypatch):
 def test_the_largest_of_a_motion_is_that_in_size(values, words):
     record = {"times": list(range(len(values))), "sag": values}
     assert list(printing._answer(record, {"sag": "length"}, ())) == [("sag", words)]
+
+
+def test_a_model_that_takes_long_says_so_before_it_begins(monkeypatch, capsys):
+    """Nothing is said of one that does not."""
+
+    def stopped(model, **settings):
+        raise SolveError("begun")
+
+    monkeypatch.setattr(statics, "solve", stopped)
+    for words, said in (([], ""), (["--section-points=100"], "36,000 degrees of freedom, 3,000 of them in an element")):
+        assert cli.main(["run", "coil", *words]) == 2
+        assert (
+            capsys.readouterr().err
+            == (f"isorod: {said}: each iteration takes long\n" if said else "") + "isorod: begun\n"
+        )

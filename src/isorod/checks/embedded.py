@@ -6,7 +6,7 @@ gives way too much by, nearly: of rods of 0.3 and 0.6 radii in one of 1, pulled 
 1.6 times as much, for ends from the axis of the other on to half its radius (`tests/test_tie_flank.py`).
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from isorod.output.state import State
 from isorod.space.space import Space
 from isorod.space.trace import rows_at
 from isorod.tensors import determinant
-
-if TYPE_CHECKING:
-    from isorod.modal.modes import Modes
 
 # Sections to a radius, and at most; their points in each slice.
 _SECTIONS, _MOST = 8, 2000
@@ -105,7 +102,7 @@ def of(solution: Any) -> Share:
     return _largest(known, [energies], max(stored, _TINY))
 
 
-def _of_modes(modes: "Modes", known: list[Part]) -> Share:
+def _of_modes(modes: Any, known: list[Part]) -> Share:
     found = []
     for value, vector in zip(modes.eigenvalues[modes.rigid :], modes.vectors[modes.rigid :], strict=True):
         scale = _SMALL / max(float(np.abs(vector).max()) / modes.model.size, _TINY)

@@ -73,9 +73,7 @@ class Ringed(Polynomials):
         self._mix, self._taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area)
 
     def __str__(self) -> str:
-        return (
-            f"{self.family} in rings {' '.join(f'{radius:g}' for radius in self._rings)}, section degree {self.degree}"
-        )
+        return f"{super().__str__()} in rings {' '.join(f'{radius:g}' for radius in self._rings)}"
 
     def _fine_points(self) -> tuple[Array, Array]:
         """Return points of the disk and weights that tell all functions apart."""
