@@ -391,15 +391,10 @@ def test_counts_on_the_command_line_are_whole(option):
 @pytest.mark.slow
 def test_command_line():
     options = "--analysis dynamics --degree 1 --size 1.2 --end-time 4e-4 --outputs 2 --quadrature 3".split()
-    done = subprocess.run([*FEM, "biceps", *options], capture_output=True, text=True, check=True)
-    record = json.loads(done.stdout)
+    record = json.loads(subprocess.run([*FEM, "biceps", *options], capture_output=True, text=True, check=True).stdout)
     assert len(record["end_force"]) == 4 and len(record["history"]["time"]) == 2
-    assert (
-        record["quadrature"] == 3
-        and record["steps"] > 0
-        and record["seconds"]["step"] > 0.0
-        and record["time_step"] < record["critical_step"]
-    )
+    assert record["quadrature"] == 3 and record["seconds"]["step"] > 0.0
+    assert 0 < record["steps"] and record["time_step"] < record["critical_step"]
     refused = subprocess.run([*FEM, "biceps", "--penalty", "0"], capture_output=True, text=True)
-    said = "comparisons.fem: penalty: got 0, need a positive force per volume\n"
-    assert (refused.returncode, refused.stdout, refused.stderr) == (2, "", said)
+    said = refused.returncode, refused.stdout, refused.stderr
+    assert said == (2, "", "comparisons.fem: penalty: got 0, need a positive force per volume\n")
