@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from isorod import modal, statics
+from isorod import LinearElastic, modal, statics
 from isorod.checks import embedded
 from isorod.command.cli import main
 from isorod.model import Body, Model, Tie
@@ -66,6 +66,19 @@ def test_frequencies_have_half_the_share_of_works():
     share = embedded.of(deep).error - embedded.of(shallow).error
     assert 0.05 < 0.5 * error < share < 2.0 * error
     assert deep.estimate() > share
+
+
+@pytest.mark.parametrize("nu", [0.4999, 0.5])
+def test_rods_that_are_nearly_incompressible_have_a_share_too(nu):
+    """As large as that of others: bending strains them alike."""
+    made = flank.model(RADIUS, 0.0, 1, section_degree=3)
+    shares = []
+    for law in (flank.LAW, LinearElastic(1000.0, nu)):
+        bodies = [Body(one.space, law, 1.0) for one in made.bodies]
+        modes = modal.solve(Model(bodies, made.supports, ties=made.ties), 2)
+        solved = statics.solve(Model(bodies, made.supports, loads=made.loads, ties=made.ties))
+        shares.append([embedded.of(modes).error, embedded.of(solved).error])
+    assert shares[1] == pytest.approx(shares[0], rel=0.15)
 
 
 SCENE = """

@@ -13,6 +13,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import Rule, section_points
+from isorod.material.along_rod import shear_laws
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface
 from isorod.output.state import State
@@ -29,7 +30,7 @@ _AROUND = 32
 _TINY = float(np.finfo(float).tiny)
 
 # Displacements of modes, over the model's size, with which their energies are taken.
-_SMALL = 1e-7
+_SMALL = 1e-4
 
 # Points that are farther from the other rod, in radii, are outside.
 _OUTSIDE = 1e-6
@@ -64,10 +65,12 @@ class Part(NamedTuple):
     volumes: Array
 
     def energy(self, state: State) -> float:
-        """Return the energy stored there in a state, of small strains."""
-        strain = state.deformation_gradient(self.body, self.u, self.xi) - np.eye(3)
-        stress = state.stress(self.body, self.u, self.xi, "pk1")
-        return 0.5 * float(np.einsum("tqab,tqab,tq->", stress, strain, self.volumes))
+        """Return the energy stored there in a state, of mixed bodies that of shear."""
+        body = state.model.bodies[self.body]
+        laws = body.laws_at(self.u, self.xi).at(state.factor)
+        laws = laws if body.pressures is None else shear_laws(laws)
+        density = laws.energy(state.deformation_gradient(self.body, self.u, self.xi))
+        return float(np.sum(self.volumes * density))
 
 
 class Share(NamedTuple):
@@ -139,7 +142,7 @@ def _within(
     """Return depth, what is wholly inside, axis parameters, disk points and volumes of what is in another rod."""
     rod, length = space.rod, space.rod.arc_length
     step = rod.radius / _SECTIONS
-    ways = (np.arange(min(int(length.total / step), _MOST)) + 0.5) * step
+    ways = (np.arange(min(max(1, int(length.total / step)), _MOST)) + 0.5) * step
     u = np.interp(ways if at_start else length.total - ways, length.length, length.u)
     xi, area = section_points(rod.section_points, _POINTS, rings=rod.rings)
     most = _SECTIONS
