@@ -4,8 +4,9 @@
 line's name has to hold (``fibred``, ``"tube 0.9"``).  Sections, laws, loads and lengths are those below.  Errors are
 the largest difference of Cauchy's stress, by its Frobenius norm, over the largest stress, at places of the surface, of
 the inner one, on both sides of an interface and in the middle, farther from ends than the section is wide.  Exact is a
-finer space: of degree 6, with twice the degree across up to 8 and three times the elements; of rings one degree more
-and twice the elements.  Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
+finer space: of degree 6, with three times the elements and twice the degree across up to 8, in two rings where that
+would be no more; of rings one degree more and twice the elements.  Closed forms say the same of the bars that have one
+(`tests/test_boundary_layers.py`).
 
 Two rods more are beside finite elements at full level (``starter`` and ``hook`` as words): von Mises stresses, farther
 from ends than the section is wide, over the largest; ``apart`` is how much those of the two finest meshes differ.
@@ -32,7 +33,8 @@ from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.output import held, results
 from isorod.output.stress import von_mises
-from isorod.space import Space
+from isorod.space import Space, choice
+from isorod.space.polynomial import MAX_DEGREE
 
 TITLE = "stresses of bars a diameter off their ends, nothing chosen"
 COLUMNS = {"estimate": "estimated", "unknowns": "unknowns", "solve": "solution, s", "outcome": "outcome"}
@@ -174,9 +176,10 @@ def finer(space: Space) -> Space:
     cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * shares).ravel()
     more = np.sort(np.concatenate([space.knots or (), cut]))
     apart = np.abs(more[:, None] - even).min(axis=1) > 1e-9 * np.ptp(axis.breaks)
-    across = cast(int, space.section_degree)
-    across = min(2 * across, 8) if whole else across + 1
-    return Space(space.rod, elements, 6, 3, section_degree=across, knots=tuple(map(float, more[apart])))
+    degree = cast(int, space.section_degree)
+    across = min(2 * degree, MAX_DEGREE) if whole else degree + 1
+    rod = space.rod.with_rings(choice.BONDED) if whole and across == degree else space.rod
+    return Space(rod, elements, 6, 3, section_degree=across, knots=tuple(map(float, more[apart])))
 
 
 def off(found: Array, exact: Array) -> float:

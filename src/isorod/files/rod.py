@@ -45,6 +45,8 @@ class Use(NamedTuple):
         Lengths along it at which a tie of its lateral surface begins or ends.
     bonded
         Whether its lateral surface is tied to a finite element body.
+    pressed
+        Whether pressures act on its surface.
     angle
         By which supports turn it in all, radians.
     patches
@@ -58,6 +60,7 @@ class Use(NamedTuple):
     loaded: list[float]
     tied: list[float]
     bonded: bool
+    pressed: bool
     angle: float
     patches: "Sequence[Patch]"
 
@@ -129,12 +132,13 @@ class RodPlan:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
-    def _along(self, rod: "Rod", use: Use) -> dict[str, Any]:
+    def _along(self, rod: "Rod", use: Use, reach: float) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
 
-        It touches others, supports turn it, loads act on sections, a part of it is tied, or laws differ between
-        elements of the curve, so that slopes jump there.
+        It touches others, supports turn it, loads act on sections, a part of it is tied, it is under pressure, or laws
+        differ between elements of the curve, so that slopes jump there.
         """
+        from isorod.geometry.quadrature import WHOLE
         from isorod.space import choice as chosen
 
         given, kinks = self.space.arguments, _kinks(rod, use.tied)
@@ -150,8 +154,10 @@ class RodPlan:
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
-            if places:
-                found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle)
+            pressed = use.pressed and use.stressed and rod.rings == WHOLE and not rod.closed
+            layer = (chosen.PRESSED_FIBRES if reach else chosen.PRESSED) if pressed else chosen.LAYER
+            if places or pressed:
+                found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:
             found["knots"] = ()
         if kinks:
@@ -164,10 +170,8 @@ class RodPlan:
         """Whether section functions are given."""
         return bool({"order", "section_points", "section_degree"} & set(self.space.arguments))
 
-    def _across(self, rod: "Rod", laws: Sequence[Any], use: Use) -> dict[str, int]:
+    def _across(self, rod: "Rod", use: Use, reach: float) -> dict[str, int]:
         """Return section functions that suit the rod's use, if none are given and these are others than are chosen."""
-        from isorod.material.law import reach
-        from isorod.material.places import Places
         from isorod.space import choice as chosen
 
         if self._says_across:
@@ -176,9 +180,7 @@ class RodPlan:
             return {"order": chosen.ORDER}
         if not use.stressed:
             return {}
-        breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
-        places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
-        found = chosen.stressed(rod, max((reach(law, places) for law in laws if law.families), default=0.0))
+        found = chosen.stressed(rod, reach, use.pressed)
         return {} if found == chosen.section(rod) else found
 
     def body(self, use: Use) -> "Body":
@@ -201,11 +203,22 @@ class RodPlan:
 
             space = closer(rod, use.patches)
         else:
-            space = self.space.make(rod=rod, **self._along(rod, use), **self._across(rod, laws, use))
+            reach = _reach(rod, laws) if use.stressed else 0.0
+            space = self.space.make(rod=rod, **self._along(rod, use, reach), **self._across(rod, use, reach))
         material = laws[0] if len(laws) == 1 else laws
         chosen = self._body or call(self.place, schema.BODY, {})
         body: Body = chosen.make(space=space, material=material)
         return body
+
+
+def _reach(rod: "Rod", laws: Sequence[Any]) -> float:
+    """Return how far what is done to an end reaches in fibres, in radii: 0 where no law has any."""
+    from isorod.material.law import reach
+    from isorod.material.places import Places
+
+    breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
+    places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
+    return max((reach(law, places) for law in laws if law.families), default=0.0)
 
 
 def _kinks(rod: "Rod", lengths: Sequence[float]) -> list[float]:

@@ -168,6 +168,7 @@ class FileScene(Scene):
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
             tied=self._names.tied(number),
             bonded=self._names.bonded(number),
+            pressed=any(one.form is schema.LOADS["pressure"] for one in loads),
             angle=max((dist(one, other) for one in turns for other in turns), default=0.0),
             patches=self.patches.get(number, ()),
         )

@@ -14,13 +14,13 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import MAX_DEGREE
-from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import WHOLE, Rule
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.polynomial import polynomials
+from isorod.space.shape import Shape, shape_of
 from isorod.space.torsion import MAX_RINGED, of_polynomials, torsion
 
 DEGREE = 5
@@ -67,13 +67,6 @@ RINGED, RINGED_STRESSED, MOST_RINGED = 4, 5, 10
 # axis, with polynomials of degree 4 alone 0.45, 1.0 and 1.7 % (`comparisons.joints.weld`).
 BONDED = (0.0, 0.8, 1.0)
 
-# A tube's wall bends where it is held or ends, over a few times sqrt(radius times thickness): elements of that many
-# times this err by 6e-3 at the most under pressure, and so many carry tubes of any length.
-WALL, MOST_WALL = 2.0, 16
-
-# A section that is so much wider than thick is no tube.
-ROUND = 0.5
-
 # How many times as many elements a rod in contact has.  Measured on crossing wires and on a ring pressed by a plane:
 # their forces err by 0.2 and 0.4 % with twice as many.
 TOUCHING = 2.4
@@ -85,53 +78,32 @@ AROUND = 48
 # order, of this many points at least.
 ORDER, POINTS = 2, 24
 
-# Rods of more elements were cut so for their shape; points in an element at which its frame is looked at.
-_MANY, _LOOKS = 1000, 7
+
+class Layer(NamedTuple):
+    """Elements near an end: the first so many radii long, each next one so many times as long."""
+
+    first: float
+    rise: float
 
 
 # What a held, loaded or welded end does to stresses decays within a diameter where the law is isotropic, later where
-# fibres are stiff; the layer in which a cable bends at its ends is longer still.  Elements that resolve all of these:
-# the first 0.4 radii long, each next one this many times as long until they are as long as the others; a knot is
-# left out where another one is as near as these shares of its element's length, before and after it.  Measured
-# (`comparisons.stability.stresses`): stresses of round bars from a diameter off the ends on err by 0.5 % at the most,
-# where even elements err by 55 %.
-_FIRST, _RISE = 0.4, 3.0
+# fibres are stiff; the layer in which a cable bends at its ends is longer still.  Elements that resolve all of these
+# grow until they are as long as the others; a knot is left out where another one is as near as these shares of its
+# element's length, before and after it.  Measured (`comparisons.stability.stresses`): stresses of round bars from a
+# diameter off the ends on err by 0.5 % at the most, where even elements err by 55 %.
+LAYER = Layer(0.4, 3.0)
+_BEFORE, _AFTER = 0.6, 0.4
+
+# Under pressure stresses are small but for what the ends do to them: with the layer above those of airfoils are off by
+# 1.4 %, with this one by 0.6 %; with fibres 20 times as stiff along them those of round bars by 1.2 and 0.5 %.
+PRESSED, PRESSED_FIBRES = Layer(0.2, 3.0), Layer(0.2, 2.0)
 
 # Rods that are longer, in widths, have none: with some, Newton's method loses to rounding from 5e4 widths on, without
 # from 5e5.
 _SLENDEREST = 1e4
-_BEFORE, _AFTER = 0.6, 0.4
 
 # At these knots functions are that often differentiable: as right as C0, with two fifths of the unknowns it adds.
 SMOOTH = 3
-
-
-class Shape(NamedTuple):
-    """What the choices go by.
-
-    Attributes
-    ----------
-    angle
-        The largest angle by which an element turns, bent or twisted, radians.
-    slenderness
-        Length over width.
-    bend
-        The largest curvature, or twist over length, of an element times the radius.
-    walls
-        Elements of a tube.
-    radius
-        Largest distance of the outline from the centre line.
-    u, way
-        Axis parameters in rising order, and lengths along the centre line there, both ends included.
-    """
-
-    angle: float
-    slenderness: float
-    bend: float
-    walls: float
-    radius: float
-    u: Array
-    way: Array
 
 
 class Along(NamedTuple):
@@ -165,7 +137,7 @@ def axis(
         return Along(elements, degree, continuity, knots or ())
     # What is out of range is for the axis to refuse.
     known = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
-    shape = _shape(rod)
+    shape = shape_of(rod)
     least = ELEMENTS[known] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
     functions = degree - smooth
     # At the rod's own knots an element has more of its own, if they are less smooth.
@@ -178,7 +150,9 @@ def axis(
     return Along(parts * own, degree, continuity, knots)
 
 
-def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float], angle: float = 0.0) -> tuple[float, ...]:
+def boundary_layers(
+    rod: Rod, degree: int | None, places: Sequence[float], angle: float = 0.0, layer: Layer = LAYER
+) -> tuple[float, ...]:
     """Return the ``knots`` of a space that resolve boundary layers at both ends and on both sides of more places.
 
     Parameters
@@ -190,13 +164,17 @@ def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float], angle
         of the rod are among the knots, twice: functions have kinks there.
     angle
         As for `axis`.
+    layer
+        How long the elements are.
     """
     parts = axis(rod, None, degree, None, (), angle).elements // rod.axis.elements
     kinks = [u for u in set(places) if not np.isin(u, rod.axis.breaks)]
-    return tuple(sorted([*_boundary_layers(rod, parts, _shape(rod), places), *2 * kinks]))
+    return tuple(sorted([*_boundary_layers(rod, parts, shape_of(rod), places, layer), *2 * kinks]))
 
 
-def _boundary_layers(rod: Rod, parts: int, shape: Shape, places: Sequence[float] = ()) -> tuple[float, ...]:
+def _boundary_layers(
+    rod: Rod, parts: int, shape: Shape, places: Sequence[float] = (), layer: Layer = LAYER
+) -> tuple[float, ...]:
     """Return knots that, with the rod's elements cut in so many parts, resolve boundary layers."""
     if shape.slenderness > _SLENDEREST:
         return ()
@@ -210,14 +188,14 @@ def _boundary_layers(rod: Rod, parts: int, shape: Shape, places: Sequence[float]
             room = 0.5 * min(others[others > 0.0], default=0.0)
             even = side * (there - middle)
             element = min(even[even > 1e-9 * shape.way[-1]], default=0.0)
-            way, size = 0.0, _FIRST * shape.radius
+            way, size = 0.0, layer.first * shape.radius
             while size < element:
                 way += size
                 off = side * (np.append(there, found) - middle)
                 near = (off > way - _BEFORE * size) & (off < way + _AFTER * size)
                 if not near.any() and way + _AFTER * size < room:
                     found.append(middle + side * way)
-                size *= _RISE
+                size *= layer.rise
     return tuple(np.sort(np.interp(found, shape.way, shape.u)).tolist())
 
 
@@ -273,7 +251,7 @@ def touching_points(rod: Rod, n: int, elements: int, degree: int, least: int, mo
     least, most
         Points round an arc at least, and of either at most.
     """
-    shape = _shape(rod)
+    shape = shape_of(rod)
     across = min(max(least, ceil(AROUND / n)), most)
     # Of a round section, on which points are 2 pi r / (n across) apart.
     along = ceil(shape.slenderness * n * across / (pi * elements))
@@ -285,7 +263,7 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
 
     ``missed`` is the share of the torsion constant that they may miss.
     """
-    slenderness = _shape(rod).slenderness
+    slenderness = shape_of(rod).slenderness
     least = next(degree for most, degree in LEAST.items() if slenderness <= most)
     if rod.rings != WHOLE:
         from isorod.space.ringed import Ringed
@@ -315,10 +293,15 @@ def bonded(rod: Rod) -> Rod:
     return rod.with_rings(BONDED) if rod.rings == WHOLE and "section_degree" in section(rod) else rod
 
 
-def stressed(rod: Rod, reach: float) -> dict[str, int]:
+def stressed(rod: Rod, reach: float, pressed: bool = False) -> dict[str, int]:
     """Return the section functions, as `section` does, with which stresses are right too, not works alone.
 
-    ``reach`` is that of the laws (`isorod.material.law.reach`).
+    Parameters
+    ----------
+    reach
+        Of the laws (`isorod.material.law.reach`), 0 without fibres.
+    pressed
+        Whether pressures act on the surface.
     """
     found = section(rod)
     if rod.rings != WHOLE:
@@ -327,12 +310,14 @@ def stressed(rod: Rod, reach: float) -> dict[str, int]:
         return found
     best = of_polynomials(rod, MAX_SECTION_DEGREE)[1]
     # Stresses of a curved bar are a power series in the radius over that of its axis.
-    series = ceil(np.log(CURVED) / np.log(np.clip(_shape(rod).bend, CURVED, 0.5)))
-    degree = min(max(found["section_degree"], ceil(2.0 + 0.5 * reach), series), MOST)
+    series = ceil(np.log(CURVED) / np.log(np.clip(shape_of(rod).bend, CURVED, 0.5)))
+    # What pressure does is small beside what held ends do to stiff fibres.
+    most, fibres = (MAX_SECTION_DEGREE, reach) if pressed else (MOST, 0.5 * reach)
+    degree = max(found["section_degree"], min(max(ceil(2.0 + fibres), series), most))
     # Shear warps a section by cubic functions of its thickness.
     while degree < MOST and polynomials(rod, degree).across < CUBIC:
         degree += 1
-    missed = [_missed(rod, one, best) for one in range(degree, MOST_TWISTED + 1)]
+    missed = [_missed(rod, one, best) for one in range(degree, max(degree, MOST_TWISTED) + 1)]
     return {
         "section_degree": degree + next(k for k, one in enumerate(missed) if one <= max(TWISTED, 1.01 * missed[-1]))
     }
@@ -353,48 +338,3 @@ def rule(space: Any) -> Rule:
     found, even = space.basis.auto(degree), ~np.isin(axis.breaks[1:-1], space.knots or ())
     sharp = degree > 1 and (axis.multiplicities[1:-1][even] >= degree).all()
     return Rule(found.radial, found.angular, degree) if sharp else found
-
-
-def _shape(rod: Rod) -> Shape:
-    """Return what the choices go by."""
-    breaks = rod.axis.breaks
-    count = min(rod.axis.elements, _MANY)
-    u = rod.axis.within((np.arange(_LOOKS) + 0.5) / _LOOKS)[:count].ravel()
-    position, jacobian = rod.grid([[0.0, 0.0], *circle(8)], u)
-    frames = np.linalg.qr(jacobian[:, 0, :, [2, 0, 1]].transpose(1, 2, 0))[0]
-    # Columns that point as the derivatives do.
-    frames = frames * np.sign(np.einsum("tab,bta->tb", frames, jacobian[:, 0, :, [2, 0, 1]]))[:, None, :]
-    frames = frames.reshape(count, _LOOKS, 3, 3)
-    traces = np.einsum("etab,etab->et", frames[:, 1:], frames[:, :-1])
-    angles = np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)).sum(axis=1) * _LOOKS / (_LOOKS - 1)
-    length = np.linalg.norm(np.diff(position[:, 0], axis=0), axis=1).sum() * _LOOKS * count / (_LOOKS * count - 1)
-    long = np.linalg.norm(np.diff(position[:, 0].reshape(count, _LOOKS, 3), axis=1), axis=2).mean(axis=1) * _LOOKS
-    scale = rod.axis.elements / count
-    length *= scale
-    radii = np.linalg.norm(position[:, 1:] - position[:, :1], axis=2)
-    radius = float(radii.max())
-    if count < rod.axis.elements:
-        # Elements so many are short.
-        u, way = breaks[[0, -1]], np.array([0.0, length])
-    else:
-        way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position[:, 0], axis=0), axis=1)))
-        # Half a step more on either side.
-        steps_ = 0.5 * way[[1]], 0.5 * (way[[-1]] - way[[-2]])
-        way = np.concatenate([[0.0], way + steps_[0], [way[-1] + steps_[0][0] + steps_[1][0]]])
-        u = np.concatenate([breaks[:1], u, breaks[-1:]])
-    walls = _walls(rod, float(length), radii)
-    bend = float((angles / long).max() * radius)
-    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, u, way)
-
-
-def _walls(rod: Rod, length: float, radii: Array) -> float:
-    """Return how many elements a tube takes for its wall; 0 if the rod is none.
-
-    ``radii`` ``(u, 8)`` are those of the outline at places along the rod.
-    """
-    hole = rod.rings[0]
-    if not hole or (radii.min(axis=1) < ROUND * radii.max(axis=1)).any():
-        return 0.0
-    # Mean radius times thickness.
-    size = float(radii.mean()) * np.sqrt(0.5 * (1.0 - hole**2))
-    return min(length / (WALL * size), MOST_WALL)
