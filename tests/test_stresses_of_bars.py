@@ -9,11 +9,14 @@ from isorod import HolzapfelGasserOgden, LinearElastic, TransverselyIsotropic, s
 from isorod.files.scene import FileScene
 from isorod.material.law import reach
 from isorod.material.places import alone
+from isorod.space import Space, choice
 
 BARS = [
     Bar("ellipse", "isotropic", "shear", 10.0),
     pytest.param(Bar("ellipse", "fibred 20", "torsion", 20.0), marks=pytest.mark.slow),
     Bar("circle", "isotropic", "pressure", 50.0),
+    Bar("airfoil", "isotropic", "pressure", 20.0),
+    pytest.param(Bar("ellipse", "fibred 20", "pressure", 20.0), marks=pytest.mark.slow),
     Bar("airfoil", "isotropic", "torsion", 20.0),
 ]
 
@@ -30,6 +33,21 @@ def test_stresses_are_right_by_default_and_wrong_on_even_elements(bar, tmp_path)
     assert error / 3.0 < solution.errors().stress < 5.0 * error
     even = FileScene(scene.path, elements=space.elements, section_degree=3)
     assert off(statics.solve(even.model()).stress(0, *at), exact) > stresses.TOLERANCE
+
+
+def test_pressure_on_stiff_fibres_is_seen_by_functions_of_degree_8_in_shorter_elements(tmp_path):
+    """Against two rings of degree 6 with twice the elements, whose functions see the rim of the held faces."""
+    scene = stresses.scene(Bar("ellipse", "fibred 20", "pressure", 10.0), tmp_path)
+    model = scene.model()
+    space, at = model.bodies[0].space, places(model)
+    rod = space.rod.with_rings(choice.BONDED)
+    fine = Space(rod, section_degree=6, **choice.halved(space))
+    exact = statics.solve(scene.on([fine]).model()).stress(0, *at)
+    assert space.section_degree == 8
+    assert off(statics.solve(model).stress(0, *at), exact) < 0.6 * stresses.TOLERANCE
+    plain = choice.axis(space.rod, None, None, None)
+    before = Space(space.rod, plain.elements, knots=plain.knots, section_degree=6)
+    assert off(statics.solve(scene.on([before]).model()).stress(0, *at), exact) > 0.9 * stresses.TOLERANCE
 
 
 def test_places_are_on_all_surfaces_and_far_from_ends(tmp_path):

@@ -15,6 +15,9 @@ SHORT = f"not enough memory for this; {_CURE}"
 # Address space without which the libraries do not load: some end in a traceback then, OpenBLAS tries for ever.
 _LEAST = 1e9
 
+# Bytes that the libraries leave free at any rate; asking takes longer than a small solve may.
+SMALL = 16e6
+
 
 def refuse_little() -> None:
     """Raise `InputError` if the user's limit leaves no room for the libraries."""
@@ -37,7 +40,9 @@ def available() -> float:
 
 
 def ask(size: float, what: str) -> None:
-    """Raise `InputError` if there are not so many bytes for something."""
+    """Raise `InputError` if there are not so many bytes for something that is not small."""
+    if size <= SMALL:
+        return
     left = available()
     if size > left:
         raise InputError(f"{what} needs about {size / _GIGABYTE:.3g} GB, {left / _GIGABYTE:.3g} GB are free; {_CURE}")

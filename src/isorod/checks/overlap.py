@@ -184,7 +184,11 @@ def _near(sections: _Sections) -> tuple[Index, Index]:
     """Return pairs of sections that may touch, whose surroundings overlap."""
     stretches, centre, reach = sections
     if len(centre) <= _FEW:
-        first, second = np.triu_indices(len(centre), 1)
+        # Squares of distances from products of vectors that are short, so that rounding does not count.
+        off = centre - centre.mean(axis=0)
+        square = np.sum(off**2, axis=1)
+        wide = (square[:, None] + square) - 2.0 * (off @ off.T) < (2.0 * _WIDER * float(reach.max())) ** 2
+        first, second = np.nonzero(np.triu(wide, 1))
     else:
         from scipy.spatial import cKDTree
 

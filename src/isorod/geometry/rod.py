@@ -104,13 +104,13 @@ class Rod(Checked):
         """Number of control points round the section, ``n``."""
         return self.control_points.shape[1]
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """How far the largest section's control points are from their centre, units of length."""
         centers = self.control_points.mean(axis=1)
         return float(np.linalg.norm(self.control_points - centers[:, None], axis=2).max())
 
-    @property
+    @cached_property
     def slenderness(self) -> float:
         """Length of the polygon of the sections' centres over `radius`."""
         centers = self.control_points.mean(axis=1)

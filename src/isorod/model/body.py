@@ -237,6 +237,8 @@ class Body(Checked):
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
+        if all(law is self.laws[0] for law in self.laws):
+            return
         axis = self.space.axis
         moduli = np.array([np.max(getattr(law, "E", np.nan)) for law in self.laws]).reshape(-1, self._rings)
         jumps = np.exp(np.abs(np.diff(np.log(moduli), axis=0)).max(axis=1)) * (1.0 - 1e-9)
