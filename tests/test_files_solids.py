@@ -254,8 +254,8 @@ def test_a_stretched_body_has_the_stress_of_its_law_at_all_nodes(shape):
 
 SCREW = str(Path(files.__file__).parent / "examples" / "screw.toml")
 BONDED = [
-    ((), choice.BONDED),
-    (("tie.thread={slave='plate.hole', master='screw.outer'}",), choice.BONDED),
+    ((), choice.RIM),
+    (("tie.thread={slave='plate.hole', master='screw.outer'}",), choice.RIM),
     (("rod.screw.space={section_degree=4}",), WHOLE),
     (("rod.screw.section={flower={}}",), WHOLE),
     (("rod.screw.rings=[0.5, 1]",), (0.5, 1.0)),

@@ -40,7 +40,7 @@ def test_pressure_on_stiff_fibres_is_seen_by_functions_of_degree_8_in_shorter_el
     scene = stresses.scene(Bar("ellipse", "fibred 20", "pressure", 10.0), tmp_path)
     model = scene.model()
     space, at = model.bodies[0].space, places(model)
-    rod = space.rod.with_rings(choice.BONDED)
+    rod = space.rod.with_rings(choice.RIM)
     fine = Space(rod, section_degree=6, **choice.halved(space))
     exact = statics.solve(scene.on([fine]).model()).stress(0, *at)
     assert space.section_degree == 8

@@ -165,7 +165,7 @@ def rod_space(hole: bool, **space: Any) -> Space:
     line = isorod.straight(HEIGHT + ROD) if hole else isorod.straight(ROD, start=(0.0, 0.0, HEIGHT))
     rod = line.sweep(isorod.circle(8, 1.0))
     if hole:
-        rod = choice.bonded(rod)
+        rod = choice.with_rim(rod)
         share = HEIGHT / (HEIGHT + ROD)
         layers = share + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
         space.setdefault("knots", (*(np.array([0.2, 0.5]) / 12.0), *layers))

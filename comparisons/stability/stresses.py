@@ -4,9 +4,9 @@
 line's name has to hold (``fibred``, ``"tube 0.9"``).  Sections, laws, loads and lengths are those below.  Errors are
 the largest difference of Cauchy's stress, by its Frobenius norm, over the largest stress, at places of the surface, of
 the inner one, on both sides of an interface and in the middle, farther from ends than the section is wide.  Exact is a
-finer space: of degree 6, with three times the elements and twice the degree across up to 8, in two rings where that
-would be no more; of rings one degree more and twice the elements.  Closed forms say the same of the bars that have one
-(`tests/test_boundary_layers.py`).
+finer space: of degree 6, with three times the elements and twice the degree across up to 8; where that would be no more
+with twice the elements and, of round sections, two rings of degree 6; of rings one degree more and twice the elements.
+Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
 
 Two rods more are beside finite elements at full level (``starter`` and ``hook`` as words): von Mises stresses, farther
 from ends than the section is wide, over the largest; ``apart`` is how much those of the two finest meshes differ.
@@ -63,6 +63,8 @@ OUTCOMES = ("right", "warned of", "within 3 %", "wrong in silence")
 
 # Sections looked at, and points round each.
 _SECTIONS, _AROUND = 61, 15
+# Section degree of two rings that are compared with the largest one of the whole section.
+_RINGED = 6
 # On the inner side of an interface.
 _INSIDE = 1.0 - 1e-9
 
@@ -168,17 +170,18 @@ def places(model: Any) -> tuple[Array, Array]:
 def finer(space: Space) -> Space:
     """Return the space that a chosen one is compared with."""
     axis, whole = space.axis, space.rod.rings == WHOLE
-    # Those of rings have functions enough.
-    parts = 3 if whole else 2
+    degree = cast(int, space.section_degree)
+    # Beyond the largest degree there are rings alone, of round sections.  Those have functions enough.
+    rod = choice.with_rim(space.rod) if degree == MAX_DEGREE else space.rod
+    ringed = whole and rod is not space.rod
+    parts = 3 if whole and not ringed else 2
     elements = parts * cast(int, space.elements)
     even = space.rod.axis.refine(elements // space.rod.axis.elements, 6, 3).breaks
     shares = np.arange(1, parts) / parts
     cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * shares).ravel()
     more = np.sort(np.concatenate([space.knots or (), cut]))
     apart = np.abs(more[:, None] - even).min(axis=1) > 1e-9 * np.ptp(axis.breaks)
-    degree = cast(int, space.section_degree)
-    across = min(2 * degree, MAX_DEGREE) if whole else degree + 1
-    rod = space.rod.with_rings(choice.BONDED) if whole and across == degree else space.rod
+    across = _RINGED if ringed else min(2 * degree, MAX_DEGREE) if whole else degree + 1
     return Space(rod, elements, 6, 3, section_degree=across, knots=tuple(map(float, more[apart])))
 
 

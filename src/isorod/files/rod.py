@@ -135,8 +135,8 @@ class RodPlan:
     def _along(self, rod: "Rod", use: Use, reach: float) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
 
-        It touches others, supports turn it, loads act on sections, a part of it is tied, it is under pressure, or laws
-        differ between elements of the curve, so that slopes jump there.
+        It touches others, supports turn it, loads act on sections, a part of it is tied, it has fibres or is under
+        pressure, or laws differ between elements of the curve, so that slopes jump there.
         """
         from isorod.geometry.quadrature import WHOLE
         from isorod.space import choice as chosen
@@ -154,9 +154,9 @@ class RodPlan:
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
-            pressed = use.pressed and use.stressed and rod.rings == WHOLE and not rod.closed
-            layer = (chosen.PRESSED_FIBRES if reach else chosen.PRESSED) if pressed else chosen.LAYER
-            if places or pressed:
+            whole = use.stressed and rod.rings == WHOLE and not rod.closed
+            layer = chosen.layer(reach, use.pressed) if whole else chosen.LAYER
+            if places or layer != chosen.LAYER:
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:
             found["knots"] = ()
@@ -188,12 +188,14 @@ class RodPlan:
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         rod = self.rod()
-        if use.bonded and len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
-            from isorod.space import choice as choices
-
-            rod = choices.bonded(rod)
-        own, rings = rod.axis.elements, len(rod.rings) - 1
         laws = [one.make() for one in self.laws]
+        reach = _reach(rod, laws) if use.stressed else 0.0
+        if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
+            from isorod.space import choice as chosen
+
+            if use.bonded or chosen.is_short(rod, reach):
+                rod = chosen.with_rim(rod)
+        own, rings = rod.axis.elements, len(rod.rings) - 1
         places = own if rings == 1 else rings
         if len(laws) not in (1, places):
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
@@ -203,11 +205,10 @@ class RodPlan:
 
             space = closer(rod, use.patches)
         else:
-            reach = _reach(rod, laws) if use.stressed else 0.0
             space = self.space.make(rod=rod, **self._along(rod, use, reach), **self._across(rod, use, reach))
         material = laws[0] if len(laws) == 1 else laws
-        chosen = self._body or call(self.place, schema.BODY, {})
-        body: Body = chosen.make(space=space, material=material)
+        form = self._body or call(self.place, schema.BODY, {})
+        body: Body = form.make(space=space, material=material)
         return body
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import MAX_DEGREE
+from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import WHOLE, Rule
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
@@ -62,10 +63,15 @@ CURVED = 0.005
 # 10.
 RINGED, RINGED_STRESSED, MOST_RINGED = 4, 5, 10
 
-# At the rim of a hole that a rod is bonded in its stresses rise along the surface: polynomials across converge slowly,
-# rings do not.  A rod through a block of 0.1, 1 and 10 times its stiffness is 0.4, 0.5 and 0.5 % too stiff across its
-# axis, with polynomials of degree 4 alone 0.45, 1.0 and 1.7 % (`comparisons.joints.weld`).
-BONDED = (0.0, 0.8, 1.0)
+# At the rim of a hole that a rod is bonded in, or of a held face, stresses rise along the surface: polynomials across
+# converge slowly, rings do not.  A rod through a block of 0.1, 1 and 10 times its stiffness is 0.4, 0.5 and 0.5 % too
+# stiff across its axis, with polynomials of degree 4 alone 0.45, 1.0 and 1.7 % (`comparisons.joints.weld`).  Fibres
+# carry what is at their ends: stresses of bars 5 radii long, 20 times as stiff along them, are 0.2 to 0.5 % off in
+# shear, with polynomials 1.9 and 2.1 %.
+RIM = (0.0, 0.8, 1.0)
+
+# Points of an outline whose waves tell whether it is an ellipse, and the share of the first that others may have.
+_WAVES, _SAME = 16, 1e-9
 
 # How many times as many elements a rod in contact has.  Measured on crossing wires and on a ring pressed by a plane:
 # their forces err by 0.2 and 0.4 % with twice as many.
@@ -95,8 +101,9 @@ LAYER = Layer(0.4, 3.0)
 _BEFORE, _AFTER = 0.6, 0.4
 
 # Under pressure stresses are small but for what the ends do to them: with the layer above those of airfoils are off by
-# 1.4 %, with this one by 0.6 %; with fibres 20 times as stiff along them those of round bars by 1.2 and 0.5 %.
-PRESSED, PRESSED_FIBRES = Layer(0.2, 3.0), Layer(0.2, 2.0)
+# 1.4 %, with a first element of 0.2 radii by 0.6 %.  Where fibres are stiff elements grow more slowly: those of round
+# bars with fibres 20 times as stiff are off by 0.5 % under pressure, for 1.2 %, of ellipses in torsion by 1.0 for 1.2.
+PRESSED, FIBRES, PRESSED_FIBRES = Layer(0.2, 3.0), Layer(0.4, 2.0), Layer(0.2, 2.0)
 
 # Rods that are longer, in widths, have none: with some, Newton's method loses to rounding from 5e4 widths on, without
 # from 5e5.
@@ -288,9 +295,26 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     return points if harmonic * (1.0 + missed) < constant else {"section_degree": MOST}
 
 
-def bonded(rod: Rod) -> Rod:
-    """Return a rod that is tied in the hole of a body in rings (`BONDED`); as it is where polynomials do not suit."""
-    return rod.with_rings(BONDED) if rod.rings == WHOLE and "section_degree" in section(rod) else rod
+def with_rim(rod: Rod) -> Rod:
+    """Return a rod in rings that resolve what is at its rim (`RIM`); as it is where rings do not have its sections.
+
+    They have ellipses.
+    """
+    waves = np.abs(np.fft.rfft(rod.grid(circle(_WAVES), rod.axis.breaks)[0], axis=1))
+    round_ = waves[:, 2:].max() <= _SAME * waves[:, 1].max()
+    return rod.with_rings(RIM) if round_ and rod.rings == WHOLE and "section_degree" in section(rod) else rod
+
+
+def layer(reach: float, pressed: bool) -> Layer:
+    """Return the elements near ends with which stresses are right, as for `stressed`."""
+    if pressed:
+        return PRESSED_FIBRES if reach else PRESSED
+    return FIBRES if reach else LAYER
+
+
+def is_short(rod: Rod, reach: float) -> bool:
+    """Return whether what is done to one end of a rod reaches the other in its fibres (`isorod.material.law.reach`)."""
+    return reach > 2.0 * shape_of(rod).slenderness
 
 
 def stressed(rod: Rod, reach: float, pressed: bool = False) -> dict[str, int]:
