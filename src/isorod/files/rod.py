@@ -155,7 +155,7 @@ class RodPlan:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
             whole = use.stressed and rod.rings == WHOLE and not rod.closed
-            layer = chosen.layer(reach, use.pressed) if whole else chosen.LAYER
+            layer = chosen.layer(rod, reach, use.pressed) if whole else chosen.LAYER
             if places or layer != chosen.LAYER:
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:

@@ -21,7 +21,7 @@ from isorod.geometry.section import refinement_turn
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.polynomial import polynomials
-from isorod.space.shape import Shape, shape_of
+from isorod.space.shape import ROUND, Shape, shape_of
 from isorod.space.torsion import MAX_RINGED, of_polynomials, torsion
 
 DEGREE = 5
@@ -66,8 +66,8 @@ RINGED, RINGED_STRESSED, MOST_RINGED = 4, 5, 10
 # At the rim of a hole that a rod is bonded in, or of a held face, stresses rise along the surface: polynomials across
 # converge slowly, rings do not.  A rod through a block of 0.1, 1 and 10 times its stiffness is 0.4, 0.5 and 0.5 % too
 # stiff across its axis, with polynomials of degree 4 alone 0.45, 1.0 and 1.7 % (`comparisons.joints.weld`).  Fibres
-# carry what is at their ends: stresses of bars 5 radii long, 20 times as stiff along them, are 0.2 to 0.5 % off in
-# shear, with polynomials 1.9 and 2.1 %.
+# carry what is at their ends: stresses of bars 5 radii long, 20 times as stiff along them, are 0.3 % off in shear, with
+# polynomials 1.9 and 2.1 %.
 RIM = (0.0, 0.8, 1.0)
 
 # Points of an outline whose waves tell whether it is an ellipse, and the share of the first that others may have.
@@ -100,10 +100,13 @@ class Layer(NamedTuple):
 LAYER = Layer(0.4, 3.0)
 _BEFORE, _AFTER = 0.6, 0.4
 
-# Under pressure stresses are small but for what the ends do to them: with the layer above those of airfoils are off by
-# 1.4 %, with a first element of 0.2 radii by 0.6 %.  Where fibres are stiff elements grow more slowly: those of round
-# bars with fibres 20 times as stiff are off by 0.5 % under pressure, for 1.2 %, of ellipses in torsion by 1.0 for 1.2.
-PRESSED, FIBRES, PRESSED_FIBRES = Layer(0.2, 3.0), Layer(0.4, 2.0), Layer(0.2, 2.0)
+# What the first element is where a section is flat, so that its thickness counts, or under pressure, whose own stresses
+# are small beside what the ends do: of airfoils in tension 0.3 % off for 1.1, under pressure 0.6 for 1.4.
+_FINE = 0.2
+
+# Where fibres are stiff elements grow more slowly: with those 20 times as stiff round bars are off by 0.5 % under
+# pressure, for 1.2, ellipses in torsion by 0.8, for 1.2.
+_SLOW = 2.0
 
 # Rods that are longer, in widths, have none: with some, Newton's method loses to rounding from 5e4 widths on, without
 # from 5e5.
@@ -305,11 +308,10 @@ def with_rim(rod: Rod) -> Rod:
     return rod.with_rings(RIM) if round_ and rod.rings == WHOLE and "section_degree" in section(rod) else rod
 
 
-def layer(reach: float, pressed: bool) -> Layer:
+def layer(rod: Rod, reach: float, pressed: bool) -> Layer:
     """Return the elements near ends with which stresses are right, as for `stressed`."""
-    if pressed:
-        return PRESSED_FIBRES if reach else PRESSED
-    return FIBRES if reach else LAYER
+    fine = pressed or shape_of(rod).thinness < ROUND
+    return Layer(_FINE if fine else LAYER.first, _SLOW if reach else LAYER.rise)
 
 
 def is_short(rod: Rod, reach: float) -> bool:
@@ -329,7 +331,9 @@ def stressed(rod: Rod, reach: float, pressed: bool = False) -> dict[str, int]:
     """
     found = section(rod)
     if rod.rings != WHOLE:
-        return {"section_degree": max(found["section_degree"], RINGED_STRESSED)}
+        # One more at the ends of fibres: ellipses in torsion are 0.4 % off, for 1.2.
+        least = RINGED_STRESSED + (rod.rings == RIM and reach > 0.0)
+        return {"section_degree": max(found["section_degree"], least)}
     if "section_degree" not in found:
         return found
     best = of_polynomials(rod, MAX_SECTION_DEGREE)[1]

@@ -34,6 +34,8 @@ class Shape(NamedTuple):
         Elements of a tube.
     radius
         Largest distance of the outline from the centre line.
+    thinness
+        The least one over the largest one, of a section.
     u, way
         Axis parameters in rising order, and lengths along the centre line there, both ends included.
     """
@@ -43,6 +45,7 @@ class Shape(NamedTuple):
     bend: float
     walls: float
     radius: float
+    thinness: float
     u: Array
     way: Array
 
@@ -76,7 +79,8 @@ def shape_of(rod: Rod) -> Shape:
         u = np.concatenate([breaks[:1], u, breaks[-1:]])
     walls = _walls(rod, float(length), radii)
     bend = float((angles / long).max() * radius)
-    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, u, way)
+    thinness = float((radii.min(axis=1) / radii.max(axis=1)).min())
+    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, thinness, u, way)
 
 
 def _walls(rod: Rod, length: float, radii: Array) -> float:
