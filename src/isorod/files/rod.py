@@ -138,7 +138,6 @@ class RodPlan:
         It touches others, supports turn it, loads act on sections, a part of it is tied, it has fibres or is under
         pressure, or laws differ between elements of the curve, so that slopes jump there.
         """
-        from isorod.geometry.quadrature import WHOLE
         from isorod.space import choice as chosen
 
         given, kinks = self.space.arguments, _kinks(rod, use.tied)
@@ -154,9 +153,8 @@ class RodPlan:
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
-            whole = use.stressed and rod.rings == WHOLE and not rod.closed
-            layer = chosen.layer(rod, reach, use.pressed) if whole else chosen.LAYER
-            if places or layer != chosen.LAYER:
+            layer = chosen.layer(rod, reach, use.pressed) if use.stressed else chosen.LAYER
+            if not rod.closed and (places or layer != chosen.LAYER):
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:
             found["knots"] = ()

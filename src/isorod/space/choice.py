@@ -299,9 +299,9 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
 
 
 def with_rim(rod: Rod) -> Rod:
-    """Return a rod in rings that resolve what is at its rim (`RIM`); as it is where rings do not have its sections.
+    """Return a rod of ellipses in rings that resolve its rim (`RIM`), any other as it is.
 
-    They have ellipses.
+    Rings represent no other section exactly.
     """
     waves = np.abs(np.fft.rfft(rod.grid(circle(_WAVES), rod.axis.breaks)[0], axis=1))
     round_ = waves[:, 2:].max() <= _SAME * waves[:, 1].max()
@@ -331,8 +331,8 @@ def stressed(rod: Rod, reach: float, pressed: bool = False) -> dict[str, int]:
     """
     found = section(rod)
     if rod.rings != WHOLE:
-        # One more at the ends of fibres: ellipses in torsion are 0.4 % off, for 1.2.
-        least = RINGED_STRESSED + (rod.rings == RIM and reach > 0.0)
+        # One more where the ends of fibres count everywhere: ellipses in torsion are 0.4 % off, for 1.2.
+        least = RINGED_STRESSED + is_short(rod, reach)
         return {"section_degree": max(found["section_degree"], least)}
     if "section_degree" not in found:
         return found
