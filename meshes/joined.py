@@ -35,9 +35,10 @@ _SPACING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RodPart:
-    """A rod: what it is called, its rings that are parts of their own, and where it is cut (`occ_rods.volumes`)."""
+    """A rod: its region, what it is called, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
 
     name: str
+    said: str
     rod: Rod
     radii: Sequence[float] = (0.0, 1.0)
     cuts: Sequence[float] = ()
@@ -45,9 +46,10 @@ class RodPart:
 
 @dataclass(frozen=True, eq=False)
 class BodyPart:
-    """A body: what it is called, the file of its geometry, and the box ``(2, 3)`` and the volume of its own mesh."""
+    """A body: its region, what it and its STEP file are called, box ``(2, 3)`` and volume of its own mesh."""
 
     name: str
+    said: str
     file: str
     step: bytes = field(repr=False)
     box: Array
@@ -161,12 +163,12 @@ class Solid:
             found = sum(occ.getMass(3, one.tag) for one in self.pieces if one.part == number)
             if abs(found - self._sizes[number]) > _SAME_VOLUME * self._sizes[number]:
                 raise InputError(
-                    f"{part.name}: gmsh does not cut it by the others rightly: of a volume of "
+                    f"{part.said}: gmsh does not cut it by the others rightly: of a volume of "
                     f"{self._sizes[number]:.5g} {found:.5g} are left; take a simpler geometry"
                 )
             if isinstance(part, BodyPart) and abs(found - part.volume) > _SAME_AREA * part.volume:
                 raise InputError(
-                    f"{part.name}: geometry {part.file}: its volume without the rods is {found:.5g}, that of the mesh "
+                    f"{part.said}: geometry {part.file}: its volume without the rods is {found:.5g}, that of the mesh "
                     f"{part.volume:.5g}; need the body that is meshed"
                 )
 
@@ -174,22 +176,22 @@ class Solid:
         """Note which ties the faces are of that two parts share; raises `InputError` unless all of them are tied."""
         ties = {k: one for k, one in enumerate(self.joins) if {one.slave, one.master} == {*pair}}
         area = sum(self._gmsh.model.occ.getMass(2, face) for face in faces)
-        first, second = (self.parts[k].name for k in pair)
+        first, second = (self.parts[k].said for k in pair)
         if not ties:
             if area > 0.0:
                 raise InputError(f"{first} and {second} touch, on an area of {area:.4g}, and nothing ties them there")
             return
-        wanted, names = sum(one.area for one in ties.values()), ", ".join(one.name for one in ties.values())
+        wanted, name = sum(one.area for one in ties.values()), next(one.name for one in ties.values())
         if not faces:
             raise InputError(
-                f"tie {names}: the surfaces of {first} and {second} are nowhere the same; make them so, or leave the "
+                f"{name}: the surfaces of {first} and {second} are nowhere the same; make them so, or leave the "
                 "hole of a rod out of the body's geometry: where both are it is the rod's"
             )
         # A rod that ends within another has one face in the place of its end, of another size.
         within = overlap > _OVERLAP and all(isinstance(self.parts[k], RodPart) for k in pair)
         if not within and abs(area - wanted) > _SAME_AREA * wanted:
             raise InputError(
-                f"tie {names}: {first} and {second} are the same surface on an area of {area:.4g}, and {wanted:.4g} are "
+                f"{name}: {first} and {second} are the same surface on an area of {area:.4g}, and {wanted:.4g} are "
                 "tied; let the tied surface be all that touches"
             )
         trees = {k: cKDTree(one.points) for k, one in ties.items()}
@@ -285,7 +287,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
         try:
             return occ_rods.volumes(gmsh, part.rod, part.radii, part.cuts)
         except InputError as problem:
-            raise InputError(f"{part.name}: {problem}") from None
+            raise InputError(f"{part.said}: {problem}") from None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "body.step"
         file.write_bytes(part.step)
@@ -295,7 +297,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
             # gmsh raises nothing else.
             found = []
     if not found:
-        raise InputError(f"{part.name}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
+        raise InputError(f"{part.said}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
     gmsh.model.occ.synchronize()
     boxes = np.array([gmsh.model.occ.getBoundingBox(3, tag) for tag in found]).reshape(-1, 2, 3)
     box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
@@ -303,7 +305,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
     if np.abs(box - part.box).max() > _SAME_AREA * size:
         said = ["; ".join(" to ".join(f"{one:.4g}" for one in axis) for axis in both.T) for both in (box, part.box)]
         raise InputError(
-            f"{part.name}: geometry {part.file} reaches from {said[0]}, its mesh from {said[1]}; need the same place "
+            f"{part.said}: geometry {part.file} reaches from {said[0]}, its mesh from {said[1]}; need the same place "
             "and unit (STEP is read in mm)"
         )
     return [occ_rods.Volume(tag, 1) for tag in found]

@@ -93,7 +93,7 @@ def build(
         if isinstance(part, RodPart):
             faces |= _of_rod(part, by_rod[number], own)
         else:
-            faces |= _of_body(part.name, groups[number], own, points)
+            faces |= _of_body(part, groups[number], own, points)
     for k, one in enumerate(joins):
         slave = made.regions[parts[one.slave].name]
         own = [made.faces[face] for face in solid.joints[k]]
@@ -195,7 +195,7 @@ def _of_rod(part: RodPart, own: Array, faces: Sequence[Index]) -> dict[str, Inde
     return {f"{part.name} {name}": np.concatenate(several) for name, several in found.items()}
 
 
-def _of_body(name: str, groups: Groups, faces: Sequence[Index], points: Array) -> dict[str, Index]:
+def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) -> dict[str, Index]:
     """Return the facets of a body's groups: of each face of the geometry all or none."""
     found: dict[str, list[Index]] = {group: [] for group in groups.members}
     for nodes in faces if found else ():
@@ -208,13 +208,13 @@ def _of_body(name: str, groups: Groups, faces: Sequence[Index], points: Array) -
                 found[group].append(nodes)
             elif share > _NONE:
                 raise InputError(
-                    f"{name}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or none: "
+                    f"{part.said}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or none: "
                     "split the face there"
                 )
     lost = next((group for group, several in found.items() if not several), None)
     if lost is not None:
-        raise InputError(f"{name}: group {lost} is on no face of the geometry's surface")
-    return {f"{name} {group}": np.concatenate(several) for group, several in found.items()}
+        raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
+    return {f"{part.name} {group}": np.concatenate(several) for group, several in found.items()}
 
 
 def _nearest(points: Array, triangles: Array) -> Index:

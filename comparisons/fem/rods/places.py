@@ -1,4 +1,4 @@
-"""Where points of rods are in the cells of their mesh: the Rods' parameters are functions of the cells too."""
+"""Where points of rods are in the cells of their mesh, by parameters of these, functions of the cells, or by place."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -6,10 +6,11 @@ from scipy.spatial import cKDTree
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from isorod.material import places
-from meshes.mesh import Array, Index, gradients
+from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 
-# A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial.
-_OUTSIDE = 0.05
+# A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial; that
+# of a coarse tetrahedron may be straight.
+_OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
 _FAR = 1.0
@@ -18,7 +19,9 @@ _TRIED = 32
 
 
 def lagrange(order: int, nodes: Array, where: Array) -> Array:
-    """Return values ``(m, nodes)`` of the brick's Lagrange functions of ``nodes`` ``(nodes, 3)`` at ``where``."""
+    """Return values ``(m, nodes)`` of Lagrange functions of ``nodes`` ``(nodes, 3)`` of a cell at ``where``."""
+    if len(nodes) < (order + 1) ** 3:
+        return tetrahedral(order, nodes, where)
     ticks = np.arange(order + 1.0) / order
     result = np.ones((len(where), len(nodes)))
     for a in range(3):
@@ -30,21 +33,37 @@ def lagrange(order: int, nodes: Array, where: Array) -> Array:
     return result
 
 
+def _outside(shape: CellShape, where: Array) -> Array:
+    """Return how far reference positions ``(m, 3)`` are outside of the cell, shape ``(m,)``."""
+    if shape == "hexahedron":
+        return np.asarray(np.maximum(np.abs(where - 0.5) - 0.5, 0.0).max(axis=1))
+    return np.maximum(np.maximum(-where.min(axis=1), where.sum(axis=1) - 1.0), 0.0)
+
+
 class Places:
     """The cells of one rod.
 
     Parameters
     ----------
-    order, reference
+    shape, order, reference
         Of the cells, as in `meshes.mesh.Mesh`.
     parameters
-        Of each cell's nodes, shape ``(cells, nodes per cell, 3)``.
+        Of each cell's nodes, or their positions, shape ``(cells, nodes per cell, 3)``.
     period
         How much ``u`` grows once round a closed rod; None if it has ends.
     """
 
-    def __init__(self, order: int, reference: Array, parameters: Array, period: float | None) -> None:
-        self.order, self.reference, self.parameters, self.period = order, reference, parameters, period
+    def __init__(
+        self, shape: CellShape, order: int, reference: Array, parameters: Array, period: float | None = None
+    ) -> None:
+        self.shape, self.order, self.reference, self.parameters, self.period = (
+            shape,
+            order,
+            reference,
+            parameters,
+            period,
+        )
+        self._middle = reference.mean(axis=0)
         u = parameters[:, :, 2]
         # Of the size of the disk's cells, so that near cells are near in all three parameters.
         across = np.ptp(parameters[:, :, :2], axis=1).mean()
@@ -52,7 +71,7 @@ class Places:
         self._tree = cKDTree(parameters.mean(axis=1) * self._scale)
 
     def find(self, points: Array) -> tuple[Index, Array]:
-        """Return cell and reference position of points ``xi_1, xi_2, u``, shape ``(m, 3)``.
+        """Return cell and reference position of points, by what nodes are given by, shape ``(m, 3)``.
 
         Raises
         ------
@@ -66,9 +85,10 @@ class Places:
             better = found[2] < outside[lost]
             for own, other in zip((cell, where, outside), found, strict=True):
                 own[lost[better]] = other[better]
-        if (outside > _OUTSIDE).any():
+        if (outside > _OUTSIDE[self.shape]).any():
             x, y, u = points[int(np.argmax(outside))]
-            raise InputError(f"mesh: no cell has the point xi ({x:.4g}, {y:.4g}), u {u:.4g}")
+            said = f"xi ({x:.4g}, {y:.4g}), u {u:.4g}" if self.shape == "hexahedron" else f"({x:.4g}, {y:.4g}, {u:.4g})"
+            raise InputError(f"mesh: no cell has the point {said}")
         return cell, where
 
     def _search(self, points: Array) -> tuple[Index, Array, Array]:
@@ -77,26 +97,26 @@ class Places:
         _, tried = self._tree.query(points * self._scale, k=count)
         tried = tried.reshape(len(points), count)
         cell = tried[:, 0].astype(np.int64)
-        best, outside = np.full((len(points), 3), 0.5), np.full(len(points), np.inf)
+        best, outside = np.tile(self._middle, (len(points), 1)), np.full(len(points), np.inf)
         for k in range(count):
             left = np.flatnonzero(outside > _INSIDE)
             if not left.size:
                 break
             where = self._invert(tried[left, k], points[left])
-            excess = np.maximum(np.abs(where - 0.5) - 0.5, 0.0).max(axis=1)
+            excess = _outside(self.shape, where)
             better = excess < outside[left]
             chosen = left[better]
             cell[chosen], best[chosen], outside[chosen] = tried[chosen, k], where[better], excess[better]
         return cell, best, outside
 
     def _invert(self, cells: Index, points: Array) -> Array:
-        """Return reference positions at which the parameters are the points', one cell each, by Newton's method."""
-        where = np.full((len(points), 3), 0.5)
+        """Return reference positions at which nodes' values are the points', one cell each, by Newton's method."""
+        where = np.tile(self._middle, (len(points), 1))
         left = np.arange(len(points))
         for step in range(_NEWTON_STEPS):
             nodes, here = self.parameters[cells[left]], where[left]
             values = lagrange(self.order, self.reference, here)
-            slopes = gradients("hexahedron", self.order, self.reference, here)
+            slopes = gradients(self.shape, self.order, self.reference, here)
             gap = points[left] - np.einsum("mn,mna->ma", values, nodes)
             change = np.linalg.solve(np.einsum("mnb,mna->mab", slopes, nodes), gap[:, :, None])[:, :, 0]
             where[left] = np.clip(here + change, -_FAR, 1.0 + _FAR)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from comparisons.fem import runs
 from comparisons.fem.arguments import option, positive
+from comparisons.fem.rods import joined
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
@@ -23,6 +24,8 @@ from isorod.model.support import Support
 from isorod.output.results import write_arrays
 from isorod.space.space import Space
 from meshes import rods
+from meshes.joined_mesh import Joined
+from meshes.joined_mesh import build as joined_mesh_of
 from meshes.mesh import Mesh
 
 # What is known of an analysis here.
@@ -72,8 +75,25 @@ def mesh_of(model: Model, level: int = 1, degree: int = 2, cells: rods.Cells | N
     return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree, cells)
 
 
+def joined_mesh(scene: Any, model: Model, level: int) -> tuple[Joined, list[str]]:
+    """Return the mesh of a model with ties as one solid, and what was done to it, in words."""
+    cuts = [_planes(model, b) for b in range(len(model.bodies))]
+    parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), cuts)
+    return joined_mesh_of(parts, joins, groups, level)
+
+
 def _cut(model: Model, b: int) -> Rod:
     """Return a body's rod with knots where its mesh has to have planes."""
+    rod = model.bodies[b].space.rod
+    low, high = rod.axis.breaks[[0, -1]]
+    for u in _planes(model, b):
+        if np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
+            rod = rod.insert(u)
+    return rod
+
+
+def _planes(model: Model, b: int) -> list[float]:
+    """Return the axis parameters within a body's rod at which its mesh has to have planes."""
     body = model.bodies[b]
     axis, rod = body.space.axis, body.space.rod
     rings = len(rod.rings) - 1
@@ -91,10 +111,7 @@ def _cut(model: Model, b: int) -> Rod:
                 where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
     where += [u for support in model.supports if support.body == b for u in _ends_of(support, body.space)]
     low, high = axis.breaks[[0, -1]]
-    for u in sorted(set(where)):
-        if low < u < high and np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
-            rod = rod.insert(u)
-    return rod
+    return [u for u in sorted(set(where)) if low < u < high]
 
 
 def _ends_of(support: Support, space: Space) -> list[float]:
@@ -133,12 +150,18 @@ def run(
             _refuse_loaded(configuration.name, model, given)
             # Modes know no pressures.
             model = model.in_displacements()
+        tied, told = bool(model.ties or model.solids), []
+        bodies = scene.bodies() if tied else []
         start = perf_counter()
-        mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
+        if tied:
+            _refuse_cells(configuration)
+            mesh, told = joined_mesh(scene, model, configuration.level)
+        else:
+            mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
 
         def once() -> Any:
-            return solve(model, mesh, scene.analysis, flags=configuration.flags, **settings)
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **settings)
 
         solution, record = runs.measured(once, repeat, comm, meshing)
     if fields is not None:
@@ -153,6 +176,8 @@ def run(
         "dofs": solution.dofs,
         "unknowns": solution.unknowns,
         "cells": solution.cells,
+        "shape": mesh.shape,
+        **({"mesh_notes": told} if told else {}),
         **solution.iterations,
         "formulation": "displacement",
         "units": scene.units,
@@ -162,6 +187,11 @@ def run(
         "petsc_options": solution.options,
         **record,
     }
+
+
+def _refuse_cells(configuration: Configuration) -> None:
+    if configuration.degree != 2 or configuration.counted:
+        raise InputError("degree: rods that are tied are meshed as one solid, with tetrahedra of degree 2 that gmsh chooses")
 
 
 def _refuse_loaded(name: str, model: Any, given: Mapping[str, Any]) -> None:
