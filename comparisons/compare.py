@@ -201,11 +201,14 @@ class Comparison:
         repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
         words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
         record = timing.run("comparisons.fem", words)
-        named = {"curve": f"Q{degree} bricks", "label": f"mesh {level}", "arguments": " ".join(arguments)}
+        cells = f"P{degree} tetrahedra" if record.get("shape") == "tetrahedron" else f"Q{degree} bricks"
+        named = {"curve": cells, "label": f"mesh {level}", "arguments": " ".join(arguments)}
         return _Solved(level, record | named | {"sequence": True}, Sample.read(file, record.get("rigid", 0)))
 
     def _more(self, judge: distance.Judge, finest: _Solved) -> None:
-        """Record finite elements of other degrees."""
+        """Record finite elements of other degrees; tetrahedra, of one solid, have none."""
+        if finest.sample.reference is not None:
+            return
         for degree, levels in MORE[self.study.level].items():
             for level in levels:
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):

@@ -19,7 +19,7 @@ from comparisons.fem.domain import Domain
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.places import Places, lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element, Held
 from isorod import files, statics
@@ -37,6 +37,7 @@ from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Su
 from isorod.space import Space
 from meshes import rods
 from meshes.mesh import gradients
+from meshes.within import Places, lagrange
 
 HEIGHT = 4.0
 

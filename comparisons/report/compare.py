@@ -235,12 +235,30 @@ def _what(records: list[Record]) -> str:
     said = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
     kind = {"statics": "Equilibrium", "modal": "Vibration modes"}[scene["analysis"]]
     fem = [one for one in part(records, "work") if one["method"] == "fem"]
+    degree = part(records, "converged")[0]["degree"]
+    cells = f"bricks of degree {degree}, curved with the rods, of nested meshes"
+    if _is_joined(records):
+        cells = (
+            f"all rods and bodies as one solid, curved tetrahedra of degree {degree} by gmsh, whose cells are smallest at "
+            "the edges of joints"
+        )
     return (
         f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {said}; "
-        f"{default['dofs']:,} degrees of freedom. dolfinx: bricks of degree {part(records, 'converged')[0]['degree']}, "
-        f"curved with the rods, of nested meshes, {fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
+        f"{precision.unknowns(default)} degrees of freedom{_bodies_told(default)}. dolfinx: {cells}, "
+        f"{fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
         "freedom, solved directly; finite elements that are faster to an error may exist, none were searched for."
     )
+
+
+def _is_joined(records: list[Record]) -> bool:
+    """Return whether finite elements have all rods and bodies as one solid."""
+    return any(one.get("shape") == "tetrahedron" for one in part(records, "work"))
+
+
+def _bodies_told(default: Record) -> str:
+    """Return the bodies' meshes in words."""
+    bodies = [f"{one['cells']:,} {one['kind']} of degree {one['degree']}" for one in default.get("solids", ())]
+    return f", with bodies of {' and '.join(bodies)}, as their files have them" if bodies else ""
 
 
 def _measured(records: list[Record]) -> str:

@@ -9,13 +9,14 @@ import ufl
 
 from comparisons.fem import quadrature
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.places import lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from isorod.fenics import compat
 from isorod.fenics.stored import constants_of, density
 from isorod.material import symbols
 from isorod.material.law import Material
 from isorod.model.model import Model
 from meshes.mesh import Array, Index
+from meshes.within import lagrange
 
 # How far bodies at rest are taken to be compressed.
 _SLACK = 1e-12

@@ -11,7 +11,6 @@ import ufl
 from comparisons.fem.contact.facets import facet_of, gauss, outward
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.places import lagrange
 from isorod.errors import InputError
 from isorod.fenics.loads import Load
 from isorod.files.solid import OfBody
@@ -19,6 +18,7 @@ from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, gradients
 from meshes.mesh import gauss as volume_rule
+from meshes.within import lagrange
 
 _SURFACES = {"outer": "lateral", "inner": "inner"}
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from comparisons.fem.rods.places import Places, lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from isorod.checks import stresses
 from isorod.errors import InputError
 from isorod.files.solid import OfBody
@@ -20,6 +20,7 @@ from isorod.output.stress import von_mises
 from isorod.tensors import determinant
 from meshes.joined_mesh import Joined
 from meshes.mesh import Array, Index, Mesh, gauss, gradients
+from meshes.within import Places, lagrange
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
@@ -230,7 +231,7 @@ class Solution:
         -------
         ``points`` ``(nodes, 3)``, ``parameters`` ``(nodes, 3)`` (``xi_1, xi_2, u``), ``node_rod`` ``(nodes,)``,
         ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh (of nodes of bodies alone the rod is -1
-        for the first body, and so on, and parameters are their positions); ``displacement`` ``(nodes, 3)`` and, at the
+        for the first body, and so on, and parameters are their positions), of tetrahedra ``reference``; ``displacement`` ``(nodes, 3)`` and, at the
         ``2 x 2 x 2`` Gauss points of every brick or the nodes of every tetrahedron, ``stress_parameters`` ``(m, 3)``,
         ``stress_rod`` ``(m,)``, ``stress_points`` ``(m, 3)`` (at rest) and ``von_mises`` ``(m,)``, of the Cauchy stress
         ``P F^T / det F`` (as `isorod.output.stress` has it for linear elastic bodies, too); ``surface_parameters``, ``surface_rod`` and
@@ -254,6 +255,7 @@ class Solution:
             "cells": mesh.cells,
             "weights": mesh.node_volumes(),
             "order": np.array(mesh.order),
+            **({"reference": mesh.reference} if mesh.shape == "tetrahedron" else {}),
         }
         if self.displacement is None:
             return found | {"modes": self.shapes, "frequencies": self.frequencies}
