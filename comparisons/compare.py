@@ -5,6 +5,7 @@ extrapolated.  Fields are compared with those of the finest mesh, at its nodes, 
 surfaces, away from edges (`isorod.checks.stresses`); the default's also with those of isorod's own finest space.
 """
 
+import os
 import re
 import shlex
 import tempfile
@@ -26,8 +27,10 @@ from comparisons.report import rod_pictures
 from isorod import options, scenes
 from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
+from isorod.files.document import ALLOWED
 from isorod.output import results
 from isorod.output.words import duration
+from meshes.joined_mesh import body_file
 
 # What names of files are better without.
 _UNFIT = re.compile(r"[^\w.-]+")
@@ -49,6 +52,9 @@ MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
 GROWTH = 1.5
 
 DEGREE = 2
+
+# The curve of runs whose bodies have meshes as fine as finite elements' of one solid.
+BODIES = "isorod, bodies refined"
 
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
 MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
@@ -150,7 +156,7 @@ class Comparison:
             own = judge.of_mesh(one.record, one.sample)
             self._record("work", one.record | own)
         self._more(judge, finest)
-        default = self._ours(judge)
+        default = self._ours(judge, [one.level for one in meshes])
         with self.steps.step("pictures"):
             solution, _ = solve(scene, scene.settings(), 1)
             rod_pictures.write(self.study, solution, (default, finest.record), finest.sample)
@@ -200,6 +206,8 @@ class Comparison:
         arguments = _words(level, degree)
         repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
         words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
+        if self.what.model.solids:
+            words += ["--bodies", str(self._bodies(level))]
         record = timing.run("comparisons.fem", words)
         cells = f"P{degree} tetrahedra" if record.get("shape") == "tetrahedron" else f"Q{degree} bricks"
         named = {"curve": cells, "label": f"mesh {level}", "arguments": " ".join(arguments)}
@@ -220,21 +228,33 @@ class Comparison:
                         continue
                     self._record("work", one.record | judge.of_mesh(one.record, one.sample))
 
-    def _ours(self, judge: distance.Judge) -> Record:
-        """Record isorod's runs and return that with nothing chosen."""
+    def _ours(self, judge: distance.Judge, levels: Sequence[int]) -> Record:
+        """Record isorod's runs, those with bodies of finite elements' levels too; return that with nothing chosen."""
         judge.places.write(self.folder / "places.npz")
+        # Where the bodies' meshes of other sizes are, from which scenes may read.
+        os.environ[ALLOWED] = os.pathsep.join([str(self.folder), *filter(None, [os.environ.get(ALLOWED)])])
         first = self._variant(judge, Variant(DEFAULT, (), True))
         assert first is not None
         default = first.record
         ways = variants(self.what.scene, self.what.model, default["discretisation"])
         runs = [found for one in ways if (found := self._variant(judge, one)) is not None]
+        for level in levels if self.what.model.solids else ():
+            files = {one.name: body_file(self._bodies(level), one.name) for one in self.what.scene.bodies()}
+            said = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
+            self._variant(judge, Variant(f"bodies {level}", tuple(said), True), BODIES)
         best = max(runs, key=lambda one: one.record["dofs"], default=first)
         if "stress" in default and best.record["dofs"] > default["dofs"]:
             own = judge.between(first.record, first.von_mises, best.record, best.von_mises)
             self._record("finer", {"label": best.record["label"], "dofs": best.record["dofs"], "stress": own})
         return default
 
-    def _variant(self, judge: distance.Judge, one: Variant) -> _Ours | None:
+    def _bodies(self, level: int) -> Path:
+        """Return the folder of the bodies' meshes that are cut out of finite elements'."""
+        found = self.folder / f"bodies-{level}"
+        found.mkdir(exist_ok=True)
+        return found
+
+    def _variant(self, judge: distance.Judge, one: Variant, curve: str = "isorod") -> _Ours | None:
         file = self.folder / "ours.npz"
         asked = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
         with self.steps.step(f"isorod, {one.label}"):
@@ -248,7 +268,7 @@ class Comparison:
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
-        named = {"curve": "isorod", "label": one.label, "arguments": shlex.join(one.arguments)}
+        named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
         own = judge.of_ours(record, fields)
         return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
 

@@ -1,7 +1,8 @@
-"""The mesh of rods and bodies as one solid (`meshes.joined`): tetrahedra, faces and groups by name, rods' parameters."""
+"""The mesh of rods and bodies as one solid (`meshes.joined`): tetrahedra, faces by name, parameters of rods."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,10 +31,21 @@ _FLAT, _ROUNDS = 0.02, 5
 
 
 class Groups(NamedTuple):
-    """Facets of a body's own mesh: triangles ``(f, 3, 3)`` of its surface, and which are of a group, by its name."""
+    """The surface of a body's own mesh.
+
+    Attributes
+    ----------
+    triangles
+        Its facets, shape ``(f, 3, 3)``.
+    members
+        Which of them are of a group, by its name.
+    needed
+        Groups that something holds or loads.
+    """
 
     triangles: Array
     members: Mapping[str, Any]
+    needed: Collection[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +57,12 @@ class Joined(Mesh):
     by_rod
         Parameters ``xi_1, xi_2, u`` of nodes in each of the rods, shape ``(rods, nodes, 3)``, NaN elsewhere: where two
         are tied, nodes have those of both.
+    bodies
+        What of it each body is, as a mesh of its own whose faces are named as the groups.
     """
 
     by_rod: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
+    bodies: Sequence[Mesh] = ()
 
     def parameters_in(self, rod: int, nodes: Index) -> Array:
         """Return the parameters ``(..., 3)`` of nodes ``(...)`` of a rod."""
@@ -84,27 +99,37 @@ def build(
     points, straight = _straightened(made.points, made.cells, made.reference)
     rods = [part for part in parts if isinstance(part, RodPart)]
     by_rod = np.full((len(rods), len(points), 3), np.nan)
-    for k, part in enumerate(rods):
-        nodes = np.unique(made.cells[made.regions[part.name]])
-        by_rod[k, nodes] = parameters(part.rod, points[nodes])[0]
+    for k, one in enumerate(rods):
+        nodes = np.unique(made.cells[made.regions[one.name]])
+        by_rod[k, nodes] = parameters(one.rod, points[nodes])[0]
     faces: dict[str, Index] = {}
+    bodies: list[Mesh] = []
     for number, part in enumerate(parts):
         own = [made.faces[face] for face in solid.outer[number]]
         if isinstance(part, RodPart):
             faces |= _of_rod(part, by_rod[number], own)
-        else:
-            faces |= _of_body(part, groups[number], own, points)
-    for k, one in enumerate(joins):
-        slave = made.regions[parts[one.slave].name]
+            continue
+        found = _of_body(part, groups[number], own, points)
+        lost = next((name for name in groups[number].needed if name not in found), None)
+        if lost is not None:
+            raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
+        faces |= {f"{part.name} {name}": found[name] for name in groups[number].needed}
+        shared = [
+            face for k, join in enumerate(joins) if number in (join.slave, join.master) for face in solid.joints[k]
+        ]
+        every = _of_body(part, groups[number], [*own, *(made.faces[face] for face in shared)], points)
+        bodies.append(_alone(points, made, part.name, every))
+    for k, join in enumerate(joins):
+        slave = made.regions[parts[join.slave].name]
         own = [made.faces[face] for face in solid.joints[k]]
         faces[f"tie {k}"] = _outward(np.concatenate(own), made.cells[slave], points, made.mirror)
-    for number, part in enumerate(parts):
+    for part in parts:
         cells = made.cells[made.regions[part.name]]
         for name in [name for name in faces if name.startswith(f"{part.name} ")]:
             faces[name] = _outward(faces[name], cells, points, made.mirror)
     known = np.full((len(points), 3), np.nan)
-    for one in by_rod:
-        known = np.where(np.isnan(known), one, known)
+    for own_parameters in by_rod:
+        known = np.where(np.isnan(known), own_parameters, known)
     mesh = Joined(
         "tetrahedron",
         2,
@@ -116,9 +141,15 @@ def build(
         known,
         made.regions,
         by_rod=by_rod,
+        bodies=bodies,
     )
     mesh.check()
     return mesh, straight
+
+
+def body_file(folder: str | Path, name: str) -> Path:
+    """Return the file of a body's own mesh (`Joined.bodies`) in a folder."""
+    return Path(folder) / f"{name}.msh"
 
 
 class _Nodes:
@@ -141,7 +172,7 @@ class _Nodes:
         found = order[np.searchsorted(tags, used, sorter=order)]
         self.points: Array = np.asarray(where).reshape(-1, 3)[found]
         self.faces = {}
-        for face in {*sum(solid.outer.values(), []), *sum(solid.joints.values(), [])}:
+        for face in {face for faces in (*solid.outer.values(), *solid.joints.values()) for face in faces}:
             nodes, self.face_reference = elements(gmsh, 2, [face])
             self.faces[face] = row[nodes]
         self.mirror = mirror(self.face_reference)
@@ -206,15 +237,23 @@ def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) 
             share = float(area @ members[nearest] / area.sum())
             if share > _ALL:
                 found[group].append(nodes)
-            elif share > _NONE:
+            elif share > _NONE and group in groups.needed:
                 raise InputError(
                     f"{part.said}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or none: "
                     "split the face there"
                 )
-    lost = next((group for group, several in found.items() if not several), None)
-    if lost is not None:
-        raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
-    return {f"{part.name} {group}": np.concatenate(several) for group, several in found.items()}
+    return {group: np.concatenate(several) for group, several in found.items() if several}
+
+
+def _alone(points: Array, made: "_Nodes", region: str, faces: Mapping[str, Index]) -> Mesh:
+    """Return a part as a mesh of its own."""
+    cells = made.cells[made.regions[region]]
+    used, rows = np.unique(cells, return_inverse=True)
+    row = np.full(len(points), -1)
+    row[used] = np.arange(used.size)
+    own = {name: row[_outward(nodes, cells, points, made.mirror)] for name, nodes in faces.items()}
+    numbered = rows.reshape(cells.shape).astype(np.int64)
+    return Mesh("tetrahedron", 2, points[used], numbered, made.reference, own, made.face_reference)
 
 
 def _nearest(points: Array, triangles: Array) -> Index:

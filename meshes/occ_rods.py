@@ -6,6 +6,7 @@ splines of degree 2 with the axis: nothing is approximated.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ def _cut(rod: Rod, places: Sequence[float]) -> list[Rod]:
             rod = rod.insert(u, missing)
     axis, p, found = rod.axis, rod.axis.degree, []
     ends = [axis.breaks[0], *places, axis.breaks[-1]]
-    for low, high in zip(ends[:-1], ends[1:], strict=True):
+    for low, high in pairwise(ends):
         # The layer that is the section at a knot stands before the first of its repetitions.
         first = 0 if low == axis.breaks[0] else int(np.searchsorted(axis.knots, low - 1e-12)) - 1
         last = axis.count - 1 if high == axis.breaks[-1] else int(np.searchsorted(axis.knots, high - 1e-12)) - 1

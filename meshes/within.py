@@ -1,4 +1,4 @@
-"""Where points are in the cells of a mesh, by where its nodes are, or by their parameters, functions of the cells too."""
+"""Where points are in the cells of a mesh: by positions of its nodes, or by parameters, functions of the cells too."""
 
 import numpy as np
 from scipy.spatial import cKDTree

@@ -44,7 +44,7 @@ class Judge:
         return self.finest.places
 
     def of_mesh(self, record: Record, sample: Sample) -> dict[str, Any]:
-        """Return errors of a finite element run; its field is compared at the finest mesh's nodes, or those in common."""
+        """Return errors of a finite element run; its field is compared at the finest mesh's nodes."""
         field: dict[str, Any] = {}
         if sample.reference is not None:
             best = self.finest.fields(slice(None))

@@ -84,8 +84,8 @@ class Sample:
     modes, frequencies
         Shapes ``(modes, n, 3)`` and frequencies of flexible modes; None in statics.
     reference
-        Of tetrahedra, whose finer meshes do not have the nodes of coarser ones, the nodes of the reference cell; None of
-        bricks.
+        Of tetrahedra, whose finer meshes do not have the nodes of coarser ones, the nodes of the reference cell; None
+        of bricks.
     """
 
     places: Places
@@ -168,7 +168,7 @@ def _displaced(solution: Any, state: Any, rods: Index, xi: Array, u: Array) -> A
 
 
 def _stresses(solution: Any, rods: Index, xi: Array, u: Array) -> Array:
-    """Return the von Mises stress at points of rods, in calls for those that have the same ``u``, in which they come."""
+    """Return the von Mises stress at points of rods, in calls for those that have the same ``u``."""
     found = np.empty(u.size)
     for rod in np.unique(rods):
         (here,) = np.nonzero(rods == rod)

@@ -239,8 +239,8 @@ def _what(records: list[Record]) -> str:
     cells = f"bricks of degree {degree}, curved with the rods, of nested meshes"
     if _is_joined(records):
         cells = (
-            f"all rods and bodies as one solid, curved tetrahedra of degree {degree} by gmsh, whose cells are smallest at "
-            "the edges of joints"
+            f"all rods and bodies as one solid, curved tetrahedra of degree {degree} by gmsh, smallest at the edges of "
+            "joints"
         )
     return (
         f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {said}; "

@@ -31,7 +31,9 @@ class Assembled(NamedTuple):
     groups: dict[int, Groups]
 
 
-def assembled(model: Model, bodies: Sequence[OfBody], names: Sequence[str], cuts: Sequence[Sequence[float]]) -> Assembled:
+def assembled(
+    model: Model, bodies: Sequence[OfBody], names: Sequence[str], cuts: Sequence[Sequence[float]]
+) -> Assembled:
     """Return the parts of a model with ties.
 
     Parameters
@@ -79,7 +81,9 @@ def _refuse(model: Model, bodies: Sequence[OfBody]) -> None:
             raise InputError(f"tie {k}: got kind {tie.kind!r}; parts of one solid are welded, compare kind = 'weld'")
     for k, load in enumerate(model.loads):
         if isinstance(load, Pressure) and load.follows:
-            raise InputError(f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others")
+            raise InputError(
+                f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others"
+            )
         if isinstance(load, SectionLoad) and load.u is not None:
             axis = model.bodies[load.body].space.axis
             if not np.isclose(load.u, axis.breaks[[0, -1]], rtol=0.0, atol=1e-12).any():
@@ -122,7 +126,7 @@ def _surface(model: Model, surface: Surface) -> tuple[Array, float]:
 
 
 def _groups(body: OfBody) -> Groups:
-    """Return the surface of a body's mesh in triangles, with the groups that something holds or loads."""
+    """Return the surface of a body's mesh in triangles, with its groups, as far as they are of it."""
     grid = body.grid
     names = {*(one.group for one in body.held), *(one.group for one in body.loads if one.group is not None)}
     facets = _exterior(grid)
@@ -131,11 +135,11 @@ def _groups(body: OfBody) -> Groups:
     split = [(0, k, k + 1) for k in range(1, corners - 1)]
     triangles = grid.points[facets[:, split]].reshape(-1, 3, 3)
     members = {}
-    for name in sorted(names):
+    for name in grid.groups:
         own = np.zeros(len(facets), dtype=bool)
-        own[[key[row] for row in map(tuple, np.sort(grid.groups[name], axis=1).tolist())]] = True
+        own[[key[row] for row in map(tuple, np.sort(grid.groups[name], axis=1).tolist()) if row in key]] = True
         members[name] = np.repeat(own, len(split))
-    return Groups(triangles, members)
+    return Groups(triangles, members, sorted(names))
 
 
 def _exterior(grid: Grid) -> Index:

@@ -130,6 +130,7 @@ def _places(elements: Elements, model: Model) -> tuple[Index, list[Material], Ar
         densities.append(body.densities)
     for k, solid in enumerate(model.solids):
         place[elements.source.regions[f"solid {k}"]] = len(laws)
+        assert solid.law is not None
         laws.append(solid.law)
         densities.append(np.array([solid.density]))
     return place, laws, np.concatenate(densities)

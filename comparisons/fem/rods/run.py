@@ -23,9 +23,9 @@ from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.output.results import write_arrays
 from isorod.space.space import Space
-from meshes import rods
+from meshes import gmsh_model, rods
+from meshes import joined_mesh as one_solid
 from meshes.joined_mesh import Joined
-from meshes.joined_mesh import build as joined_mesh_of
 from meshes.mesh import Mesh
 
 # What is known of an analysis here.
@@ -44,6 +44,8 @@ class Configuration:
         Of the mesh, see `meshes.rods.build`; the degree is that of displacement and geometry.
     around, across, layers
         Numbers of cells (`meshes.rods.Cells`): all three, or none for those that the mesh chooses.
+    bodies
+        A folder to which the mesh of each body alone goes.
     flags
         C compiler flags of the forms.
     """
@@ -54,6 +56,7 @@ class Configuration:
     around: int | None = option(None, "cells round a hole or core, in the place of the mesh's own", "N", type=positive)
     across: int | None = option(None, "cells across each ring, in the place of the mesh's own", "N", type=positive)
     layers: int | None = option(None, "cells along the rod, in the place of the mesh's own", "N", type=positive)
+    bodies: str = option("", "write the mesh of each body alone to this folder, as .msh", "FOLDER")
     flags: tuple[str, ...] = FAST
 
     def __post_init__(self) -> None:
@@ -79,7 +82,7 @@ def joined_mesh(scene: Any, model: Model, level: int) -> tuple[Joined, list[str]
     """Return the mesh of a model with ties as one solid, and what was done to it, in words."""
     cuts = [_planes(model, b) for b in range(len(model.bodies))]
     parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), cuts)
-    return joined_mesh_of(parts, joins, groups, level)
+    return one_solid.build(parts, joins, groups, level)
 
 
 def _cut(model: Model, b: int) -> Rod:
@@ -150,12 +153,17 @@ def run(
             _refuse_loaded(configuration.name, model, given)
             # Modes know no pressures.
             model = model.in_displacements()
-        tied, told = bool(model.ties or model.solids), []
+        tied = bool(model.ties or model.solids)
+        told: list[str] = []
         bodies = scene.bodies() if tied else []
         start = perf_counter()
         if tied:
             _refuse_cells(configuration)
-            mesh, told = joined_mesh(scene, model, configuration.level)
+            whole, told = joined_mesh(scene, model, configuration.level)
+            mesh: Mesh = whole
+            if configuration.bodies:
+                for one, alone in zip(bodies, whole.bodies, strict=True):
+                    gmsh_model.write(alone, one_solid.body_file(configuration.bodies, one.name))
         else:
             mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
@@ -191,7 +199,9 @@ def run(
 
 def _refuse_cells(configuration: Configuration) -> None:
     if configuration.degree != 2 or configuration.counted:
-        raise InputError("degree: rods that are tied are meshed as one solid, with tetrahedra of degree 2 that gmsh chooses")
+        raise InputError(
+            "degree: rods that are tied are meshed as one solid, with tetrahedra of degree 2 that gmsh chooses"
+        )
 
 
 def _refuse_loaded(name: str, model: Any, given: Mapping[str, Any]) -> None:

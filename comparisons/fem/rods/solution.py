@@ -202,9 +202,7 @@ class Solution:
 
     def _laws(self, cells: Index, parameters: Array) -> Iterator[tuple[Index, Any]]:
         """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``."""
-        laws: list[tuple[Rod | None, Any]] = [
-            (body.space.rod, law) for body in self.model.bodies for law in body.laws
-        ]
+        laws: list[tuple[Rod | None, Any]] = [(body.space.rod, law) for body in self.model.bodies for law in body.laws]
         laws += [(None, solid.law) for solid in self.model.solids]
         for k, (rod, law) in enumerate(laws):
             (own,) = np.nonzero(self.place[cells] == k)
@@ -230,13 +228,13 @@ class Solution:
         Returns
         -------
         ``points`` ``(nodes, 3)``, ``parameters`` ``(nodes, 3)`` (``xi_1, xi_2, u``), ``node_rod`` ``(nodes,)``,
-        ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh (of nodes of bodies alone the rod is -1
-        for the first body, and so on, and parameters are their positions), of tetrahedra ``reference``; ``displacement`` ``(nodes, 3)`` and, at the
-        ``2 x 2 x 2`` Gauss points of every brick or the nodes of every tetrahedron, ``stress_parameters`` ``(m, 3)``,
-        ``stress_rod`` ``(m,)``, ``stress_points`` ``(m, 3)`` (at rest) and ``von_mises`` ``(m,)``, of the Cauchy stress
-        ``P F^T / det F`` (as `isorod.output.stress` has it for linear elastic bodies, too); ``surface_parameters``, ``surface_rod`` and
-        ``surface_von_mises``, the same at surfaces (`isorod.checks.stresses`); or ``modes`` ``(modes, nodes, 3)``
-        with ``x^T M x = 1`` and ``frequencies``.
+        ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh, of tetrahedra ``reference`` (of nodes
+        of bodies alone the rod is -1 for the first body, and so on, and parameters are their positions);
+        ``displacement`` ``(nodes, 3)`` and, at the ``2 x 2 x 2`` Gauss points of every brick or the nodes of every
+        tetrahedron, ``stress_parameters`` ``(m, 3)``, ``stress_rod`` ``(m,)``, ``stress_points`` ``(m, 3)`` (at rest)
+        and ``von_mises`` ``(m,)``, of the Cauchy stress ``P F^T / det F`` (as `isorod.output.stress` has it for linear
+        elastic bodies, too); ``surface_parameters``, ``surface_rod`` and ``surface_von_mises``, the same at surfaces
+        (`isorod.checks.stresses`); or ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1`` and ``frequencies``.
         """
         mesh = self.mesh
         assert mesh.parameters is not None
