@@ -23,8 +23,9 @@ from meshes.mesh import Array
 # of joints as a share of that of the thinner side; what they grow by with the distance from there.
 ROD, BODY, NEAR, GROWTH = 1.4, 1.2, 0.5, 0.7
 
-# Volumes and areas that are to be the same may differ by such shares; areas of facets are those of polygons.
-_SAME_VOLUME, _SAME_AREA = 1e-3, 0.03
+# Volumes and areas that are to be the same may differ by such shares: gmsh tells the former to 1e-3, and areas of facets
+# are those of polygons.
+_SAME_VOLUME, _SAME_AREA = 0.01, 0.03
 
 # What overlaps, as a share of the smaller one, is more than rounding.
 _OVERLAP = 1e-4

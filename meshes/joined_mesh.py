@@ -239,8 +239,8 @@ def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) 
                 found[group].append(nodes)
             elif share > _NONE and group in groups.needed:
                 raise InputError(
-                    f"{part.said}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or none: "
-                    "split the face there"
+                    f"{part.said}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or "
+                    "none: split the face there"
                 )
     return {group: np.concatenate(several) for group, several in found.items() if several}
 
