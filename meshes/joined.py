@@ -21,10 +21,10 @@ from meshes.mesh import Array
 
 # Sizes of cells on level 1: in rods and bodies as multiples of their thickness (for circles the radius), at the edges
 # of joints as a share of that of the thinner side; what they grow by with the distance from there.
-ROD, BODY, NEAR, GROWTH = 1.4, 1.2, 0.5, 0.7
+ROD, BODY, NEAR, GROWTH = 1.5, 1.0, 0.5, 0.5
 
-# Volumes and areas that are to be the same may differ by such shares: gmsh tells the former to 1e-3, and areas of facets
-# are those of polygons.
+# Shares by which volumes and areas that are to be the same may differ: gmsh tells volumes to 1e-3, areas of facets are
+# those of polygons.
 _SAME_VOLUME, _SAME_AREA = 0.01, 0.03
 
 # What overlaps, as a share of the smaller one, is more than rounding.
@@ -193,9 +193,12 @@ class Solid:
         # A rod that ends within another has one face in the place of its end, of another size.
         within = overlap > _OVERLAP and all(isinstance(self.parts[k], RodPart) for k in pair)
         if not within and abs(area - wanted) > _SAME_AREA * wanted:
+            how = "let the tied surface be all that touches"
+            if area < wanted:
+                how = "leave the hole of a rod out of the body's geometry: where both are it is the rod's"
             raise InputError(
                 f"{name}: {first} and {second} are the same surface on an area of {area:.4g}, and {wanted:.4g} are "
-                "tied; let the tied surface be all that touches"
+                f"tied; {how}"
             )
         trees = {k: cKDTree(one.points) for k, one in ties.items()}
         for face in faces:

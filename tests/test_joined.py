@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-gmsh = pytest.importorskip("gmsh")
+pytest.importorskip("gmsh")
 pytest.importorskip("dolfinx")
 
 import isorod
@@ -177,7 +177,7 @@ def test_loads_on_a_body_are_carried_by_what_holds_it(tmp_path):
         ' {pressure = 0.25, group = "left"}, {body_force = [0.0, 0.1, 0.0]}]\n'
     )
     (tmp_path / "on.toml").write_text(text.replace('held = "bottom"\n', ""))
-    scene, mesh, solution = solved(tmp_path / "on.toml", 1)
+    scene, _, solution = solved(tmp_path / "on.toml", 1)
     # A cube of 4, under a rod of radius 1 whose end is held.
     wanted = np.array([1.0 + 0.25 * 16.0, 2.0 + 6.4, 3.0 + 0.5 * (16.0 - np.pi)])
     assert solution.reactions[0] == pytest.approx(-wanted, rel=2e-2)

@@ -4,8 +4,10 @@ import re
 
 import pytest
 
-gmsh = pytest.importorskip("gmsh")
+pytest.importorskip("gmsh")
 pytest.importorskip("dolfinx")
+
+import gmsh
 
 from comparisons.fem.rods import run as of_rods
 from comparisons.fem.rods.solving import solve as solve_rods
