@@ -275,6 +275,8 @@ class Comparison:
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
+        # With those of bodies, which finite elements count too.
+        record["dofs"] += 3 * sum(each["nodes"] for each in record.get("solids", ()))
         named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
         own = judge.of_ours(record, fields)
         return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
