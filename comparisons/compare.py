@@ -22,7 +22,7 @@ from comparisons.measure.records import Record
 from comparisons.measure.rod import find, solve
 from comparisons.measure.sampled import Sample
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.variants import DEFAULT, Variant, variants
+from comparisons.measure.variants import BODIES, DEFAULT, Variant, variants
 from comparisons.report import rod_pictures
 from isorod import options, scenes
 from isorod.arrays import Array
@@ -55,9 +55,6 @@ DEGREE = 2
 
 # Of finite elements with more unknowns the bodies' meshes are not taken for isorod.
 MOST_OF_BODIES = 50_000
-
-# The curve of runs whose bodies have meshes as fine as finite elements' of one solid.
-BODIES = "isorod, bodies refined"
 
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
 MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
