@@ -19,6 +19,9 @@ from meshes.mesh import Array
 # How far a section may be from a plane, and rings from those of an ellipse, in radii.
 _PLANE = 1e-5
 
+# Knots so near, as a share of the axis, are the same.
+_ROUNDING = 1e-9
+
 # Places in each element of a rod, and points round it, where that is looked at.
 _PLACES, _AROUND = 4, 24
 
@@ -58,15 +61,22 @@ def volumes(gmsh: Any, rod: Rod, radii: Sequence[float], cuts: Sequence[float]) 
     """
     low, high = rod.axis.breaks[[0, -1]]
     kinks = rod.axis.breaks[1:-1][rod.axis.multiplicities[1:-1] >= rod.axis.degree]
-    wanted = {*map(float, cuts), *(float(u) for u in kinks if _is_plane(rod, float(u)))}
+    wanted = {_knot(rod, u) for u in cuts} | {float(u) for u in kinks if _is_plane(rod, float(u))}
     if rod.closed:
-        wanted.add(float(0.5 * (low + high)))
+        wanted.add(_knot(rod, 0.5 * (low + high)))
     if len(radii) > 2 or radii[0] > 0.0:
         _check_rings(rod, radii)
     found = []
     for part in _cut(rod, sorted(u for u in wanted if low < u < high)):
         found += [Volume(_volume(gmsh, part, radius), k) for k, radius in enumerate(radii) if radius > 0.0]
     return found
+
+
+def _knot(rod: Rod, u: float) -> float:
+    """Return a place on the axis, where it is a knot but for rounding that knot."""
+    breaks = rod.axis.breaks
+    nearest = breaks[np.abs(breaks - u).argmin()]
+    return float(nearest if abs(nearest - u) < _ROUNDING * (breaks[-1] - breaks[0]) else u)
 
 
 def _is_plane(rod: Rod, u: float) -> bool:
@@ -90,16 +100,16 @@ def _cut(rod: Rod, places: Sequence[float]) -> list[Rod]:
     for u in places:
         if not _is_plane(rod, u):
             raise InputError(f"its section at u = {u:g} is not plane, where laws change or it is kinked")
-        missing = rod.axis.degree - int(np.count_nonzero(np.abs(rod.axis.knots - u) < 1e-12))
+        missing = rod.axis.degree - int(np.count_nonzero(rod.axis.knots == u))
         if missing > 0:
             rod = rod.insert(u, missing)
     axis, p, found = rod.axis, rod.axis.degree, []
     ends = [axis.breaks[0], *places, axis.breaks[-1]]
     for low, high in pairwise(ends):
         # The layer that is the section at a knot stands before the first of its repetitions.
-        first = 0 if low == axis.breaks[0] else int(np.searchsorted(axis.knots, low - 1e-12)) - 1
-        last = axis.count - 1 if high == axis.breaks[-1] else int(np.searchsorted(axis.knots, high - 1e-12)) - 1
-        inner = axis.knots[(axis.knots > low + 1e-12) & (axis.knots < high - 1e-12)]
+        first = 0 if low == axis.breaks[0] else int(np.searchsorted(axis.knots, low)) - 1
+        last = axis.count - 1 if high == axis.breaks[-1] else int(np.searchsorted(axis.knots, high)) - 1
+        inner = axis.knots[(axis.knots > low) & (axis.knots < high)]
         knots = np.concatenate([np.full(p + 1, low), inner, np.full(p + 1, high)])
         own = type(axis)(p, knots, axis.weights[first : last + 1])
         found.append(Rod(own, rod.control_points[first : last + 1], fitted=rod.fitted))
