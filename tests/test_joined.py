@@ -1,6 +1,8 @@
 """Rods and bodies as one solid of finite elements: volumes, faces, forces, beside exact ones and coupled models."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -15,10 +17,11 @@ from comparisons.fem.rods import run as of_rods
 from comparisons.fem.rods.solving import solve
 from comparisons.measure import sampled
 from comparisons.report import rod_pictures
-from isorod import files, statics
+from isorod import files, modal, statics
 from isorod.command import new
-from meshes import inverse, occ_rods
+from meshes import gmsh_model, inverse, occ_rods
 from meshes.gmsh_model import gmsh_session
+from meshes.joined_mesh import body_file
 from tests.test_joined_refused import BLOCK, block
 
 BARS = """
@@ -146,6 +149,13 @@ def test_a_tendon_on_bone_has_the_forces_of_the_coupled_model(tmp_path, monkeypa
     (bone,) = mesh.bodies
     assert bone.volume() == pytest.approx(24.0 * 16.0 * 12.0, rel=1e-9)
     assert [area(bone, name) for name in ("top", "bottom")] == pytest.approx([24.0 * 16.0] * 2, rel=1e-9)
+    assert set(bone.faces) == {"top", "bottom"}
+    # A file of it takes the place of the scene's own.
+    gmsh_model.write(bone, body_file(tmp_path, "bone"))
+    changed = scene.with_options(changes=("solid.bone.mesh=bone.msh",))
+    finer = statics.solve(changed.model())
+    assert finer.model.solids[0].nodes == len(bone.points)
+    assert changed.measure(finer)["pull"] == pytest.approx(ours["pull"], rel=5e-3)
     # Both displacements at the same places, of the bone too.
     fields = solution.fields()
     none = sampled.Places.of_shapes(np.zeros((0, 2)), np.zeros(0))
@@ -192,3 +202,32 @@ def test_a_body_that_is_held_moves_the_rod(tmp_path):
     (tmp_path / "on.toml").write_text(text.replace('[support.end]\nend = "end"\n', ""))
     _, _, solution = solved(tmp_path / "on.toml", 1)
     assert solution.at(0, "end") == pytest.approx([0.1, 0.0, 0.2], abs=1e-9)
+
+
+def test_modes_of_welded_bars_are_isorods(tmp_path):
+    text = (
+        BARS[: BARS.index("[analysis")]
+        .replace("law =", "density = 1.0\nlaw =")
+        .replace("rotation = [0.0, 0.0, 0.5]", "")
+    )
+    (tmp_path / "bars.toml").write_text(text + "[analysis.modal]\nmodes = 3\n")
+    scene = files.find(str(tmp_path / "bars.toml"))
+    model = scene.model()
+    mesh, _ = of_rods.joined_mesh(scene, model, 2)
+    found = solve(model, mesh, "modal", modes=3)
+    assert found.frequencies == pytest.approx(modal.solve(model, modes=3).frequencies, rel=0.01)
+    assert found.rigid == 0 and found.shapes.shape == (3, len(mesh.points), 3)
+
+
+@pytest.mark.slow
+def test_a_scene_with_a_body_from_end_to_end(tmp_path):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("matplotlib")
+    program = [sys.executable, "-m", "isorod"]
+    for words in (["new", "tendon.toml", "--from", "tendon"], ["compare", "tendon.toml"]):
+        done = subprocess.run([*program, *words], cwd=tmp_path, capture_output=True, text=True, timeout=1800)
+        assert done.returncode == 0, done.stderr
+    assert "tendon: default (polynomials) within 0.5 %: yes" in done.stdout
+    text = (tmp_path / "results" / "report.html").read_text()
+    for piece in ("rods and bodies as one solid", "bodies 1", "P2 tetrahedra", "compare-tendon-picture.png"):
+        assert piece in text
