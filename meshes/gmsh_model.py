@@ -17,9 +17,18 @@ from meshes.mesh import Array, Index, Mesh, match
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Start gmsh silently with an empty model, and end it again."""
+    """Start gmsh silently with an empty model, and end it again.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
     interrupt = signal.getsignal(signal.SIGINT)
-    import gmsh
+    try:
+        import gmsh
+    except ImportError:
+        raise InputError("gmsh is not installed; pip install gmsh, or Debian: apt install python3-gmsh") from None
 
     gmsh.initialize(["gmsh"], False)
     # Its import has taken Ctrl-C away.

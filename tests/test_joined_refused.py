@@ -1,6 +1,7 @@
 """What has no counterpart in one solid of finite elements is refused in one line, before anything is solved."""
 
 import re
+import sys
 
 import pytest
 
@@ -134,6 +135,12 @@ def test_a_part_of_a_surface_that_touches_must_be_all_that_touches(tmp_path):
     text = inside.replace('"rod.start"', '"rod.outer"\nalong = [1.0, 4.0]\ngap = 5.0')
     said = refusal(tmp_path, text)
     assert "tie.joint" in said or "solid block" in said
+
+
+def test_gmsh_that_is_not_installed_is_told(tmp_path, monkeypatch):
+    block(tmp_path)
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    assert "gmsh is not installed; pip install gmsh, or" in refusal(tmp_path, BLOCK)
 
 
 def test_cells_of_one_solid_are_tetrahedra_of_degree_2(tmp_path):
