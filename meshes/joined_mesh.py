@@ -96,7 +96,14 @@ def build(
         solid = Solid(gmsh, parts, joins)
         solid.mesh(level)
         made = _Nodes(gmsh, solid)
-    points, straight = _straightened(made.points, made.cells, made.reference)
+    curved = made.points.copy()
+    for number, part in enumerate(parts):
+        if isinstance(part, RodPart):
+            tied = [
+                face for k, join in enumerate(joins) if number in (join.slave, join.master) for face in solid.joints[k]
+            ]
+            _rounded(curved, part, [made.faces[face] for face in (*solid.outer[number], *tied)], made.face_reference)
+    points, straight = _straightened(curved, made.cells, made.reference)
     rods = [part for part in parts if isinstance(part, RodPart)]
     by_rod = np.full((len(rods), len(points), 3), np.nan)
     for k, one in enumerate(rods):
@@ -204,16 +211,8 @@ def _of_rod(part: RodPart, own: Array, faces: Sequence[Index]) -> dict[str, Inde
     found: dict[str, list[Index]] = {}
     for nodes in faces:
         # Corners are on the geometry, whatever became of edges.
-        where = own[nodes[:, :3].ravel()]
-        radius, u = np.linalg.norm(where[:, :2], axis=1), (where[:, 2] - low) / (high - low)
-        far = {
-            "start": 1.0 if part.rod.closed else np.abs(u).max(),
-            "end": 1.0 if part.rod.closed else np.abs(u - 1.0).max(),
-            "lateral": np.abs(radius - 1.0).max(),
-            "inner": np.abs(radius - part.radii[0]).max() if part.radii[0] > 0.0 else 1.0,
-        }
-        name = min(far, key=lambda one: far[one])
-        if far[name] < _ON:
+        name = _surface(part, own[nodes[:, :3].ravel()])
+        if name:
             found.setdefault(name, []).append(nodes)
     sections = {"start": low, "end": high}
     circles = {"lateral": 1.0, "inner": part.radii[0]}
@@ -224,6 +223,42 @@ def _of_rod(part: RodPart, own: Array, faces: Sequence[Index]) -> dict[str, Inde
         else:
             own[nodes, :2] *= circles[name] / np.linalg.norm(own[nodes, :2], axis=1, keepdims=True)
     return {f"{part.name} {name}": np.concatenate(several) for name, several in found.items()}
+
+
+def _surface(part: RodPart, where: Array) -> str:
+    """Return the surface of a rod that all points with these parameters ``(m, 3)`` are on, or nothing."""
+    low, high = part.rod.axis.breaks[[0, -1]]
+    radius, u = np.linalg.norm(where[:, :2], axis=1), (where[:, 2] - low) / (high - low)
+    far = {
+        "start": 1.0 if part.rod.closed else np.abs(u).max(),
+        "end": 1.0 if part.rod.closed else np.abs(u - 1.0).max(),
+        "lateral": np.abs(radius - 1.0).max(),
+        "inner": np.abs(radius - part.radii[0]).max() if part.radii[0] > 0.0 else 1.0,
+    }
+    name = min(far, key=lambda one: far[one])
+    return name if far[name] < _ON else ""
+
+
+def _rounded(points: Array, part: RodPart, faces: Sequence[Index], reference: Array) -> None:
+    """Put the middles of edges on the surfaces of a rod where its map has them: gmsh's may be off on slender ones."""
+    for nodes in faces:
+        name = _surface(part, parameters(part.rod, points[np.unique(nodes[:, :3])])[0])
+        if name not in ("lateral", "inner"):
+            continue
+        for middle in range(3, 6):
+            ends = [k for k in range(3) if abs(_share(reference, k, middle) - 0.5) < _ON]
+            straight = points[nodes[:, ends]].mean(axis=1)
+            where = parameters(part.rod, straight)[0]
+            size = 1.0 if name == "lateral" else part.radii[0]
+            xi = where[:, :2] * size / np.linalg.norm(where[:, :2], axis=1, keepdims=True)
+            points[nodes[:, middle]] = part.rod.points(xi, where[:, 2])
+
+
+def _share(reference: Array, corner: int, node: int) -> float:
+    """Return the barycentric coordinate of a node of the reference triangle that belongs to a corner."""
+    weights = np.append(1.0 - reference[node].sum(), reference[node])
+    own = np.append(1.0 - reference[corner].sum(), reference[corner])
+    return float(weights[int(own.argmax())])
 
 
 def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) -> dict[str, Index]:
