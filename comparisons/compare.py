@@ -5,6 +5,7 @@ extrapolated.  Fields are compared with those of the finest mesh, at its nodes, 
 surfaces, away from edges (`isorod.checks.stresses`); the default's also with those of isorod's own finest space.
 """
 
+import os
 import re
 import shlex
 import tempfile
@@ -21,13 +22,15 @@ from comparisons.measure.records import Record
 from comparisons.measure.rod import find, solve
 from comparisons.measure.sampled import Sample
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.variants import DEFAULT, Variant, variants
+from comparisons.measure.variants import BODIES, DEFAULT, Variant, variants
 from comparisons.report import rod_pictures
 from isorod import options, scenes
 from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
+from isorod.files.document import ALLOWED
 from isorod.output import results
 from isorod.output.words import duration
+from meshes.joined_mesh import body_file
 
 # What names of files are better without.
 _UNFIT = re.compile(r"[^\w.-]+")
@@ -50,12 +53,16 @@ GROWTH = 1.5
 
 DEGREE = 2
 
+# Of finite elements with more unknowns the bodies' meshes are not taken for isorod: a lateral surface that is tied to
+# the facets of a plate took 13 GB on those of 67,000.
+MOST_OF_BODIES = 30_000
+
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
 MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
 
 # Runs of each configuration, the first one cold: of isorod, and of meshes up to so many degrees of freedom, larger ones
 # once.
-REPEAT = 5
+REPEAT, REPEAT_COUPLED = 5, 2
 REPEAT_MESH = {6_000: 4, 30_000: 2}
 
 
@@ -103,7 +110,8 @@ def main(word: str, level: str, folder: str) -> str:
     what = subject(word)
     study = Run(what.study, level, Path(folder))
     more = sum(len(levels) for levels in MORE[study.level].values())
-    with study.progress(len(LEVELS) + more + 8) as steps, tempfile.TemporaryDirectory() as place:
+    ours = 8 + (len(LEVELS) - 1 if what.model.solids else 0)
+    with study.progress(len(LEVELS) + more + ours + 1) as steps, tempfile.TemporaryDirectory() as place:
         Comparison(study, steps, what, Path(place)).run()
     return study.study
 
@@ -150,7 +158,7 @@ class Comparison:
             own = judge.of_mesh(one.record, one.sample)
             self._record("work", one.record | own)
         self._more(judge, finest)
-        default = self._ours(judge)
+        default = self._ours(judge, [one.level for one in meshes if one.record["dofs"] <= MOST_OF_BODIES])
         with self.steps.step("pictures"):
             solution, _ = solve(scene, scene.settings(), 1)
             rod_pictures.write(self.study, solution, (default, finest.record), finest.sample)
@@ -200,12 +208,17 @@ class Comparison:
         arguments = _words(level, degree)
         repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
         words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
+        if self.what.model.solids:
+            words += ["--bodies", str(self._bodies(level))]
         record = timing.run("comparisons.fem", words)
-        named = {"curve": f"Q{degree} bricks", "label": f"mesh {level}", "arguments": " ".join(arguments)}
+        cells = f"P{degree} tetrahedra" if record.get("shape") == "tetrahedron" else f"Q{degree} bricks"
+        named = {"curve": cells, "label": f"mesh {level}", "arguments": " ".join(arguments)}
         return _Solved(level, record | named | {"sequence": True}, Sample.read(file, record.get("rigid", 0)))
 
     def _more(self, judge: distance.Judge, finest: _Solved) -> None:
-        """Record finite elements of other degrees."""
+        """Record finite elements of other degrees; tetrahedra, of one solid, have none."""
+        if finest.sample.reference is not None:
+            return
         for degree, levels in MORE[self.study.level].items():
             for level in levels:
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
@@ -217,26 +230,45 @@ class Comparison:
                         continue
                     self._record("work", one.record | judge.of_mesh(one.record, one.sample))
 
-    def _ours(self, judge: distance.Judge) -> Record:
-        """Record isorod's runs and return that with nothing chosen."""
+    def _ours(self, judge: distance.Judge, levels: Sequence[int]) -> Record:
+        """Record isorod's runs, those with bodies of finite elements' levels too; return that with nothing chosen."""
         judge.places.write(self.folder / "places.npz")
+        # Where the bodies' meshes of other sizes are, from which scenes may read.
+        os.environ[ALLOWED] = os.pathsep.join([str(self.folder), *filter(None, [os.environ.get(ALLOWED)])])
         first = self._variant(judge, Variant(DEFAULT, (), True))
         assert first is not None
         default = first.record
         ways = variants(self.what.scene, self.what.model, default["discretisation"])
         runs = [found for one in ways if (found := self._variant(judge, one)) is not None]
+        for level in levels if self.what.model.solids else ():
+            files = {one.name: body_file(self._bodies(level), one.name) for one in self.what.scene.bodies()}
+            said = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
+            self._variant(judge, Variant(f"bodies {level}", tuple(said), True), BODIES)
         best = max(runs, key=lambda one: one.record["dofs"], default=first)
         if "stress" in default and best.record["dofs"] > default["dofs"]:
             own = judge.between(first.record, first.von_mises, best.record, best.von_mises)
             self._record("finer", {"label": best.record["label"], "dofs": best.record["dofs"], "stress": own})
         return default
 
-    def _variant(self, judge: distance.Judge, one: Variant) -> _Ours | None:
+    @property
+    def _repeat(self) -> int:
+        """How often isorod solves each."""
+        return REPEAT_COUPLED if self.what.model.solids else REPEAT
+
+    def _bodies(self, level: int) -> Path:
+        """Return the folder of the bodies' meshes that are cut out of finite elements'."""
+        found = self.folder / f"bodies-{level}"
+        found.mkdir(exist_ok=True)
+        return found
+
+    def _variant(self, judge: distance.Judge, one: Variant, curve: str = "isorod") -> _Ours | None:
         file = self.folder / "ours.npz"
         asked = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
         with self.steps.step(f"isorod, {one.label}"):
             try:
-                words = [self.what.word, *one.arguments, "--repeat", str(REPEAT), "--estimate", *asked]
+                # Estimates of coupled models take longer than these, and the page has that of the default alone.
+                more = ["--estimate"] if one.label == DEFAULT or not self.what.model.solids else []
+                words = [self.what.word, *one.arguments, "--repeat", str(self._repeat), *more, *asked]
                 record = timing.run("comparisons.measure.rod", words)
             except timing.Failed as problem:
                 if one.label == DEFAULT:
@@ -245,7 +277,9 @@ class Comparison:
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
-        named = {"curve": "isorod", "label": one.label, "arguments": shlex.join(one.arguments)}
+        # With those of bodies, which finite elements count too.
+        record["dofs"] += 3 * sum(each["nodes"] for each in record.get("solids", ()))
+        named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
         own = judge.of_ours(record, fields)
         return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
 

@@ -1,4 +1,4 @@
-"""The meshes of the examples tendon and screw, by gmsh: python docs/meshes.py [FOLDER]."""
+"""Meshes and geometries (STEP) of the examples tendon and screw, by gmsh: python docs/meshes.py [FOLDER]."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -46,11 +46,12 @@ def screw() -> tuple[str, int]:
 
 
 def write(make: Callable[[], tuple[str, int]], folder: Path) -> None:
-    """Write the mesh of an example to a file of its name."""
+    """Write the mesh and the geometry of an example to files of its name."""
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         size, degree = make()
+        gmsh.write(str(folder / f"{make.__name__}.step"))
         group(3, [tag for _, tag in gmsh.model.getEntities(3)], "body")
         for option in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)

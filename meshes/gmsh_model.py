@@ -2,22 +2,33 @@
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
+from isorod.errors import InputError
 from isorod.output.results import write_beside
-from meshes.mesh import Array, Mesh, match
+from meshes.mesh import Array, Index, Mesh, match
 
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Start gmsh silently with an empty model, and end it again."""
+    """Start gmsh silently with an empty model, and end it again.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
     interrupt = signal.getsignal(signal.SIGINT)
-    import gmsh
+    try:
+        import gmsh
+    except ImportError:
+        raise InputError("gmsh is not installed; pip install gmsh, or Debian: apt install python3-gmsh") from None
 
     gmsh.initialize(["gmsh"], False)
     # Its import has taken Ctrl-C away.
@@ -83,3 +94,22 @@ def _reference(gmsh: ModuleType, kind: int, dimension: int, tensor: bool) -> Arr
     _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
     nodes = np.asarray(local).reshape(count, -1)[:, :dimension]
     return 0.5 * (nodes + 1.0) if tensor else nodes
+
+
+def elements(gmsh: Any, dimension: int, entities: Sequence[int]) -> tuple[Index, Array]:
+    """Return the node tags of all elements on entities ``(cells, n)``, and the reference positions of their nodes."""
+    blocks = []
+    for entity in entities:
+        types, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+        if len(types) != 1:
+            raise InputError("mesh: gmsh returned cells of more than one kind")
+        _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(types[0])
+        blocks.append(nodes[0].astype(np.int64).reshape(-1, count))
+    return np.concatenate(blocks), np.asarray(local).reshape(count, -1)[:, :dimension]
+
+
+def mirror(reference: Array) -> Index:
+    """Return the permutation of nodes that swaps the first two coordinates of the reference simplex."""
+    swapped = reference.copy()
+    swapped[:, [0, 1]] = reference[:, [1, 0]]
+    return match(reference, swapped)

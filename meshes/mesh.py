@@ -52,6 +52,11 @@ class Mesh:
     parameters: Array | None = None
     regions: Mapping[str, Index] = field(default_factory=dict)
 
+    def parameters_in(self, rod: int, nodes: Index) -> Array:
+        """Return the parameters ``(..., 3)`` of nodes ``(...)`` of a rod."""
+        assert self.parameters is not None
+        return self.parameters[nodes]
+
     def jacobians(self, where: Array) -> Array:
         """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""
         return np.linalg.det(self._tangents(where))
@@ -165,6 +170,14 @@ def gradients(shape: CellShape, order: int, nodes: Array, where: Array) -> Array
         lowered[:, a] = np.maximum(powers[:, a] - 1, 0)
         slopes[:, :, a] = 2.0 * powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)
     return np.einsum("qka,kn->qna", slopes, inverse)
+
+
+def tetrahedral(order: int, nodes: Array, where: Array) -> Array:
+    """Return values ``(m, nodes)`` of a tetrahedron's Lagrange functions of ``nodes`` ``(nodes, 3)`` at ``where``."""
+    powers = _exponents("tetrahedron", order)
+    nodes, where = 2.0 * nodes - 1.0, 2.0 * where - 1.0
+    inverse = np.linalg.inv(np.prod(nodes[:, None, :] ** powers, axis=2))
+    return np.asarray(np.prod(where[:, None, :] ** powers, axis=2) @ inverse)
 
 
 def gauss(shape: CellShape, degree: int) -> tuple[Array, Array]:

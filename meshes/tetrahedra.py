@@ -5,7 +5,7 @@ import numpy as np
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from meshes.bricks import axis_positions
-from meshes.gmsh_model import gmsh_session
+from meshes.gmsh_model import elements, gmsh_session, mirror
 from meshes.mesh import Array, CellShape, Index, Mesh
 
 
@@ -70,7 +70,7 @@ def _cylinder(around: int, layers: int, order: int) -> tuple[Array, Index, Array
         volume = next(tag for dimension, tag in out if dimension == 3)
         end = out[0][1]
         sides = [tag for dimension, tag in out[2:] if dimension == 2]
-        cells, reference = _elements(gmsh, 3, [volume])
+        cells, reference = elements(gmsh, 3, [volume])
         used = np.unique(cells)
         row[used] = np.arange(used.size)
         position = np.zeros((int(tags.max()) + 1, 3))
@@ -78,11 +78,11 @@ def _cylinder(around: int, layers: int, order: int) -> tuple[Array, Index, Array
         surfaces = {"start": [disk], "end": [end], "lateral": sides}
         faces = {}
         for name, entities in surfaces.items():
-            nodes, face_reference = _elements(gmsh, 2, entities)
+            nodes, face_reference = elements(gmsh, 2, entities)
             faces[name] = row[nodes]
     cells = row[cells]
     # gmsh hands out left-handed tetrahedra where it extruded against a surface's normal.
-    flip, face_flip = _mirror(reference), _mirror(face_reference)
+    flip, face_flip = mirror(reference), mirror(face_reference)
     p = position[used]
     corner = p[cells[:, :4]]
     negative = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0.0
@@ -94,24 +94,3 @@ def _cylinder(around: int, layers: int, order: int) -> tuple[Array, Index, Array
         inward = np.sum(np.cross(b - a, c - a) * outward, axis=1) < 0.0
         nodes[inward] = nodes[inward][:, face_flip]
     return p, cells, reference, faces, face_reference
-
-
-def _elements(gmsh, dimension: int, entities: list[int]) -> tuple[Index, Array]:
-    """Return the node tags of all elements on entities, and the reference positions of their nodes."""
-    blocks = []
-    for entity in entities:
-        types, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
-        if len(types) != 1:
-            raise InputError("mesh: gmsh returned cells of more than one kind")
-        _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(types[0])
-        blocks.append(nodes[0].astype(np.int64).reshape(-1, count))
-    return np.concatenate(blocks), np.asarray(local).reshape(count, -1)[:, :dimension]
-
-
-def _mirror(reference: Array) -> Index:
-    """Return the permutation of nodes that swaps the first two coordinates of the reference simplex."""
-    from meshes.mesh import match
-
-    swapped = reference.copy()
-    swapped[:, [0, 1]] = reference[:, [1, 0]]
-    return match(reference, swapped)

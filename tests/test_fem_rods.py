@@ -19,7 +19,7 @@ from comparisons.fem.domain import Domain
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.places import Places, lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element, Held
 from isorod import files, statics
@@ -37,6 +37,7 @@ from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Su
 from isorod.space import Space
 from meshes import rods
 from meshes.mesh import gradients
+from meshes.within import Places, lagrange
 
 HEIGHT = 4.0
 
@@ -307,7 +308,7 @@ def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
     mesh = rods.build([rod], 1, 2)
     held = Elements(mesh, [rod])
     low, high = rod.axis.breaks[[0, -1]]
-    places = Places(2, mesh.reference, held.parameters, high - low)
+    places = Places(mesh.shape, 2, mesh.reference, held.parameters, high - low)
     rng = np.random.default_rng(1)
     angle, u = 2.0 * np.pi * rng.random(60), np.append(rng.uniform(low, high, 58), [low, high])
     points = np.stack([0.98 * np.cos(angle), 0.98 * np.sin(angle), u], axis=1)

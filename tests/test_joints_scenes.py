@@ -13,15 +13,12 @@ import dolfinx.fem
 import ufl
 from mpi4py import MPI
 
-from comparisons.fem.rods import solve as solve_rods
 from comparisons.joints import study, whole
 from comparisons.joints.bushes import BLOCK_RADIUS, LEG, Spring
 from comparisons.joints.columns import Screw, Tendon
 from comparisons.joints.scene import Sizes
 from comparisons.measure.study import Run
 from comparisons.report import joints as report
-from isorod import InputError, LinearElastic, Space, circle, straight
-from isorod.model import Body, EndFace, Model, Tie
 
 COARSE = Sizes(2.0, 4.0, 8.0, 8, 1)
 
@@ -116,11 +113,3 @@ def test_a_scene_is_run_recorded_and_reported(tmp_path, monkeypatch):
     assert (f"1/{1.0 / share:.2g}" if share < 1.0 / 1.5 else f"{share:.2g} times") in page
     alone = [one for one in records if one.get("side") != "coupled"]
     assert list(report.best(alone, "tendon")[0.05]) == ["hexahedron"]
-
-
-def test_tied_rods_are_refused_where_each_rod_is_meshed_for_itself():
-    rods = [straight(3.0, start=(0.0, 0.0, z)).sweep(circle(8)) for z in (0.0, 3.0)]
-    bodies = [Body(Space(rod), LinearElastic(1.0, 0.3)) for rod in rods]
-    tied = Model(bodies, ties=[Tie(EndFace(1, "start"), EndFace(0, "end"))])
-    with pytest.raises(InputError, match=r"^ties and finite element bodies are not on the finite element side"):
-        solve_rods(tied, None, "statics")

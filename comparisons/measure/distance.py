@@ -44,9 +44,13 @@ class Judge:
         return self.finest.places
 
     def of_mesh(self, record: Record, sample: Sample) -> dict[str, Any]:
-        """Return errors of a finite element run; its field is compared at the nodes that the finest mesh has too."""
-        here, there = sampled.shared(sample.places, self.places)
+        """Return errors of a finite element run; its field is compared at the finest mesh's nodes."""
         field: dict[str, Any] = {}
+        if sample.reference is not None:
+            best = self.finest.fields(slice(None))
+            field = self._fields(record, sample.on(self.finest.points), best, self.finest.weights)
+            return self._errors(record, field | self._surface(sample.surface_von_mises))
+        here, there = sampled.shared(sample.places, self.places)
         if here.size >= ENOUGH * len(sample.weights):
             own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
             field = self._fields(record, own, best, sample.weights[here])

@@ -1,6 +1,6 @@
 """Fields of both sides at the same points of the rods, given by parameters, and how far they are apart."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
+from meshes import within
 from meshes.mesh import gauss
 
 # Parameters that differ by less are the same point.
@@ -16,6 +17,9 @@ _SAME = 1e-6
 
 # The points of a brick where its stresses are.
 GAUSS, _ = gauss("hexahedron", 3)
+
+# Points that are evaluated at a time.
+_AT_ONCE = 5_000
 
 # Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
 CLOSE = 0.02
@@ -28,7 +32,8 @@ class Places:
     Attributes
     ----------
     rod, xi, u
-        Of each point, the number of its rod ``(n,)`` and its parameters ``(n, 2)``, ``(n,)``.
+        Of each point, the number of its rod ``(n,)`` and its parameters ``(n, 2)``, ``(n,)``; of points of bodies -1
+        for the first of them, -2 for the next, and where it is, ``xi`` and ``u`` one behind the other.
     stress_rod, stress_xi, stress_u
         The same of the points of surfaces where stresses are compared (`isorod.checks.stresses`); none in modes.
     """
@@ -59,7 +64,7 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Fields of finite elements: on the nodes of their bricks, and stresses at 2 x 2 x 2 Gauss points of each.
+    """Fields of finite elements: on their nodes, and stresses at points of each cell.
 
     Attributes
     ----------
@@ -72,11 +77,15 @@ class Sample:
     displacement
         ``(n, 3)``; None of modes.
     von_mises
-        Stresses at Gauss points ``(8 bricks,)``, as pictures show them; None of modes.
+        Stresses as pictures show them: at 2 x 2 x 2 Gauss points of bricks ``(8 cells,)``, at the nodes of tetrahedra
+        ``(10 cells,)``; None of modes.
     surface_von_mises
         Stresses at the places for these ``(m,)``; None of modes.
     modes, frequencies
         Shapes ``(modes, n, 3)`` and frequencies of flexible modes; None in statics.
+    reference
+        Of tetrahedra, whose finer meshes do not have the nodes of coarser ones, the nodes of the reference cell; None
+        of bricks.
     """
 
     places: Places
@@ -89,6 +98,17 @@ class Sample:
     surface_von_mises: Array | None = None
     modes: Array | None = None
     frequencies: Array | None = None
+    reference: Array | None = None
+
+    def on(self, points: Array) -> dict[str, Array]:
+        """Return ``displacement`` or ``modes`` at other points ``(m, 3)``, of tetrahedra."""
+        assert self.reference is not None
+        cells, where = within.Places("tetrahedron", self.order, self.reference, self.points[self.cells]).find(points)
+        values, nodes = within.lagrange(self.order, self.reference, where), self.cells[cells]
+        if self.modes is not None:
+            return {"modes": np.einsum("mn,kmna->kma", values, self.modes[:, nodes])}
+        assert self.displacement is not None
+        return {"displacement": np.einsum("mn,mna->ma", values, self.displacement[nodes])}
 
     @classmethod
     def read(cls, path: Path, rigid: int = 0) -> "Sample":
@@ -121,36 +141,50 @@ def fields(solution: Any, places: Places) -> dict[str, Array]:
     """Return a solution's ``displacement`` ``(n, 3)`` and ``von_mises`` ``(m,)``, or ``modes`` ``(modes, n, 3)``."""
     first = places.rod, places.xi, places.u
     if hasattr(solution, "vectors"):
-        flexible = list(solution)[solution.rigid :]
-        return {"modes": np.array([_evaluated(solution, one.at, *first, 3) for one in flexible])}
+        return {"modes": np.array([_displaced(solution, one, *first) for one in list(solution)[solution.rigid :]])}
     second = places.stress_rod, places.stress_xi, places.stress_u
-
-    def von_mises(rod: int, u: Array, xi: Array) -> Array:
-        return np.asarray(solution.stress(rod, u, xi, "von Mises")[..., None])
-
-    return {
-        "displacement": _evaluated(solution, solution.at, *first, 3),
-        "von_mises": _evaluated(solution, von_mises, *second, 1)[:, 0],
-    }
+    return {"displacement": _displaced(solution, solution, *first), "von_mises": _stresses(solution, *second)}
 
 
-def _evaluated(
-    solution: Any, ask: Callable[[int, Array, Array], Array], rods: Index, xi: Array, u: Array, size: int
-) -> Array:
-    """Return what ``ask`` tells of points, in calls for those that have the same ``u``, in which meshes come."""
-    found = np.empty((u.size, size))
+def _displaced(solution: Any, state: Any, rods: Index, xi: Array, u: Array) -> Array:
+    """Return the displacement ``(n, 3)`` of a state of a solution's model, at points of rods and bodies."""
+    found = np.empty((u.size, 3))
     for rod in np.unique(rods):
+        (here,) = np.nonzero(rods == rod)
+        if rod < 0:
+            functions = solution.model.solids[-1 - rod].rows(np.column_stack([xi[here], u[here]]))
+            nodal = np.reshape(state.solids[-1 - rod], (-1, 3))[functions.nodes]
+            found[here] = np.einsum("qm,qma->qa", functions.values, nodal)
+            continue
         space = solution.model.bodies[rod].space
-        hole, ends = space.rod.rings[0], space.axis.breaks[[0, -1]]
-        here = np.flatnonzero(rods == rod)
-        # Nodes of meshes miss an end, or a hole's surface, by rounding.
-        along = np.clip(np.round(u[here], 10), *ends)
-        size_of = np.linalg.norm(xi[here], axis=1)
-        across = xi[here] * np.where(size_of < hole, hole / np.maximum(size_of, 1e-300), 1.0)[:, None]
+        nodal = state.fields(int(rod))["displacement"].reshape(space.layers, -1, 3)
+        along, across = _within(space, xi[here], u[here])
+        for part in np.array_split(np.arange(here.size), 1 + here.size // _AT_ONCE):
+            first, axial, _ = space.axis.local(along[part])
+            section, _ = space.basis.functions(across[part])
+            near = nodal[(first[:, None] + np.arange(axial.shape[1])) % space.layers]
+            found[here[part]] = np.einsum("mj,ml,mjla->ma", axial, section, near, optimize=True)
+    return found
+
+
+def _stresses(solution: Any, rods: Index, xi: Array, u: Array) -> Array:
+    """Return the von Mises stress at points of rods, in calls for those that have the same ``u``."""
+    found = np.empty(u.size)
+    for rod in np.unique(rods):
+        (here,) = np.nonzero(rods == rod)
+        along, across = _within(solution.model.bodies[rod].space, xi[here], u[here])
         order = np.argsort(along, kind="stable")
         for group in np.split(order, np.flatnonzero(np.diff(along[order])) + 1):
-            found[here[group]] = ask(int(rod), along[group[:1]], across[group])[0]
+            found[here[group]] = solution.stress(int(rod), along[group[:1]], across[group], "von Mises")[0]
     return found
+
+
+def _within(space: Any, xi: Array, u: Array) -> tuple[Array, Array]:
+    """Return axis parameters and disk points that miss an end, or a surface, by rounding exactly there."""
+    hole, size = space.rod.rings[0], np.linalg.norm(xi, axis=1)
+    wanted = np.clip(size, hole, 1.0)
+    across = xi * (wanted / np.maximum(size, 1e-300))[:, None]
+    return np.clip(np.round(u, 10), *space.axis.breaks[[0, -1]]), across
 
 
 def shared(coarse: Places, fine: Places) -> tuple[Index, Index]:

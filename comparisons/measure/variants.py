@@ -11,6 +11,9 @@ from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 
 DEFAULT = "default"
 
+# The curve of runs whose bodies have meshes as fine as finite elements' of one solid.
+BODIES = "isorod, bodies refined"
+
 # What of a discretisation is told again where something else of it is changed.
 _KEPT = ("section_degree", "order", "section_points", "elements", "degree", "continuity")
 

@@ -11,7 +11,7 @@ import numpy as np
 from comparisons.measure.convergence import time_at
 from comparisons.measure.quantities import FREQUENCIES, Converged
 from comparisons.measure.records import Record, family, is_ours, part
-from comparisons.measure.variants import DEFAULT
+from comparisons.measure.variants import BODIES, DEFAULT
 from comparisons.measure.work import MODULES
 from comparisons.report import plots, precision
 from comparisons.report.html import columns, commands, figure, fold, milliseconds, percent, table
@@ -74,7 +74,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
             "Lower is more accurate, further left is faster. Each point is a run: of isorod <em>default</em>, and what "
             "is changed of it: N, the degree of polynomials across the section, K and n, order and number of control "
             "points of the other families, p, the degree along the axis, e, the number of elements; of dolfinx how "
-            "many times as many cells as in the coarsest mesh there are in each direction. Lines join runs that are "
+            "many times as many cells as in the coarsest mesh there are in each direction. "
+            f"{_refined(records)}Lines join runs that are "
             "refined in all directions. First the largest error of what the scene measures, against the limit of three "
             f"meshes; then those of {'stress and of ' if STRESS in _default(records) else ''}the field, against "
             f"{'that limit and ' if _measured_stresses(records) else ''}the finest mesh, which has none itself.",
@@ -235,12 +236,39 @@ def _what(records: list[Record]) -> str:
     said = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
     kind = {"statics": "Equilibrium", "modal": "Vibration modes"}[scene["analysis"]]
     fem = [one for one in part(records, "work") if one["method"] == "fem"]
+    degree = part(records, "converged")[0]["degree"]
+    cells = f"bricks of degree {degree}, curved with the rods, of nested meshes"
+    if _is_joined(records):
+        cells = (
+            f"all rods and bodies as one solid, curved tetrahedra of degree {degree} by gmsh, smallest at the edges of "
+            "joints"
+        )
     return (
         f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {said}; "
-        f"{default['dofs']:,} degrees of freedom. dolfinx: bricks of degree {part(records, 'converged')[0]['degree']}, "
-        f"curved with the rods, of nested meshes, {fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
+        f"{precision.unknowns(default)} degrees of freedom{_bodies_told(default)}. dolfinx: {cells}, "
+        f"{fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
         "freedom, solved directly; finite elements that are faster to an error may exist, none were searched for."
     )
+
+
+def _is_joined(records: list[Record]) -> bool:
+    """Return whether finite elements have all rods and bodies as one solid."""
+    return any(one.get("shape") == "tetrahedron" for one in part(records, "work"))
+
+
+def _refined(records: list[Record]) -> str:
+    """Return what runs are whose bodies are refined, if there are any."""
+    if not any(one["curve"] == BODIES for one in part(records, "work")):
+        return ""
+    return (
+        "Of <em>bodies 1, 2</em>, bodies have meshes as fine as dolfinx' mesh 1, 2; of other runs those of the file. "
+    )
+
+
+def _bodies_told(default: Record) -> str:
+    """Return the bodies' meshes in words."""
+    bodies = [f"{one['cells']:,} {one['kind']} of degree {one['degree']}" for one in default.get("solids", ())]
+    return f", with bodies of {' and '.join(bodies)}, as their files have them" if bodies else ""
 
 
 def _measured(records: list[Record]) -> str:
@@ -293,7 +321,7 @@ def _field_words(records: list[Record]) -> str:
             "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
             "as the last, which may be one of a pair.</p>"
         )
-    own = [one for one in fem if one["field"].get("displacement", 0.0) > 0.0]
+    own = [one for one in fem if one["field"].get("displacement", 0.0) > plots.SHOWN]
     doubt = (
         f" dolfinx' own mesh before the finest is {_share(own[-1]['field']['displacement'])} from it." if own else ""
     )

@@ -195,11 +195,11 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> list[
     """Draw runs, and lines through those of a ``sequence``; return labels, places and colours, the default's first."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    theirs = iter(zip(FEM_COLOURS, FEM_MARKERS, strict=True))
+    theirs, own = iter(zip(FEM_COLOURS, FEM_MARKERS, strict=True)), iter(zip(COLOURS, MARKERS, strict=False))
     labels = []
     for name in dict.fromkeys(one["curve"] for one, _ in runs):
-        ours = name == "isorod"
-        colour, marker = (COLOURS[0], MARKERS[0]) if ours else next(theirs)
+        ours = name.startswith("isorod")
+        colour, marker = next(own if ours else theirs)
         points = [
             (one["dofs"], one["seconds"]["total"], error, one)
             for one, error in runs

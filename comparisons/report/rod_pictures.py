@@ -13,7 +13,7 @@ from comparisons.measure.records import Record, family
 from comparisons.measure.sampled import GAUSS, Sample
 from comparisons.measure.study import Run
 from isorod.arrays import Array, Index
-from isorod.output import picture, vtk
+from isorod.output import picture, solids, vtk
 from isorod.output.results import write_beside
 from isorod.output.words import STRESS_ERROR, stress_error
 from meshes.mesh import lexicographic
@@ -101,9 +101,10 @@ def _captions(rows: Sequence[Any], labels: Sequence[str], records: Sequence[Reco
 
 def _equilibrium(solution: Any, sample: Sample) -> tuple[Any, Any]:
     assert sample.displacement is not None and sample.von_mises is not None
-    ours = _joined(
-        solution, [solution.fields(k) for k in range(len(solution.model.bodies))], "von_mises", solution.factor
-    )
+    fields = [solution.fields(k) for k in range(len(solution.model.bodies))]
+    ours = _joined(solution, fields, solution.solids, "von_mises", solution.factor)
+    if sample.reference is not None:
+        return ours, _tetrahedra(sample, sample.displacement, sample.von_mises.reshape(sample.cells.shape))
     corners = GAUSS - 0.5
     # Of each brick, the linear function through its Gauss points, at its nodes.
     where = (lexicographic(sample.order, 3) - 0.5)[:, None, :]
@@ -125,9 +126,10 @@ def _modes(solution: Any, sample: Sample, record: Record) -> list[tuple[Any, Any
         factors = np.zeros(len(solution))
         factors[solution.rigid :][near] = sampled.combination(known[near], theirs[some])
         nodal = [solution.model.nodal(factors @ solution.vectors, b) for b in range(len(solution.model.bodies))]
-        ours = _joined(solution, [{"displacement": one} for one in nodal], "displacement", 1.0)
+        moved = [np.tensordot(factors, one, 1) for one in solution.solids]
+        ours = _joined(solution, [{"displacement": one} for one in nodal], moved, "displacement", 1.0)
         lengths = np.linalg.norm(theirs, axis=1)
-        other = _bricks(sample, theirs, lengths[sample.cells])
+        other = (_bricks if sample.reference is None else _tetrahedra)(sample, theirs, lengths[sample.cells])
         for mesh in (ours, other):
             largest = float(np.max(np.linalg.norm(mesh.point_data["motion"], axis=1)))
             mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1) / largest
@@ -136,19 +138,24 @@ def _modes(solution: Any, sample: Sample, record: Record) -> list[tuple[Any, Any
     return rows
 
 
-def _joined(solution: Any, fields: Sequence[dict[str, Array]], colour: str, factor: float) -> Any:
-    """Return all bodies at rest as one mesh with their ``motion`` and ``colour``."""
+def _joined(
+    solution: Any, fields: Sequence[dict[str, Array]], moved: Sequence[Array], colour: str, factor: float
+) -> Any:
+    """Return all bodies at rest as one mesh with their ``motion`` and ``colour``; ``moved`` is that of solids."""
     import pyvista
 
-    meshes = []
-    for body, own in zip(solution.model.bodies, fields, strict=True):
-        mesh = vtk.grid(body, own, rings=3, around=48, slices=12, factor=factor)
+    meshes = [
+        vtk.grid(body, own, rings=3, around=48, slices=12, factor=factor)
+        for body, own in zip(solution.model.bodies, fields, strict=True)
+    ]
+    for solid, own in zip(solution.model.solids, moved, strict=True):
+        meshes.append(solids.grid(solid, {"displacement": own}, factor))
+    for mesh in meshes:
         mesh.point_data["motion"] = mesh.point_data["displacement"]
         if colour == "von_mises":
             mesh.point_data["colour"] = mesh.point_data["von_mises"]
         else:
             mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1)
-        meshes.append(mesh)
     return meshes[0] if len(meshes) == 1 else pyvista.merge(meshes, merge_points=False)
 
 
@@ -162,6 +169,37 @@ def _bricks(sample: Sample, motion: Array, colour: Array) -> Any:
     mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: small}, sample.points[sample.cells.ravel()])
     mesh.point_data["motion"] = motion[sample.cells.ravel()]
     mesh.point_data["colour"] = colour.ravel()
+    return mesh
+
+
+def _tetrahedra(sample: Sample, motion: Array, colour: Array) -> Any:
+    """Return the surface of tetrahedra of degree 2 as small triangles; ``colour`` is by cell and node."""
+    import pyvista
+
+    reference = sample.reference
+    assert reference is not None
+    sides = []
+    for left_out in np.eye(4, 3, -1):
+        # The side opposite to a corner; its corners, then the middles between them.
+        weights = np.column_stack([1.0 - reference.sum(axis=1), reference])
+        opposite = int(np.argmax(left_out)) + 1 if left_out.any() else 0
+        on = np.flatnonzero(weights[:, opposite] == 0.0)
+        ends = on[weights[on].max(axis=1) == 1.0]
+        between = [
+            on[np.linalg.norm(reference[on] - 0.5 * (reference[a] + reference[b]), axis=1).argmin()]
+            for a, b in zip(ends, np.roll(ends, -1), strict=True)
+        ]
+        sides.append([*ends, *between])
+    corners = np.sort(np.concatenate([sample.cells[:, side[:3]] for side in sides]), axis=1)
+    _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
+    side, cell = np.divmod(first[count == 1], len(sample.cells))
+    local = np.array(sides)[side]
+    nodes, shown = sample.cells[cell[:, None], local], colour[cell[:, None], local]
+    small = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
+    triangles = (6 * np.arange(len(nodes))[:, None, None] + small).reshape(-1, 3)
+    mesh = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: triangles}, sample.points[nodes.ravel()])
+    mesh.point_data["motion"] = motion[nodes.ravel()]
+    mesh.point_data["colour"] = shown.ravel()
     return mesh
 
 

@@ -30,9 +30,10 @@ INTRODUCTION = (
 
 COMPARED = (
     "<p>Each scene below is solved both ways, by <code>isorod</code>, and by <code>dolfinx</code> (FEniCSx), a widely "
-    "used finite element library, with bricks that are curved with the same rods; on the same machine, with one "
-    "thread. What is compared is how far each is from what the finite elements converge to, and the run time that it "
-    "takes. isorod's elements are functions of a section times splines along an axis; "
+    "used finite element library, with bricks that are curved with the same rods, or, of rods that are tied, with "
+    "tetrahedra of all as one solid; on the same machine, with one thread. What is compared is how far each is from "
+    "what the finite elements converge to, and the run time that it takes. isorod's elements are functions of a "
+    "section times splines along an axis; "
     f"{_FAMILIES}</p>"
 )
 
@@ -50,6 +51,7 @@ _OF_COMPARED = (
     "C0 to C3",
     "2x1x2",
     "Q1 to Q4, S2 to S4",
+    "P1 to P3",
 )
 
 MEANINGS = {

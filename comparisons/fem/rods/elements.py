@@ -1,4 +1,4 @@
-"""A mesh of rods in dolfinx: isoparametric displacement, whose unknowns are the mesh's nodes.  Serial."""
+"""A mesh of rods, perhaps with bodies, in dolfinx: isoparametric displacement at the mesh's nodes.  Serial."""
 
 from functools import cached_property
 from typing import Any
@@ -24,8 +24,8 @@ class Elements(Numbered):
     Parameters
     ----------
     mesh
-        Hexahedra with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"``, ``"rod 0 end"``,
-        ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such).
+        Cells with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"``, ``"rod 0 end"``,
+        ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such); perhaps regions ``"solid 0"`` ...
     rods
         What it is a mesh of.
 
@@ -40,13 +40,13 @@ class Elements(Numbered):
     node_dofs
         Blocked degree of freedom of each node, shape ``(nodes,)``.
     rod_of
-        Number of each cell's rod, in the source's order, shape ``(cells,)``.
+        Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
     """
 
     def __init__(self, mesh: Mesh, rods: list[Rod]) -> None:
         missing = [name for k in range(len(rods)) if (name := f"rod {k}") not in mesh.regions]
-        if missing or mesh.parameters is None or mesh.shape != "hexahedron":
-            raise InputError("mesh: need hexahedra with parameters and a region for each rod: rod 0, rod 1, ...")
+        if missing or mesh.parameters is None:
+            raise InputError("mesh: need cells with parameters and a region for each rod: rod 0, rod 1, ...")
         self.source, self.rods = mesh, rods
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
         self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
@@ -57,7 +57,7 @@ class Elements(Numbered):
         self.rows = compat.original_cells(self.mesh)
         self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
         self.node_dofs[mesh.cells[self.rows][:, order]] = compat.cell_dofs(self.space, len(self.rows))
-        self.rod_of: Index = np.empty(len(mesh.cells), dtype=np.int64)
+        self.rod_of: Index = np.full(len(mesh.cells), -1)
         for k in range(len(rods)):
             self.rod_of[mesh.regions[f"rod {k}"]] = k
 
@@ -65,6 +65,11 @@ class Elements(Numbered):
     def dofs(self) -> int:
         """Number of degrees of freedom, held ones included."""
         return 3 * len(self.source.points)
+
+    @property
+    def family(self) -> str:
+        """UFL's name of polynomials in each cell for itself."""
+        return "DQ" if self.source.shape == "hexahedron" else "DG"
 
     def cells(self, rod: int) -> Index:
         """Return the numbers of a rod's cells in the source."""
@@ -74,14 +79,15 @@ class Elements(Numbered):
     def parameters(self) -> Array:
         """Parameters ``xi_1, xi_2, u`` of each cell's nodes, shape ``(cells, nodes per cell, 3)``.
 
-        In the cells in which a closed rod meets its start, those of ``u`` that are beyond its end go on growing.
+        In the cells in which a closed rod meets its start, those of ``u`` that are beyond its end go on growing.  Cells
+        of bodies have none, zeros.
         """
-        assert self.source.parameters is not None
-        found = self.source.parameters[self.source.cells]
+        found = np.zeros((*self.source.cells.shape, 3))
         for k, rod in enumerate(self.rods):
+            cells = self.cells(k)
+            found[cells] = self.source.parameters_in(k, self.source.cells[cells])
             if rod.closed:
                 low, high = rod.axis.breaks[[0, -1]]
-                cells = self.cells(k)
                 u = found[cells, :, 2]
                 beyond = (np.ptp(u, axis=1) > 0.5 * (high - low))[:, None] & (u < 0.5 * (low + high))
                 found[cells, :, 2] = u + (high - low) * beyond
@@ -96,7 +102,7 @@ class Elements(Numbered):
 
     def constants(self, values: Array) -> Any:
         """Return the dolfinx function with these values ``(cells, m)``, in the source's order, constant on each."""
-        space = compat.function_space(self.mesh, compat.element(self.mesh, "DQ", 0, values.shape[1]))
+        space = compat.function_space(self.mesh, compat.element(self.mesh, self.family, 0, values.shape[1]))
         found = dolfinx.fem.Function(space)
         where = compat.cell_dofs(space, len(self.rows))[:, 0]
         found.x.array.reshape(-1, values.shape[1])[where] = values[self.rows]
@@ -104,19 +110,19 @@ class Elements(Numbered):
 
     @cached_property
     def _sides(self) -> tuple[Index, Index]:
-        """Corners of all cells' six sides, sorted, shape ``(6 cells, 4)``, and places of each side's nodes ``(6, n)``.
+        """Corners of all cells' sides, sorted, shape ``(s cells, 3 or 4)``, and places of each side's nodes ``(s, n)``.
 
         Sides are ordered as dolfinx has them.
         """
-        cube = basix.CellType.hexahedron
-        corners = np.asarray(basix.geometry(cube))
+        cell = getattr(basix.CellType, self.source.shape)
+        corners = np.asarray(basix.geometry(cell))
         places, ends = [], []
-        for vertices in basix.topology(cube)[2]:
-            axis = int(np.argmin(np.ptp(corners[vertices], axis=0)))
-            (on,) = np.nonzero(np.abs(self.source.reference[:, axis] - corners[vertices[0], axis]) < _SAME)
+        for vertices in basix.topology(cell)[2]:
+            a, b, c = corners[vertices[:3]]
+            (on,) = np.nonzero(np.abs((self.source.reference - a) @ np.cross(b - a, c - a)) < _SAME)
             places.append(on)
             ends.append(on[np.isin(self.source.reference[on], (0.0, 1.0)).all(axis=1)])
-        sides = np.sort(self.source.cells[:, np.array(ends)].reshape(-1, 4), axis=1)
+        sides = np.sort(self.source.cells[:, np.array(ends)].reshape(-1, len(ends[0])), axis=1)
         return sides, np.array(places)
 
     def facets(self, name: str) -> Index:
@@ -124,7 +130,7 @@ class Elements(Numbered):
         face = self.source.faces[name]
         corners = np.isin(self.source.face_reference, (0.0, 1.0)).all(axis=1)
         wanted = np.sort(face[:, corners], axis=1)
-        sides, _ = self._sides
+        sides, places = self._sides
         numbers = np.flatnonzero(_is_among(sides, wanted))
         if len(numbers) != len(face):
             raise InputError(f"mesh: face {name} is not the surface of cells")
@@ -132,8 +138,8 @@ class Elements(Numbered):
         topology.create_connectivity(3, 2)
         local = np.empty(len(self.rows), dtype=np.int64)
         local[self.rows] = np.arange(len(self.rows))
-        table = np.asarray(topology.connectivity(3, 2).array).reshape(-1, 6)
-        return np.sort(table[local[numbers // 6], numbers % 6]).astype(np.int32)
+        table = np.asarray(topology.connectivity(3, 2).array).reshape(-1, len(places))
+        return np.sort(table[local[numbers // len(places)], numbers % len(places)]).astype(np.int32)
 
     def section(self, rod: int, u: float) -> Index:
         """Return the facets of a rod's section at an axis parameter, node numbers ordered as faces are ``(m, n)``.
@@ -148,6 +154,8 @@ class Elements(Numbered):
         for name, end in ((f"rod {rod} start", low), (f"rod {rod} end", high)):
             if name in self.source.faces and abs(u - end) <= slack:
                 return np.asarray(self.source.faces[name])
+        if self.source.shape != "hexahedron":
+            raise InputError(f"section at u = {u:g} of rod {rod}: tetrahedra have none but the ends")
         on = np.abs(self.parameters[self.cells(rod)][:, :, 2] - u) <= slack
         above = self.parameters[self.cells(rod)][:, :, 2].mean(axis=1) > u
         _, places = self._sides

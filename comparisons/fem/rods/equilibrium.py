@@ -1,6 +1,7 @@
 """Static equilibrium of rods: load steps, Newton's method by SNES, contacts by their nodal forces."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,13 @@ from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import centrifugal, dead, following
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
+from comparisons.fem.rods.ties import carried
 from comparisons.fem.statics import DIRECT, NEWTON
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.checks.rigid_motions import refuse_free
 from isorod.errors import SolveError
 from isorod.fenics import compat
+from isorod.files.solid import OfBody
 from isorod.model.model import Model
 from isorod.options import defaults
 from meshes.mesh import Array, Mesh
@@ -109,14 +112,15 @@ def solve(
     load_steps: int,
     options: Mapping[str, object] | None,
     flags: Sequence[str],
+    bodies: Sequence[OfBody] = (),
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
     clock = Clock()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
     laws = Laws(elements, model, rule)
-    supports = Supports(elements, model)
+    supports = Supports(elements, model, bodies)
     refuse_free(model)
-    loads = dead(elements, model)
+    loads = dead(elements, model, bodies)
     contacts = Contacts(elements, model)
     clock.lap("setup")
     forms = _forms(elements, laws, model, rule, flags)
@@ -147,7 +151,7 @@ def solve(
     seconds = clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds}
     if contacts.all:
         seconds["contact"] = newton.contact_seconds
-    return Solution(
+    solution = Solution(
         model=model,
         mesh=mesh,
         analysis="statics",
@@ -164,7 +168,9 @@ def solve(
         moments=moments,
         contacts=touches,
         residual_norms=list(newton.norms),
+        bodies=bodies,
     )
+    return replace(solution, ties=carried(solution, elements, rule, bodies)) if model.ties else solution
 
 
 def _forms(elements: Elements, laws: Laws, model: Model, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:

@@ -9,13 +9,14 @@ import ufl
 
 from comparisons.fem import quadrature
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.places import lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from isorod.fenics import compat
 from isorod.fenics.stored import constants_of, density
 from isorod.material import symbols
 from isorod.material.law import Material
 from isorod.model.model import Model
 from meshes.mesh import Array, Index
+from meshes.within import lagrange
 
 # How far bodies at rest are taken to be compressed.
 _SLACK = 1e-12
@@ -38,7 +39,7 @@ class Laws:
     place
         Row of `laws` of each cell, in the source's order, shape ``(cells,)``.
     laws
-        All laws and densities, a body's elements and rings one after the other.
+        All laws and densities, a rod's elements and rings one after the other, those of bodies last.
     activation
         A dolfinx constant: the load factor, with which the activation of muscles grows.
     density
@@ -94,7 +95,7 @@ class Laws:
         families = max(law.families for law in self.laws)
         if not families:
             return ()
-        space = compat.function_space(elements.mesh, compat.element(elements.mesh, "DQ", degree, 3))
+        space = compat.function_space(elements.mesh, compat.element(elements.mesh, elements.family, degree, 3))
         where = compat.interpolation_points(space)
         parameters = np.einsum("qn,cnp->cqp", lagrange(degree, mesh.reference, where), elements.parameters)
         fibres = np.zeros((*parameters.shape[:2], 3 * families))
@@ -102,8 +103,9 @@ class Laws:
         for k, law in enumerate(self.laws):
             cells = np.flatnonzero(self.place == k)
             if law.families and cells.size:
-                there = on_rod(elements.rods[elements.rod_of[cells[0]]], parameters[cells])
-                fibres[cells, :, : 3 * law.families] = law.placed(there).fibres(there.shape)
+                rod = elements.rod_of[cells[0]]
+                placed = law if rod < 0 else law.placed(on_rod(elements.rods[rod], parameters[cells]))
+                fibres[cells, :, : 3 * law.families] = placed.fibres(parameters[cells].shape[:2])
         dofs = compat.cell_dofs(space, len(elements.rows))
         made = []
         for family in range(families):
@@ -126,4 +128,9 @@ def _places(elements: Elements, model: Model) -> tuple[Index, list[Material], Ar
         place[elements.cells(b)] = len(laws) + element * rings + ring
         laws += body.laws
         densities.append(body.densities)
+    for k, solid in enumerate(model.solids):
+        place[elements.source.regions[f"solid {k}"]] = len(laws)
+        assert solid.law is not None
+        laws.append(solid.law)
+        densities.append(np.array([solid.density]))
     return place, laws, np.concatenate(densities)

@@ -1,5 +1,6 @@
 """Loads on the nodes of a mesh: dead ones as nodal forces, those that change with the displacement as forms."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import dolfinx.fem
@@ -10,18 +11,27 @@ import ufl
 from comparisons.fem.contact.facets import facet_of, gauss, outward
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.places import lagrange
 from isorod.errors import InputError
+from isorod.fenics.loads import Load
+from isorod.files.solid import OfBody
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, gradients
 from meshes.mesh import gauss as volume_rule
+from meshes.within import lagrange
 
 _SURFACES = {"outer": "lateral", "inner": "inner"}
 
 
-def dead(elements: Elements, model: Model) -> Array:
+def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region: str | None = None) -> Array:
     """Return the nodal forces at full load of what does not change with the displacement, shape ``(nodes, 3)``.
+
+    Parameters
+    ----------
+    bodies
+        What loads the model's bodies.
+    region
+        The only one whose loads are wanted: ``"rod 0"`` ..., ``"solid 0"`` ...; those of all if None.
 
     Raises
     ------
@@ -30,6 +40,8 @@ def dead(elements: Elements, model: Model) -> Array:
     """
     result = np.zeros_like(elements.source.points)
     for k, load in enumerate(model.loads):
+        if region not in (None, f"rod {load.body}"):
+            continue
         if isinstance(load, SectionLoad):
             breaks = model.bodies[load.body].space.axis.breaks
             facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
@@ -46,7 +58,27 @@ def dead(elements: Elements, model: Model) -> Array:
                 np.add.at(result, points.supports, -load.pressure * points.shares[:, :, None] * areas[:, None])
         else:
             raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
+    for k, body in enumerate(bodies):
+        if region in (None, f"solid {k}"):
+            for one in body.loads:
+                _add(elements, k, one, result)
     return result
+
+
+def _add(elements: Elements, solid: int, load: Load, result: Array) -> None:
+    """Add a load on a body to nodal forces."""
+    source = elements.source
+    if load.group is None:
+        result += _volumes(elements, source.regions[f"solid {solid}"])[:, None] * np.array(load.vector)
+        return
+    facets, like = source.faces[f"solid {solid} {load.group}"], facet_of(source)
+    points = gauss(source, like, facets)
+    if load.pressure:
+        pull = -load.pressure * outward(source, like, facets)
+    else:
+        area = points.weights.sum() if load.total else 1.0
+        pull = points.weights[:, None] * np.array(load.vector) / area
+    np.add.at(result, points.supports, points.shares[:, :, None] * pull[:, None])
 
 
 def _face(elements: Elements, load: Pressure) -> str:
@@ -59,8 +91,8 @@ def _face(elements: Elements, load: Pressure) -> str:
 def _volumes(elements: Elements, cells: Index) -> Array:
     """Return the integrals of the nodes' functions over some cells, shape ``(nodes,)``."""
     source = elements.source
-    where, weights = volume_rule("hexahedron", 4 * source.order)
-    slopes = gradients("hexahedron", source.order, source.reference, where)
+    where, weights = volume_rule(source.shape, 4 * source.order)
+    slopes = gradients(source.shape, source.order, source.reference, where)
     values = lagrange(source.order, source.reference, where)
     det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))
     shares = (det * weights) @ values

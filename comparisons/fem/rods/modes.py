@@ -14,12 +14,19 @@ from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
 from isorod.errors import InputError
 from isorod.fenics import compat
+from isorod.files.solid import OfBody
 from isorod.model.model import Model
 from meshes.mesh import Array, Mesh
 
 
 def solve(
-    model: Model, mesh: Mesh, rule: int, modes: int, options: Mapping[str, object] | None, flags: Sequence[str]
+    model: Model,
+    mesh: Mesh,
+    rule: int,
+    modes: int,
+    options: Mapping[str, object] | None,
+    flags: Sequence[str],
+    bodies: Sequence[OfBody] = (),
 ) -> Solution:
     """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
     for b, body in enumerate(model.bodies):
@@ -29,7 +36,7 @@ def solve(
             )
     begin = perf_counter()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
-    laws, supports = Laws(elements, model, rule), Supports(elements, model)
+    laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
         elements, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
@@ -52,6 +59,7 @@ def solve(
         shapes=_shapes(elements, found),
         rigid=found.rigid,
         below=found.below,
+        bodies=bodies,
     )
 
 

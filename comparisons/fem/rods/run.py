@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from comparisons.fem import runs
 from comparisons.fem.arguments import option, positive
+from comparisons.fem.rods import joined
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
@@ -22,7 +23,9 @@ from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.output.results import write_arrays
 from isorod.space.space import Space
-from meshes import rods
+from meshes import gmsh_model, rods
+from meshes import joined_mesh as one_solid
+from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
 
 # What is known of an analysis here.
@@ -41,6 +44,8 @@ class Configuration:
         Of the mesh, see `meshes.rods.build`; the degree is that of displacement and geometry.
     around, across, layers
         Numbers of cells (`meshes.rods.Cells`): all three, or none for those that the mesh chooses.
+    bodies
+        A folder to which the mesh of each body alone goes.
     flags
         C compiler flags of the forms.
     """
@@ -51,6 +56,7 @@ class Configuration:
     around: int | None = option(None, "cells round a hole or core, in the place of the mesh's own", "N", type=positive)
     across: int | None = option(None, "cells across each ring, in the place of the mesh's own", "N", type=positive)
     layers: int | None = option(None, "cells along the rod, in the place of the mesh's own", "N", type=positive)
+    bodies: str = option("", "write the mesh of each body alone to this folder, as .msh", "FOLDER")
     flags: tuple[str, ...] = FAST
 
     def __post_init__(self) -> None:
@@ -72,8 +78,25 @@ def mesh_of(model: Model, level: int = 1, degree: int = 2, cells: rods.Cells | N
     return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree, cells)
 
 
+def joined_mesh(scene: Any, model: Model, level: int) -> tuple[Joined, list[str]]:
+    """Return the mesh of a model with ties as one solid, and what was done to it, in words."""
+    cuts = [_planes(model, b) for b in range(len(model.bodies))]
+    parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), cuts)
+    return one_solid.build(parts, joins, groups, level)
+
+
 def _cut(model: Model, b: int) -> Rod:
     """Return a body's rod with knots where its mesh has to have planes."""
+    rod = model.bodies[b].space.rod
+    low, high = rod.axis.breaks[[0, -1]]
+    for u in _planes(model, b):
+        if np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
+            rod = rod.insert(u)
+    return rod
+
+
+def _planes(model: Model, b: int) -> list[float]:
+    """Return the axis parameters within a body's rod at which its mesh has to have planes."""
     body = model.bodies[b]
     axis, rod = body.space.axis, body.space.rod
     rings = len(rod.rings) - 1
@@ -91,10 +114,7 @@ def _cut(model: Model, b: int) -> Rod:
                 where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
     where += [u for support in model.supports if support.body == b for u in _ends_of(support, body.space)]
     low, high = axis.breaks[[0, -1]]
-    for u in sorted(set(where)):
-        if low < u < high and np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
-            rod = rod.insert(u)
-    return rod
+    return [u for u in sorted(set(where)) if low < u < high]
 
 
 def _ends_of(support: Support, space: Space) -> list[float]:
@@ -133,12 +153,23 @@ def run(
             _refuse_loaded(configuration.name, model, given)
             # Modes know no pressures.
             model = model.in_displacements()
+        tied = bool(model.ties or model.solids)
+        told: list[str] = []
+        bodies = scene.bodies() if tied else []
         start = perf_counter()
-        mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
+        if tied:
+            _refuse_cells(configuration)
+            whole, told = joined_mesh(scene, model, configuration.level)
+            mesh: Mesh = whole
+            if configuration.bodies:
+                for one, alone in zip(bodies, whole.bodies, strict=True):
+                    gmsh_model.write(alone, one_solid.body_file(configuration.bodies, one.name))
+        else:
+            mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
 
         def once() -> Any:
-            return solve(model, mesh, scene.analysis, flags=configuration.flags, **settings)
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **settings)
 
         solution, record = runs.measured(once, repeat, comm, meshing)
     if fields is not None:
@@ -153,6 +184,8 @@ def run(
         "dofs": solution.dofs,
         "unknowns": solution.unknowns,
         "cells": solution.cells,
+        "shape": mesh.shape,
+        **({"mesh_notes": told} if told else {}),
         **solution.iterations,
         "formulation": "displacement",
         "units": scene.units,
@@ -162,6 +195,13 @@ def run(
         "petsc_options": solution.options,
         **record,
     }
+
+
+def _refuse_cells(configuration: Configuration) -> None:
+    if configuration.degree != 2 or configuration.counted:
+        raise InputError(
+            "degree: rods that are tied are meshed as one solid, with tetrahedra of degree 2 that gmsh chooses"
+        )
 
 
 def _refuse_loaded(name: str, model: Any, given: Mapping[str, Any]) -> None:

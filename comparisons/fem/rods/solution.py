@@ -7,16 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from comparisons.fem.rods.places import Places, lagrange, on_rod
+from comparisons.fem.rods.places import on_rod
 from isorod.checks import stresses
 from isorod.errors import InputError
+from isorod.files.solid import OfBody
 from isorod.geometry.quadrature import Rule, section_points
+from isorod.geometry.rod import Rod
 from isorod.model.model import Model
 from isorod.output.section_forces import SectionForces, centroids, frames, normals
 from isorod.output.state import Deformation, parameters
 from isorod.output.stress import von_mises
 from isorod.tensors import determinant
+from meshes.joined_mesh import Joined
 from meshes.mesh import Array, Index, Mesh, gauss, gradients
+from meshes.within import Places, lagrange
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
@@ -58,6 +62,10 @@ class Solution:
         those of `isorod.statics.Equilibrium`.
     contacts
         Outcome of each contact.
+    bodies
+        What holds and loads the model's bodies.
+    ties
+        What each tie carries (`comparisons.fem.rods.ties.Carried`).
     frequencies, eigenvalues, residuals
         Of modes, rigid ones first: cycles per time, ``omega^2``, and ``|K x - lambda M x| / (|lambda| |M x|)``.
     shapes
@@ -99,6 +107,8 @@ class Solution:
     rigid: int = 0
     below: int | None = None
     residual_norms: Sequence[float] = ()
+    bodies: Sequence[OfBody] = ()
+    ties: Sequence[Any] = ()
 
     @property
     def cells(self) -> int:
@@ -129,12 +139,25 @@ class Solution:
 
     def energy(self, rod: int) -> float:
         """Return the energy stored in a rod."""
-        where, weights = gauss("hexahedron", 2 * self.mesh.order)
+        where, weights = gauss(self.mesh.shape, 2 * self.mesh.order)
         cells = self.mesh.regions[f"rod {rod}"]
         F, jacobian = self._gradients(cells, where, _ALL)
         at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
         volumes = weights * determinant(jacobian)
         return float(sum(np.sum(volumes[own] * law.energy(F[own])) for own, law in self._laws(cells, at)))
+
+    def internal_forces(self, cells: Index, where: Array, weights: Array) -> Array:
+        """Return the nodal forces ``(nodes, 3)`` of the stress in some cells, by a rule on the reference cell."""
+        F, jacobian = self._gradients(cells, where, _ALL)
+        at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
+        stress = np.empty_like(F)
+        for own, law in self._laws(cells, at):
+            stress[own] = law.stress(F[own])
+        slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
+        pull = stress @ np.linalg.inv(jacobian).swapaxes(2, 3) * (weights * determinant(jacobian))[:, :, None, None]
+        found = np.zeros_like(self.mesh.points)
+        np.add.at(found, self.mesh.cells[cells], np.einsum("cqab,qnb->cna", pull, slopes))
+        return found
 
     def section_forces(self, rod: int, u: ArrayLike) -> SectionForces:
         """Return what sections of a rod carry, as `isorod.output.state.State` does, of the stress there."""
@@ -162,24 +185,29 @@ class Solution:
         # What u and xi may be, and what they mean, is told by isorod itself.
         points = Deformation(self.model, np.empty(0))._points(rod, u, xi)
         t, q = len(points.u), len(points.xi)
-        grid = np.concatenate([np.tile(points.xi, (t, 1)), np.repeat(points.u, q)[:, None]], axis=1)
+        if isinstance(self.mesh, Joined):
+            # Cells' own map of parameters is less exact than where points are.
+            grid = self.model.bodies[points.number].space.rod.grid(points.xi, points.u)[0].reshape(-1, 3)
+        else:
+            grid = np.concatenate([np.tile(points.xi, (t, 1)), np.repeat(points.u, q)[:, None]], axis=1)
         cell, where = self._places(points.number).find(grid)
         return points, self.mesh.regions[f"rod {points.number}"][cell], where
 
     def _gradients(self, cells: Index, where: Array, which: str) -> tuple[Array, Array]:
         """Return deformation gradients and ``dx/d`` reference position, at `_ALL` points of cells or at `_EACH`."""
-        slopes = gradients("hexahedron", self.mesh.order, self.mesh.reference, where)
+        slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
         nodes = self.mesh.cells[cells]
         jacobian, change = (np.einsum(which, slopes, one[nodes]) for one in (self.mesh.points, self._nodal))
         return np.eye(3) + change @ np.linalg.inv(jacobian), jacobian
 
     def _laws(self, cells: Index, parameters: Array) -> Iterator[tuple[Index, Any]]:
         """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``."""
-        laws = [(b, law) for b, body in enumerate(self.model.bodies) for law in body.laws]
-        for k, (b, law) in enumerate(laws):
+        laws: list[tuple[Rod | None, Any]] = [(body.space.rod, law) for body in self.model.bodies for law in body.laws]
+        laws += [(None, solid.law) for solid in self.model.solids]
+        for k, (rod, law) in enumerate(laws):
             (own,) = np.nonzero(self.place[cells] == k)
             if own.size:
-                yield own, law.placed(on_rod(self.model.bodies[b].space.rod, parameters[own]))
+                yield own, law if rod is None else law.placed(on_rod(rod, parameters[own]))
 
     def _functions(self, where: Array) -> Array:
         return lagrange(self.mesh.order, self.mesh.reference, where)
@@ -189,7 +217,10 @@ class Solution:
         low, high = own.axis.breaks[[0, -1]]
         cells = self.mesh.regions[f"rod {rod}"]
         period = float(high - low) if own.closed else None
-        return Places(self.mesh.order, self.mesh.reference, self.cell_parameters[cells], period)
+        shape, order, reference = self.mesh.shape, self.mesh.order, self.mesh.reference
+        if isinstance(self.mesh, Joined):
+            return Places(shape, order, reference, self.mesh.points[self.mesh.cells[cells]])
+        return Places(shape, order, reference, self.cell_parameters[cells], period)
 
     def fields(self) -> dict[str, Array]:
         """Return displacement or shapes at the nodes, and the von Mises stress where it is most exact.
@@ -197,34 +228,41 @@ class Solution:
         Returns
         -------
         ``points`` ``(nodes, 3)``, ``parameters`` ``(nodes, 3)`` (``xi_1, xi_2, u``), ``node_rod`` ``(nodes,)``,
-        ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh; ``displacement`` ``(nodes, 3)`` and, at
-        the ``2 x 2 x 2`` Gauss points of every cell, ``stress_parameters`` ``(m, 3)``, ``stress_rod`` ``(m,)``,
-        ``stress_points`` ``(m, 3)`` (at rest) and ``von_mises`` ``(m,)``, of the Cauchy stress ``P F^T / det F`` (as
-        `isorod.output.stress` has it for linear elastic bodies, too); ``surface_parameters``, ``surface_rod`` and
-        ``surface_von_mises``, the same at surfaces (`isorod.checks.stresses`); or ``modes`` ``(modes, nodes, 3)``
-        with ``x^T M x = 1`` and ``frequencies``.
+        ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh, of tetrahedra ``reference`` (of nodes
+        of bodies alone the rod is -1 for the first body, and so on, and parameters are their positions);
+        ``displacement`` ``(nodes, 3)`` and, at the ``2 x 2 x 2`` Gauss points of every brick or the nodes of every
+        tetrahedron, ``stress_parameters`` ``(m, 3)``, ``stress_rod`` ``(m,)``, ``stress_points`` ``(m, 3)`` (at rest)
+        and ``von_mises`` ``(m,)``, of the Cauchy stress ``P F^T / det F`` (as `isorod.output.stress` has it for linear
+        elastic bodies, too); ``surface_parameters``, ``surface_rod`` and ``surface_von_mises``, the same at surfaces
+        (`isorod.checks.stresses`); or ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1`` and ``frequencies``.
         """
         mesh = self.mesh
         assert mesh.parameters is not None
         node_rod = np.empty(len(mesh.points), dtype=np.int64)
-        for k in range(len(self.model.bodies)):
-            node_rod[mesh.cells[mesh.regions[f"rod {k}"]]] = k
+        where = mesh.parameters.copy()
+        for k in range(len(self.model.solids)):
+            nodes = mesh.cells[mesh.regions[f"solid {k}"]]
+            node_rod[nodes], where[nodes] = -1 - k, mesh.points[nodes]
+        for k in reversed(range(len(self.model.bodies))):
+            nodes = mesh.cells[mesh.regions[f"rod {k}"]]
+            node_rod[nodes], where[nodes] = k, mesh.parameters_in(k, nodes)
         found = {
             "points": mesh.points,
-            "parameters": mesh.parameters,
+            "parameters": where,
             "node_rod": node_rod,
             "cells": mesh.cells,
             "weights": mesh.node_volumes(),
             "order": np.array(mesh.order),
+            **({"reference": mesh.reference} if mesh.shape == "tetrahedron" else {}),
         }
         if self.displacement is None:
             return found | {"modes": self.shapes, "frequencies": self.frequencies}
         return found | {"displacement": self.displacement} | self._stress() | self._surface()
 
     def _stress(self) -> dict[str, Array]:
-        """Return the von Mises stress at Gauss points, and where these are."""
+        """Return the von Mises stress at Gauss points, of tetrahedra at nodes, and where these are."""
         mesh = self.mesh
-        where, _ = gauss("hexahedron", 3)
+        where = gauss("hexahedron", 3)[0] if mesh.shape == "hexahedron" else mesh.reference
         values = self._functions(where)
         every = np.arange(len(mesh.cells))
         F, _ = self._gradients(every, where, _ALL)
@@ -232,7 +270,7 @@ class Solution:
         stress = np.empty_like(F)
         for own, law in self._laws(every, places):
             stress[own] = law.stress(F[own])
-        rods = np.empty(len(mesh.cells), dtype=np.int64)
+        rods = np.full(len(mesh.cells), -1)
         for b, body in enumerate(self.model.bodies):
             rods[mesh.regions[f"rod {b}"]] = b
             low, high = body.space.axis.breaks[[0, -1]]

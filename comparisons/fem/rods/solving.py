@@ -8,7 +8,9 @@ from comparisons.fem.rods.solution import Solution
 from comparisons.fem.statics import Element
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
+from isorod.files.solid import OfBody
 from isorod.model.model import Model
+from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
 
 
@@ -20,16 +22,17 @@ def solve(
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
+    bodies: Sequence[OfBody] = (),
 ) -> Solution:
     """Solve a model with displacement elements whose nodes are those of the mesh.
 
     Parameters
     ----------
     model
-        Bodies, supports, loads and contacts.
+        Rods, supports, loads and contacts; with ties and bodies on a mesh of all as one solid.
     mesh
-        Hexahedra of the bodies' rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
-        (`meshes.rods.build`).
+        Hexahedra of the rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
+        (`meshes.rods.build`), or tetrahedra of rods and bodies (`meshes.joined_mesh.build`).
     analysis
         ``"statics"``, or ``"modal"`` about the state of rest.
     modes
@@ -40,6 +43,8 @@ def solve(
         C compiler flags for the forms.
     load_steps
         Equal steps to start with (statics).
+    bodies
+        What holds and loads the model's bodies, which have that of their own meshes alone.
 
     Raises
     ------
@@ -48,15 +53,12 @@ def solve(
     SolveError
         If the solution is not found.
     """
-    if model.ties or model.solids:
-        raise InputError(
-            "ties and finite element bodies are not on the finite element side, which meshes each rod for itself; "
-            "python -m comparisons joints has scenes that are meshed as one solid"
-        )
+    if (model.ties or model.solids) and not isinstance(mesh, Joined):
+        raise InputError("ties and finite element bodies: need a mesh of all as one solid, and got each rod for itself")
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     if analysis == "statics":
-        return equilibrium.solve(model, mesh, rule, load_steps, options, flags)
+        return equilibrium.solve(model, mesh, rule, load_steps, options, flags, bodies)
     if analysis == "modal":
-        return modes_of_rods.solve(model, mesh, rule, modes, options, flags)
+        return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies)
     raise InputError(f"analysis {analysis}: the finite element side has statics and modes only")

@@ -9,6 +9,8 @@ import numpy as np
 from comparisons.fem.rods.elements import Elements
 from isorod.errors import InputError
 from isorod.fenics import compat
+from isorod.fenics.loads import Held
+from isorod.files.solid import OfBody
 from isorod.model.model import Model
 from isorod.model.support import Support, SupportMotion
 from isorod.space.space import Space
@@ -103,8 +105,21 @@ class _Held:
         return np.asarray(self.space.positions[carriers].mean(axis=0) + moved)
 
 
+class _HeldFacets:
+    """What holds facets of a body."""
+
+    def __init__(self, elements: Elements, solid: int, held: Held) -> None:
+        self.nodes: Index = np.unique(elements.source.faces[f"solid {solid} {held.group}"])
+        self.components = sorted("xyz".index(letter) for letter in held.components)
+        self._moved = np.where(np.isin(np.arange(3), self.components), held.displacement, 0.0)
+
+    def displacement(self, factor: float) -> Array:
+        """Return the displacement of the nodes at a load factor, ``(m, 3)``; zero in components that are free."""
+        return np.tile(factor * self._moved, (len(self.nodes), 1))
+
+
 class Supports:
-    """All supports of a model.
+    """All supports of a model, and what holds its bodies.
 
     Attributes
     ----------
@@ -116,7 +131,7 @@ class Supports:
         Whether every node is held in all components or none.
     """
 
-    def __init__(self, elements: Elements, model: Model) -> None:
+    def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
         self._elements = elements
         traces: dict[int, _Trace] = {}
         self._all: list[_Held] = []
@@ -125,9 +140,12 @@ class Supports:
             if b not in traces:
                 traces[b] = _surface(elements, b, model.bodies[b].space)
             self._all.append(_Held(k, support, motion, model, elements, traces[b]))
-        # Of several supports on a node the last one holds it, as in isorod.
+        # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
         self._owner = np.full((len(elements.source.points), 3), -1)
-        for k, one in enumerate(self._all):
+        facets = [_HeldFacets(elements, k, held) for k, body in enumerate(bodies) for held in body.held]
+        count = len(self._all)
+        self._every: list[tuple[int, _Held | _HeldFacets]] = [*enumerate(facets, count), *enumerate(self._all)]
+        for k, one in self._every:
             self._owner[one.nodes[:, None], one.components] = k
         self._nodal = np.zeros_like(elements.source.points)
         rows, components = np.nonzero(self._owner >= 0)
@@ -161,7 +179,7 @@ class Supports:
 
     def move(self, factor: float) -> None:
         """Set the displacements of a load factor."""
-        for k, one in enumerate(self._all):
+        for k, one in self._every:
             mine = self._owner[one.nodes] == k
             self._nodal[one.nodes] = np.where(mine, one.displacement(factor), self._nodal[one.nodes])
         coefficients = self._elements.to_dofs(self._nodal)
@@ -193,8 +211,7 @@ def _surface(elements: Elements, body: int, space: Space) -> _Trace:
     source = elements.source
     faces: Sequence[Index] = [nodes for name, nodes in source.faces.items() if name.startswith(f"rod {body} ")]
     nodes = np.unique(np.concatenate([face.ravel() for face in faces]))
-    assert source.parameters is not None
-    return _Trace(space, nodes, source.parameters[nodes])
+    return _Trace(space, nodes, source.parameters_in(body, nodes))
 
 
 def _on_disk(xi: Array) -> Array:

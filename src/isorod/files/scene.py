@@ -15,7 +15,7 @@ from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
 from isorod.files.names import Names
 from isorod.files.rod import RodPlan, Use
-from isorod.files.solid import SolidPlan
+from isorod.files.solid import OfBody, SolidPlan
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 if TYPE_CHECKING:
@@ -245,6 +245,10 @@ class FileScene(Scene):
     def solid_names(self) -> list[str]:
         """Return the names of the finite element bodies, each with its mesh and the groups of that."""
         return [f"{name}: {plan}" for name, plan in self._names.solids.items()]
+
+    def bodies(self) -> list[OfBody]:
+        """Return what the file says of its finite element bodies, in the order of the model's."""
+        return [plan.of_body(name) for name, plan in self._names.solids.items()]
 
     def tie_names(self) -> list[str]:
         """Return the names of the ties."""

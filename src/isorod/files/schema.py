@@ -11,7 +11,7 @@ from isorod.files.angles import DEGREES, RADIANS
 from isorod.files.data import BOND, POINTS
 from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
 from isorod.files.material import BULK, CONSTANTS, FIBRE
-from isorod.files.meshes import FACETS, MESH
+from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
 
 CURVES = {
@@ -91,7 +91,7 @@ def _on_group(name: str, **more: Any) -> Form:
 
 
 # Of finite element bodies what else they have, what holds and what loads them.
-SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS})
+SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS, "geometry": GEOMETRY})
 HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
 SPIN = Form("isorod.model.load:Spin")

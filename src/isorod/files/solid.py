@@ -1,13 +1,14 @@
 """Finite element bodies of a scene file: a mesh with groups of facets, a law, what holds and loads it."""
 
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from isorod.errors import InputError
 from isorod.files import schema
 from isorod.files.document import Place
 from isorod.files.form import Call, Name, call, choice
+from isorod.files.meshes import Geometry
 from isorod.files.msh import Grid
 from isorod.files.xdmf import Facets
 
@@ -17,7 +18,38 @@ if TYPE_CHECKING:
     from isorod.fenics.solid import Solid
 
 
-def solid(mesh: Grid, degree: int = 2, density: float = 0.0, facets: Facets | None = None) -> tuple[Grid, int, float]:
+class OfBody(NamedTuple):
+    """What a file says of a body besides its law, in names of groups.
+
+    Attributes
+    ----------
+    name
+        Of the body.
+    place
+        Where it is.
+    grid
+        Its mesh.
+    held, loads
+        What holds and loads it.
+    geometry
+        A STEP file of it, if one is named.
+    """
+
+    name: str
+    place: Place
+    grid: Grid
+    held: "Sequence[Held]"
+    loads: "Sequence[Load]"
+    geometry: Geometry | None
+
+
+def solid(
+    mesh: Grid,
+    degree: int = 2,
+    density: float = 0.0,
+    facets: Facets | None = None,
+    geometry: Geometry | None = None,
+) -> tuple[Grid, int, float]:
     """Return what makes a finite element body (`isorod.fenics.solid.Solid`), which takes dolfinx.
 
     Parameters
@@ -33,6 +65,9 @@ def solid(mesh: Grid, degree: int = 2, density: float = 0.0, facets: Facets | No
     facets
         An `.xdmf` file of tagged facets, with the points of the mesh, where these are not in the mesh's own: so does
         meshio write them.
+    geometry
+        The body as a STEP file (`.step`, `.stp`), in the place and the unit of the mesh, where STEP is taken in mm: of
+        `isorod compare` alone, which meshes rods and bodies anew as one solid. A hole that a rod fills may be left out.
     """
     return mesh, degree, density
 
@@ -170,6 +205,12 @@ class SolidPlan:
         said.among(self.grid.groups)
         return {"group": said.name}
 
+    def of_body(self, name: str) -> OfBody:
+        """Return what is said of the body of that name."""
+        held = [one.make(**self._group(one)) for one in self._held]
+        loads = [one.make(**self._group(one)) for one in self._loads]
+        return OfBody(name, self.place, self.grid, held, loads, self._solid.arguments.get("geometry"))
+
     def body(self) -> "tuple[Solid, Groups]":
         """Return the body, and the facets of its groups."""
         show = warnings.showwarning
@@ -188,13 +229,11 @@ class SolidPlan:
             raise (self.place / "degree").error(f"got {degree}, need 1 or 2")
         if not density >= 0.0:
             raise (self.place / "density").error(f"got {density:g}, need a mass per volume, not negative")
-        fixed = [one.make(**self._group(one)) for one in self._held]
-        loads = [one.make(**self._group(one)) for one in self._loads]
-        law = self.law.make()
+        said, law = self.of_body(""), self.law.make()
         with self.place.locating(self._solid.keys):
             found = groups.Groups(*self.grid)
             space = groups.space_of(found, degree)
-            conditions, external = groups.conditions(space, found, fixed), groups.external(space, found, loads)
+            conditions, external = groups.conditions(space, found, said.held), groups.external(space, found, said.loads)
             return Solid(space, law, density, conditions, external), found
 
 

@@ -1,0 +1,317 @@
+"""Rods and bodies that are tied, meshed as one solid: tetrahedra that meet at ties, by gmsh's OpenCASCADE kernel.
+
+Rods are exact volumes (`meshes.occ_rods`), bodies come from STEP files.  All are cut by each other, so that surfaces
+which are tied are faces of both sides, which have the same nodes; a mesh of level L has cells of 1/L the size.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from meshes import occ_rods
+from meshes.mesh import Array
+
+# Sizes of cells on level 1: in rods and bodies as multiples of their thickness (for circles the radius), at the edges
+# of joints as a share of that of the thinner side; what they grow by with the distance from there.
+ROD, BODY, NEAR, GROWTH = 1.5, 1.0, 0.5, 0.5
+
+# Shares by which volumes and areas that are to be the same may differ: gmsh tells volumes to 1e-3, areas of facets are
+# those of polygons.
+_SAME_VOLUME, _SAME_AREA = 0.01, 0.03
+
+# What overlaps, as a share of the smaller one, is more than rounding.
+_OVERLAP = 1e-4
+
+# Spacing of the points at which joints' edges are looked for, in sizes of cells there.
+_SPACING = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class RodPart:
+    """A rod: its region, what it is called, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
+
+    name: str
+    said: str
+    rod: Rod
+    radii: Sequence[float] = (0.0, 1.0)
+    cuts: Sequence[float] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPart:
+    """A body: its region, what it and its STEP file are called, box ``(2, 3)`` and volume of its own mesh."""
+
+    name: str
+    said: str
+    file: str
+    step: bytes = field(repr=False)
+    box: Array
+    volume: float
+
+
+Part = RodPart | BodyPart
+
+
+@dataclass(frozen=True, eq=False)
+class Join:
+    """A tie: numbers of the parts of slave and master, area of the slave's surface, and points of it ``(m, 3)``."""
+
+    name: str
+    slave: int
+    master: int
+    area: float
+    points: Array
+
+
+class _Piece(NamedTuple):
+    """A volume after all were cut by each other, and whose it is."""
+
+    tag: int
+    part: int
+
+
+class Solid:
+    """Rods and bodies cut by each other, in the model that gmsh has open.
+
+    Attributes
+    ----------
+    pieces
+        Volumes, each with the number of its part.
+    outer
+        Faces of the surface, by part.
+    joints
+        Faces that two parts share, by tie.
+    edges
+        Curves round these faces.
+
+    Raises
+    ------
+    InputError
+        If something cannot be made, or what touches is not what is tied.
+    """
+
+    def __init__(self, gmsh: Any, parts: Sequence[Part], joins: Sequence[Join]) -> None:
+        self._gmsh, self.parts, self.joins = gmsh, parts, joins
+        tools = [(number, one) for number, part in enumerate(parts) for one in _made(gmsh, part)]
+        self.pieces, overlaps = self._fragments(tools)
+        self._check_volumes()
+        sides: dict[int, list[int]] = {}
+        for piece in self.pieces:
+            for _, face in gmsh.model.getBoundary([(3, piece.tag)], combined=False, oriented=False):
+                sides.setdefault(face, []).append(piece.part)
+        self.outer = {k: [face for face, own in sides.items() if own == [k]] for k in range(len(parts))}
+        shared = {face: (min(own), max(own)) for face, own in sides.items() if len(set(own)) == 2}
+        self.joints: dict[int, list[int]] = {k: [] for k in range(len(joins))}
+        for pair in combinations(range(len(parts)), 2):
+            self._join(pair, [face for face, own in shared.items() if own == pair], overlaps.get(pair, 0.0))
+        faces = [(2, face) for own in self.joints.values() for face in own]
+        self.edges = sorted({edge for _, edge in gmsh.model.getBoundary(faces, combined=False, oriented=False)})
+
+    def _fragments(
+        self, tools: Sequence[tuple[int, occ_rods.Volume]]
+    ) -> tuple[list[_Piece], dict[tuple[int, int], float]]:
+        """Cut all by all; return the pieces, and how much of each pair of parts was in both, as a share."""
+        occ = self._gmsh.model.occ
+        given = [(3, one.tag) for _, one in tools]
+        self._sizes = {number: 0.0 for number, _ in tools}
+        for number, one in tools:
+            # Of nested volumes the largest is all of the part, and a hole is none of it.
+            part = self.parts[number]
+            last = len(part.radii) - 1 if isinstance(part, RodPart) else one.ring
+            sign = 1.0 if one.ring == last else -1.0 if one.ring == 0 else 0.0
+            self._sizes[number] += sign * occ.getMass(3, one.tag)
+        origins = occ.fragment(given[:1], given[1:])[1] if len(given) > 1 else [given]
+        inside: dict[int, dict[int, int]] = {}
+        for (number, one), found in zip(tools, origins, strict=True):
+            for dimension, piece in found:
+                if dimension == 3:
+                    rings = inside.setdefault(piece, {})
+                    rings[number] = min(one.ring, rings.get(number, one.ring))
+        occ.synchronize()
+        pieces: list[_Piece] = []
+        overlaps: dict[tuple[int, int], float] = {}
+        for piece, rings in inside.items():
+            of = [number for number, ring in rings.items() if ring > 0]
+            if not of:
+                occ.remove([(3, piece)], recursive=True)
+                continue
+            size = occ.getMass(3, piece)
+            for pair in combinations(sorted(of), 2):
+                overlaps[pair] = overlaps.get(pair, 0.0) + size / min(self._sizes[k] for k in pair)
+            owner = self._owner(of)
+            for number in of:
+                if number != owner:
+                    self._sizes[number] -= size
+            pieces.append(_Piece(piece, owner))
+        occ.synchronize()
+        return pieces, overlaps
+
+    def _owner(self, of: Sequence[int]) -> int:
+        """Return whose it is where several are: a rod's rather than a body's, a master's rather than a slave's."""
+        rods = [number for number in of if isinstance(self.parts[number], RodPart)] or list(of)
+        slaves = {one.slave for one in self.joins if one.slave in rods and one.master in rods}
+        return min(rods, key=lambda number: (number in slaves, number))
+
+    def _check_volumes(self) -> None:
+        occ = self._gmsh.model.occ
+        for number, part in enumerate(self.parts):
+            found = sum(occ.getMass(3, one.tag) for one in self.pieces if one.part == number)
+            if abs(found - self._sizes[number]) > _SAME_VOLUME * self._sizes[number]:
+                raise InputError(
+                    f"{part.said}: gmsh does not cut it by the others rightly: of a volume of "
+                    f"{self._sizes[number]:.5g} {found:.5g} are left; take a simpler geometry"
+                )
+            if isinstance(part, BodyPart) and abs(found - part.volume) > _SAME_AREA * part.volume:
+                raise InputError(
+                    f"{part.said}: geometry {part.file}: its volume without the rods is {found:.5g}, that of the mesh "
+                    f"{part.volume:.5g}; need the body that is meshed"
+                )
+
+    def _join(self, pair: tuple[int, int], faces: Sequence[int], overlap: float) -> None:
+        """Note which ties the faces are of that two parts share; raises `InputError` unless all of them are tied."""
+        ties = {k: one for k, one in enumerate(self.joins) if {one.slave, one.master} == {*pair}}
+        area = sum(self._gmsh.model.occ.getMass(2, face) for face in faces)
+        first, second = (self.parts[k].said for k in pair)
+        if not ties:
+            if area > 0.0:
+                raise InputError(f"{first} and {second} touch, on an area of {area:.4g}, and nothing ties them there")
+            return
+        wanted, name = sum(one.area for one in ties.values()), next(one.name for one in ties.values())
+        if not faces:
+            raise InputError(
+                f"{name}: the surfaces of {first} and {second} are nowhere the same; make them so, or leave the "
+                "hole of a rod out of the body's geometry: where both are it is the rod's"
+            )
+        # A rod that ends within another has one face in the place of its end, of another size.
+        within = overlap > _OVERLAP and all(isinstance(self.parts[k], RodPart) for k in pair)
+        if not within and abs(area - wanted) > _SAME_AREA * wanted:
+            how = "let the tied surface be all that touches"
+            if area < wanted:
+                how = "leave the hole of a rod out of the body's geometry: where both are it is the rod's"
+            raise InputError(
+                f"{name}: {first} and {second} are the same surface on an area of {area:.4g}, and {wanted:.4g} are "
+                f"tied; {how}"
+            )
+        trees = {k: cKDTree(one.points) for k, one in ties.items()}
+        for face in faces:
+            middle = self._gmsh.model.occ.getCenterOfMass(2, face)
+            self.joints[min(trees, key=lambda k: trees[k].query(middle)[0])].append(face)
+
+    def mesh(self, level: int) -> None:
+        """Make tetrahedra of degree 2."""
+        gmsh = self._gmsh
+        for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
+        size = self._size(level)
+        gmsh.model.mesh.setSizeCallback(lambda dimension, tag, x, y, z, *_: size(dimension, tag, (x, y, z)))
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+
+    def _size(self, level: int) -> Callable[[int, int, tuple[float, float, float]], float]:
+        """Return the size of cells by entity and place."""
+        thick = [self._thickness(number) for number in range(len(self.parts))]
+        far = [
+            (ROD if isinstance(part, RodPart) else BODY) * own / level
+            for part, own in zip(self.parts, thick, strict=True)
+        ]
+        sizes: dict[tuple[int, int], float] = {}
+        for piece, entity in self._entities():
+            sizes[entity] = min(sizes.get(entity, np.inf), far[piece.part])
+        places, near = [np.full((1, 3), np.inf)], [np.array([np.inf])]
+        for k, faces in self.joints.items():
+            small = NEAR * min(thick[self.joins[k].slave], thick[self.joins[k].master]) / level
+            points = self._along([(2, face) for face in faces], _SPACING * small)
+            places.append(points)
+            near.append(np.full(len(points), small))
+        tree, small = cKDTree(np.concatenate(places)[1:]), np.concatenate(near)[1:]
+        growth, widest = GROWTH / level, max(far)
+
+        def size(dimension: int, tag: int, place: tuple[float, float, float]) -> float:
+            most = sizes.get((dimension, tag), widest)
+            if not small.size:
+                return most
+            distance, row = tree.query(place)
+            return float(min(most, small[row] + growth * distance))
+
+        return size
+
+    def _entities(self) -> Iterator[tuple[_Piece, tuple[int, int]]]:
+        """Yield each volume with all of its boundary's entities."""
+        for piece in self.pieces:
+            entities = [(3, piece.tag)]
+            while entities:
+                for entity in entities:
+                    yield piece, entity
+                entities = self._gmsh.model.getBoundary(entities, combined=False, oriented=False)
+                if entities and entities[0][0] == 0:
+                    break
+
+    def _along(self, faces: Sequence[tuple[int, int]], spacing: float) -> Array:
+        """Return points of the curves round faces, no farther apart than that."""
+        model, found = self._gmsh.model, []
+        for _, edge in model.getBoundary(faces, combined=True, oriented=False):
+            low, high = (float(one[0]) for one in model.getParametrizationBounds(1, edge))
+            count = int(np.ceil(model.occ.getMass(1, edge) / spacing)) + 1
+            found.append(np.reshape(model.getValue(1, edge, np.linspace(low, high, count)), (-1, 3)))
+        return np.concatenate(found) if found else np.empty((0, 3))
+
+    def _thickness(self, number: int) -> float:
+        """Return how thick a part is, of a circular rod its radius: volume over half the surface along it."""
+        part, occ = self.parts[number], self._gmsh.model.occ
+        if isinstance(part, BodyPart):
+            faces = {
+                face
+                for piece in self.pieces
+                if piece.part == number
+                for _, face in self._gmsh.model.getBoundary([(3, piece.tag)], combined=False, oriented=False)
+            }
+            return float(3.0 * self._sizes[number] / sum(occ.getMass(2, face) for face in faces))
+        return float(_hydraulic(part.rod) * np.diff(part.radii).min())
+
+
+def _hydraulic(rod: Rod) -> float:
+    """Return the smallest of twice the area over the circumference of a rod's sections, of circles the radius."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 129)
+    outlines = rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), rod.axis.evenly(2))[0]
+    sides = np.diff(outlines, axis=1)
+    spokes = outlines - outlines.mean(axis=1, keepdims=True)
+    area = 0.5 * np.linalg.norm(np.cross(spokes[:, :-1], sides).sum(axis=1), axis=1)
+    return float((2.0 * area / np.linalg.norm(sides, axis=2).sum(axis=1)).min())
+
+
+def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
+    """Return the volumes of a part; raises `InputError`, by its name."""
+    if isinstance(part, RodPart):
+        try:
+            return occ_rods.volumes(gmsh, part.rod, part.radii, part.cuts)
+        except InputError as problem:
+            raise InputError(f"{part.said}: {problem}") from None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "body.step"
+        file.write_bytes(part.step)
+        try:
+            found = [tag for dimension, tag in gmsh.model.occ.importShapes(str(file)) if dimension == 3]
+        except Exception:
+            # gmsh raises nothing else.
+            found = []
+    if not found:
+        raise InputError(f"{part.said}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
+    gmsh.model.occ.synchronize()
+    boxes = np.array([gmsh.model.occ.getBoundingBox(3, tag) for tag in found]).reshape(-1, 2, 3)
+    box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
+    if np.abs(box - part.box).max() > _SAME_AREA * size:
+        said = ["; ".join(" to ".join(f"{one:.4g}" for one in axis) for axis in both.T) for both in (box, part.box)]
+        raise InputError(
+            f"{part.said}: geometry {part.file} reaches from {said[0]}, its mesh from {said[1]}; need the same place "
+            "and unit (STEP is read in mm)"
+        )
+    return [occ_rods.Volume(tag, 1) for tag in found]
