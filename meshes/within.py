@@ -11,6 +11,8 @@ from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 _OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
+# Determinants that are less, of tangents of size 1, are zero.
+_FLAT = 1e-12
 _FAR = 1.0
 # Cells that are tried, those with the nearest middles first.
 _TRIED = 32
@@ -116,9 +118,14 @@ class Places:
             values = lagrange(self.order, self.reference, here)
             slopes = gradients(self.shape, self.order, self.reference, here)
             gap = points[left] - np.einsum("mn,mna->ma", values, nodes)
-            change = np.linalg.solve(np.einsum("mnb,mna->mab", slopes, nodes), gap[:, :, None])[:, :, 0]
+            tangents = np.einsum("mnb,mna->mab", slopes, nodes)
+            # A curved cell may be flat outside of itself; there the point is not in it.
+            flat = np.abs(np.linalg.det(tangents)) <= _FLAT * np.abs(tangents).max(axis=(1, 2)) ** 3
+            where[left[flat]] = -_FAR
+            left, here, gap, tangents = (one[~flat] for one in (left, here, gap, tangents))
+            change = np.linalg.solve(tangents, gap[:, :, None])[:, :, 0]
             where[left] = np.clip(here + change, -_FAR, 1.0 + _FAR)
-            going = np.abs(change).max(axis=1) > 1e-13
+            going = (np.abs(change) > 1e-13).any(axis=1)
             if step > 1:
                 # Far outside it is not this cell.
                 going &= (np.abs(where[left] - 0.5) < 0.5 + _FAR).all(axis=1)
