@@ -73,13 +73,12 @@ def find(
         return analysis.solve(model, load_steps, comm, start=start)
 
 
-def refuse(model: Model) -> None:
-    """Raise `InputError` where the tangent about an equilibrium is not that of small vibrations.
+def refuse(model: Model, advice: str = "or use modes of the undeformed state (at_rest)") -> None:
+    """Raise `InputError` where the tangent about an equilibrium is not that of small motions; ``advice`` ends it.
 
     It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
     for the edges of the surface at ends that are free.
     """
-    advice = "or use modes of the undeformed state (at_rest)"
     for b, body in enumerate(model.bodies):
         if any(law.linear for law in body.laws):
             raise InputError(

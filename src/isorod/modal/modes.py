@@ -106,7 +106,8 @@ class Modes:
         k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
         later = None if self.quarter is None else self.quarter[k]
         solids = [one[k] for one in self.solids]
-        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state, later, solids)
+        frequency = float(self.frequencies[k])
+        return Mode(self.model, self.vectors[k], k, self.state, later, solids, frequency=frequency)
 
     def __iter__(self) -> Iterator[Mode]:
         return (self[k] for k in range(len(self)))

@@ -1,0 +1,189 @@
+"""Buckling: load factors at which the tangent stiffness of the primary path is singular, by SLEPc and Sturm counts."""
+
+import warnings
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import is_mixed
+from isorod.assembly.formulation import assembler_for
+from isorod.buckling.critical import Point, Seeker
+from isorod.buckling.linear import linear as of_pencil
+from isorod.buckling.modes import BucklingModes, scaled
+from isorod.buckling.path import Primary
+from isorod.buckling.tangents import Tangents
+from isorod.checks import rigid_motions
+from isorod.errors import InputError, SolveError, expect, whole_number
+from isorod.modal import loaded
+from isorod.model.model import Model
+from isorod.output.progress import Teller
+from isorod.output.state import State
+from isorod.petsc.options import in_force
+
+# The first equilibrium is at this share of the linear factor.
+_FIRST = 0.8
+
+# Vibration modes more of the state of rest, from which the first factor of pressures is guessed.
+_MORE = 12
+
+
+def solve(
+    model: Model,
+    modes: int = 1,
+    linear: bool = False,
+    comm: PETSc.Comm | None = None,
+    petsc: Mapping[str, object] | None = None,
+    progress: bool = False,
+) -> BucklingModes:
+    """Return the lowest load factors at which the model buckles, and the shapes it buckles into.
+
+    All loads and moved supports grow with the load factor, 1 being what the model says.  From the linear factors of the
+    state of rest the equilibrium is followed to where its tangent stiffness is singular: what it deforms by before, and
+    pressures that follow it, are included.
+
+    Parameters
+    ----------
+    model
+        Bodies, supports and loads.
+    modes
+        Number of load factors, the lowest above zero.
+    linear
+        Take the linear factors, of the state of rest, themselves: without displacements before buckling but for their
+        first order.
+    petsc
+        PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
+    progress
+        Show how far it is on standard error (`isorod.output.progress`).
+
+    Raises
+    ------
+    InputError
+        If nothing loads the model, a law is of small strains, whose tangent knows no stress, forces have no potential,
+        or something touches, spins or is active.
+    SolveError
+        If a rigid motion is free, SLEPc does not converge, or the path bends or ends before the first factor.
+    """
+    expect("model", model, Model)
+    modes = whole_number("modes", modes, 1, 1000)
+    expect("linear", linear, bool)
+    refuse(model)
+    with in_force(petsc), closing(Teller()) as told:
+        return _solve(model, modes, linear, comm, told if progress else None)
+
+
+def refuse(model: Model) -> None:
+    """Raise `InputError` for a model whose buckling is not known, `SolveError` where a rigid motion is free."""
+    for what, there in (
+        ("contact", model.contacts),
+        ("a spin, whose forces depend on velocities", loaded.spins(model)),
+        ("finite element bodies", model.solids),
+        ("active muscles", "muscles" in loaded.burdens(model)),
+        ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),
+    ):
+        if there:
+            raise InputError(f"buckling: not known with {what}; statics counts negative eigenvalues, and follows paths")
+    loaded.refuse(model, "or leave that load out")
+    if not loaded.burdens(model):
+        raise InputError("buckling: nothing loads the model; add a load, or a support that moves")
+    rigid_motions.refuse_free(model)
+
+
+def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told: Teller | None) -> BucklingModes:
+    start = perf_counter()
+    with warnings.catch_warnings():
+        # They were said of the model itself.
+        warnings.simplefilter("ignore")
+        heavy = replace(model, bodies=[replace(body, density=1.0) for body in model.bodies])
+    assembler = assembler_for(heavy, comm)
+    if modes > assembler.model.unknowns:
+        raise InputError(f"modes: got {modes}, need 1 to {assembler.model.unknowns} (number of unknowns)")
+    tangents, path, mass = Tangents(assembler), Primary(assembler), assembler.mass()
+    try:
+        if told is not None and assembler.comm.getRank() == 0:
+            path.solver.tell = told
+        setup = perf_counter() - start
+        assembler.seconds = 0.0
+        seeker = Seeker(assembler, tangents, path, mass)
+        first, points, solver = _at_rest(assembler, seeker, tangents, modes)
+        if not linear:
+            points = _along(seeker, path, float(first[0]), modes)
+        elif not points:
+            raise InputError("linear: not known of the mixed formulation; leave it out")
+        assembly, check = assembler.seconds, seeker.pencil.check_seconds
+        solved = perf_counter() - start - setup - assembly - check
+        states = [
+            State(
+                model,
+                assembler.displacement(one.x, one.factor),
+                factor=one.factor,
+                pressures=assembler.pressures(one.x),
+            )
+            for one in points
+        ]
+        moved = assembler.shapes(np.array([assembler.all_unknowns(one.shape) for one in points]))
+        vectors, places = zip(*(scaled(model, one) for one in moved), strict=True)
+        return BucklingModes(
+            model=model,
+            factors=np.array([one.factor for one in points]),
+            linear=first if not is_mixed(heavy) else np.zeros(0),
+            vectors=np.array(vectors),
+            places=places,
+            slopes=np.array([one.slope for one in points]),
+            residuals=np.array([one.residual for one in points]),
+            below=[one.below for one in points],
+            states=states,
+            at_rest=linear,
+            equilibria=seeker.looks,
+            newton_iterations=path.solver.iterations,
+            seconds={"setup": setup, "assembly": assembly, "solve": solved, "check": check},
+            built=assembler.built,
+            solver=solver,
+            ranks=assembler.comm.getSize(),
+        )
+    finally:
+        path.destroy()
+        tangents.destroy()
+        mass.destroy()
+
+
+def _at_rest(
+    assembler: Assembler, seeker: Seeker, tangents: Tangents, modes: int
+) -> tuple[Array, list[Point], dict[str, str]]:
+    """Return the linear factors, what is there, and the types of solvers; of pressures no more than a first guess."""
+    x = assembler.vector()
+    if is_mixed(assembler.model):
+        look = seeker.look(x, 0.0, modes + _MORE)
+        if look.below or not (look.ways > 0.0).any():
+            raise SolveError("buckling: no first guess of a load factor from the modes at rest; use nu below 0.49")
+        return look.ways[look.ways > 0.0][:modes], [], look.modes.solver
+    tangents.fill(x, 0.0)
+    found = of_pencil(assembler, tangents, modes)
+    factors = -1.0 / found.eigenvalues
+    points = []
+    for k, (factor, shape, residual) in enumerate(zip(factors, found.vectors, found.residuals, strict=True)):
+        place = x.copy()
+        place.axpy(factor, tangents.rate)
+        slope = shape.dot(tangents.derivative * shape) / shape.dot(seeker.pencil.mass * shape)
+        points.append(Point(float(factor), place, shape, slope, float(residual), k))
+    return factors, points, found.solver
+
+
+def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Point]:
+    """Return what is at the factors along the primary path; fewer, with a warning, where it cannot be followed on."""
+    points: list[Point] = []
+    for k in range(modes):
+        try:
+            points.append(seeker.seek(k, None if points else _FIRST * first))
+        except SolveError as problem:
+            if not points:
+                raise
+            warnings.warn(f"{k} of {modes} buckling modes found: {problem}", stacklevel=5)
+            break
+        path.critical.append(points[-1].factor)
+    return points

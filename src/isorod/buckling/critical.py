@@ -1,0 +1,197 @@
+"""Load factors at which the tangent of the primary path is singular: Newton's method on its lowest eigenvalues.
+
+At an equilibrium of load factor ``f`` the vibration modes nearest to zero, ``K x = omega^2 M x`` with a unit density,
+span the shapes in which ``K(f + mu) = K + mu K'`` may be singular: a small pencil ``(X^T K X) y = -mu (X^T K' X) y``
+tells ``mu``.  The next equilibrium lies short of that, so that nothing leads off the path, and errors fall with the
+square of ``mu``.  The Sturm count of ``K(f)`` says how many factors lie below, and so which of the ``mu`` is wanted.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import factorisation
+from isorod.buckling.path import PathEnds, Primary
+from isorod.buckling.tangents import Tangents
+from isorod.errors import SolveError
+from isorod.modal.pencil import Found, Pencil
+from isorod.petsc import inertia
+
+# The next equilibrium is short of the factor by this share of the way.
+_SHORT = 0.01
+
+# Equilibria from which a factor is sought at most.
+_MOST = 15
+
+# Relative changes of a factor that are none, and the relative way to a factor from which it is told.
+_SETTLED, _NEAR = 1e-9, 1e-2
+
+# Vibration modes besides those that are wanted.
+_SPARE = 4
+
+# The path's own motion has this share along a shape (its root in the norm of mass) where it bends towards that.
+_BENDS = 0.9
+_BEND_NEAR = 0.3
+
+
+class Look(NamedTuple):
+    """What is known at an equilibrium.
+
+    Attributes
+    ----------
+    factor, x
+        Its load factor and its unknowns.
+    below
+        Number of negative eigenvalues of its tangent.
+    ways
+        Load factors of the small pencil less that one, ``(p,)``, ascending.
+    shapes
+        Combinations of the modes, ``(modes, p)``.
+    modes
+        The vibration modes nearest to zero.
+    """
+
+    factor: float
+    x: PETSc.Vec
+    below: int
+    ways: Array
+    shapes: Array
+    modes: Found
+
+    def way(self, number: int) -> tuple[float, Array] | None:
+        """Return how far the factor of a number, from 0, is from here, and its shape; None where it is not seen."""
+        ahead, behind = np.flatnonzero(self.ways > 0.0), np.flatnonzero(self.ways <= 0.0)[::-1]
+        here = number - self.below
+        several, k = (ahead, here) if here >= 0 else (behind, -here - 1)
+        return (float(self.ways[several[k]]), self.shapes[:, several[k]]) if k < several.size else None
+
+
+class Point(NamedTuple):
+    """A load factor at which the tangent is singular.
+
+    Attributes
+    ----------
+    factor
+        The load factor.
+    x
+        Unknowns of the equilibrium there.
+    shape
+        What it buckles into, on the unknowns.
+    slope
+        By how much ``omega^2`` of a unit density grows there with the load factor, negative.
+    residual
+        ``|K shape| / |f K' shape|``.
+    below
+        Sturm count: negative eigenvalues just below, of factors that are lower.
+    """
+
+    factor: float
+    x: PETSc.Vec
+    shape: PETSc.Vec
+    slope: float
+    residual: float
+    below: int
+
+
+class Seeker:
+    """Looks for load factors along the primary path."""
+
+    def __init__(self, assembler: Assembler, tangents: Tangents, path: Primary, mass: PETSc.Mat) -> None:
+        self._assembler, self._tangents, self._path = assembler, tangents, path
+        pressures = assembler.unknowns - assembler.model.unknowns
+        self.pencil = Pencil(
+            tangents.stiffness, mass, pressures=pressures, factors=factorisation(assembler, "st_")
+        )
+        self.looks = 0
+        self._last: Look | None = None
+
+    def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
+        """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
+        self._tangents.fill(x, factor)
+        below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
+        count = min(max(below, wanted + 1) + _SPARE, self.pencil.size)
+        modes = self.pencil.solve(count, 0.0)
+        pushed = [self._tangents.derivative * one for one in modes.vectors]
+        slopes = np.array([[a.dot(b) for b in modes.vectors] for a in pushed])
+        self.looks += 1
+        # 1 / mu, as the derivative may be singular.
+        rates, shapes = np.linalg.eig(-0.5 * (slopes + slopes.T) / modes.eigenvalues[:, None])
+        real = (np.abs(rates.imag) <= 1e-9 * np.abs(rates)) & (rates != 0.0)
+        ways, shapes = 1.0 / rates[real].real, shapes[:, real].real
+        order = np.argsort(ways)
+        self._last = Look(factor, x, below, ways[order], shapes[:, order], modes)
+        return self._last
+
+    def seek(self, number: int, guess: float | None = None) -> Point:
+        """Return the load factor of a number, from 0 and in the order of their size.
+
+        Where there is no guess it is sought from the last equilibrium, from which another one was told.
+        """
+        low, high, before = 0.0, np.inf, (np.nan, np.nan)
+        for _ in range(_MOST):
+            last = self._last if guess is None else self.look(self._at(guess), guess, number)
+            assert last is not None
+            guess = last.factor
+            low, high = (guess, high) if last.below <= number else (low, guess)
+            found = last.way(number)
+            if found is None:
+                guess = 0.5 * (low + high) if high < np.inf else 1.5 * guess
+                continue
+            way, shape = found
+            factor = guess + way
+            if 0.0 < way < _BEND_NEAR * guess:
+                self._refuse_bend(shape, factor)
+            # Errors fall with the square of the way.
+            doubt = abs(factor - before[0]) * (way / before[1]) ** 2
+            if 0.0 < way <= _NEAR * factor and (doubt <= _SETTLED * factor or way <= _SETTLED**0.5 * factor):
+                return self._point(last, way, shape)
+            before = factor, way
+            guess = guess + (1.0 - _SHORT) * way if way > 0.0 else factor - _SHORT * abs(way)
+            if not low < guess < high:
+                guess = 0.5 * (low + high) if high < np.inf else 1.5 * low
+        raise SolveError(
+            f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path is strongly nonlinear there; "
+            "linear = true takes the state of rest"
+        )
+
+    def _at(self, factor: float) -> PETSc.Vec:
+        try:
+            return self._path.at(factor)
+        except PathEnds as problem:
+            raise SolveError(
+                f"buckling: the primary path ends at load factor {problem.reached:.6g} ({problem}): a limit point, "
+                "where statics with --stable goes on; linear = true takes the state of rest"
+            ) from None
+
+    def _refuse_bend(self, shape: Array, factor: float) -> None:
+        """Raise `SolveError` where the path itself moves along a shape: it bends, and no other path meets it there."""
+        mass, rate = self.pencil.mass, self._tangents.rate
+        moved = mass * rate
+        assert self._last is not None
+        along = np.array([moved.dot(one) for one in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
+        if along**2 > _BENDS * moved.dot(rate):
+            raise SolveError(
+                f"buckling: the path bends before load factor {factor:.6g}, its own motion is the buckling mode (a limit "
+                "point or an imperfection): statics with --stable goes on; linear = true takes the state of rest"
+            )
+
+    def _point(self, last: Look, way: float, shape: Array) -> Point:
+        """Return what is at a load factor that is near."""
+        tangents, x = self._tangents, self._assembler.vector()
+        vector = tangents.rate.duplicate()
+        vector.maxpy(shape, last.modes.vectors)
+        # One step of inverse iteration leaves of all others next to nothing.
+        push = tangents.derivative * vector
+        better = tangents.solve(push)
+        better.scale(1.0 / np.sqrt(better.dot(self.pencil.mass * better)))
+        push, held = tangents.derivative * better, tangents.stiffness * better
+        slope = better.dot(push)
+        way = -better.dot(held) / slope
+        held.axpy(way, push)
+        factor = last.factor + way
+        last.x.copy(x)
+        x.axpy(way, tangents.rate)
+        return Point(factor, x, better, slope, held.norm() / (factor * push.norm()), last.below)
