@@ -1,9 +1,8 @@
 """Buckling: load factors at which the tangent stiffness of the primary path is singular, by SLEPc and Sturm counts."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -19,6 +18,7 @@ from isorod.buckling.modes import BucklingModes, scaled
 from isorod.buckling.path import Primary
 from isorod.buckling.tangents import Tangents
 from isorod.checks import rigid_motions
+from isorod.checks.estimate_of_modes import Softening
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal import loaded
 from isorod.model.model import Model
@@ -96,10 +96,7 @@ def refuse(model: Model) -> None:
 
 def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told: Teller | None) -> BucklingModes:
     start = perf_counter()
-    with warnings.catch_warnings():
-        # They were said of the model itself.
-        warnings.simplefilter("ignore")
-        heavy = replace(model, bodies=[replace(body, density=1.0) for body in model.bodies])
+    heavy = model.of_density(1.0)
     assembler = assembler_for(heavy, comm)
     if modes > assembler.model.unknowns:
         raise InputError(f"modes: got {modes}, need 1 to {assembler.model.unknowns} (number of unknowns)")
@@ -117,27 +114,30 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
             raise InputError("linear: not known of the mixed formulation; leave it out")
         assembly, check = assembler.seconds, seeker.pencil.check_seconds
         solved = perf_counter() - start - setup - assembly - check
-        states = [
-            State(
-                model,
-                assembler.displacement(one.x, one.factor),
-                factor=one.factor,
-                pressures=assembler.pressures(one.x),
-            )
-            for one in points
-        ]
-        moved = assembler.shapes(np.array([assembler.all_unknowns(one.shape) for one in points]))
-        vectors, places = zip(*(scaled(model, one) for one in moved), strict=True)
+
+        def state(factor: float, x: PETSc.Vec) -> State:
+            return State(model, assembler.displacement(x, factor), factor=factor, pressures=assembler.pressures(x))
+
+        def moves(shapes: Sequence[PETSc.Vec]) -> Array:
+            return assembler.shapes(np.array([assembler.all_unknowns(one) for one in shapes]))
+
+        moved = moves([one.shape for one in points])
+        scales, places = (np.array(one) for one in zip(*(scaled(model, one) for one in moved), strict=True))
         return BucklingModes(
             model=model,
             factors=np.array([one.factor for one in points]),
             linear=first if not is_mixed(heavy) else np.zeros(0),
-            vectors=np.array(vectors),
-            places=places,
-            slopes=np.array([one.slope for one in points]),
+            vectors=scales[:, None] * moved,
+            places=[*places],
+            losses=scales**2 * np.array([one.loss for one in points]),
             residuals=np.array([one.residual for one in points]),
             below=[one.below for one in points],
-            states=states,
+            states=[state(one.factor, one.x) for one in points],
+            softening=[
+                Softening(state(*softer[:2]), moves([softer[2]])[0], *softer[3:])
+                for softer in (one.softer for one in points)
+                if softer is not None
+            ],
             at_rest=linear,
             equilibria=seeker.looks,
             newton_iterations=path.solver.iterations,
@@ -169,8 +169,8 @@ def _at_rest(
     for k, (factor, shape, residual) in enumerate(zip(factors, found.vectors, found.residuals, strict=True)):
         place = x.copy()
         place.axpy(factor, tangents.rate)
-        slope = shape.dot(tangents.derivative * shape) / shape.dot(seeker.pencil.mass * shape)
-        points.append(Point(float(factor), place, shape, slope, float(residual), k))
+        loss = -shape.dot(tangents.derivative * shape)
+        points.append(Point(float(factor), place, shape, loss, float(residual), k))
     return factors, points, found.solver
 
 

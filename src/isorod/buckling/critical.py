@@ -29,6 +29,9 @@ _MOST = 15
 # Relative changes of a factor that are none, and the relative way to a factor from which it is told.
 _SETTLED, _NEAR = 1e-9, 1e-2
 
+# Errors are estimated no nearer (relative) to a factor: at it an equilibrium on another space is not to be had.
+_APART = 1e-3
+
 # Vibration modes besides those that are wanted.
 _SPARE = 4
 
@@ -80,20 +83,24 @@ class Point(NamedTuple):
         Unknowns of the equilibrium there.
     shape
         What it buckles into, on the unknowns.
-    slope
-        By how much ``omega^2`` of a unit density grows there with the load factor, negative.
+    loss
+        By how much the stiffness ``x^T K x`` of the shape falls with the load factor.
     residual
         ``|K shape| / |f K' shape|``.
     below
         Sturm count: negative eigenvalues just below, of factors that are lower.
+    softer
+        Load factor and unknowns of an equilibrium short of it, the shape there, what stiffness is left to it, and by
+        how much that falls with the load factor; None at rest.
     """
 
     factor: float
     x: PETSc.Vec
     shape: PETSc.Vec
-    slope: float
+    loss: float
     residual: float
     below: int
+    softer: tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None = None
 
 
 class Seeker:
@@ -107,6 +114,7 @@ class Seeker:
         )
         self.looks = 0
         self._last: Look | None = None
+        self._short: Look | None = None
 
     def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
         """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
@@ -145,9 +153,11 @@ class Seeker:
             if 0.0 < way < _BEND_NEAR * guess:
                 self._refuse_bend(shape, factor)
             # Errors fall with the square of the way.
+            if way > _APART * factor:
+                self._short = last
             doubt = abs(factor - before[0]) * (way / before[1]) ** 2
             if 0.0 < way <= _NEAR * factor and (doubt <= _SETTLED * factor or way <= _SETTLED**0.5 * factor):
-                return self._point(last, way, shape)
+                return self._point(last, shape, number)
             before = factor, way
             guess = guess + (1.0 - _SHORT) * way if way > 0.0 else factor - _SHORT * abs(way)
             if not low < guess < high:
@@ -178,7 +188,7 @@ class Seeker:
                 "point or an imperfection): statics with --stable goes on; linear = true takes the state of rest"
             )
 
-    def _point(self, last: Look, way: float, shape: Array) -> Point:
+    def _point(self, last: Look, shape: Array, number: int) -> Point:
         """Return what is at a load factor that is near."""
         tangents, x = self._tangents, self._assembler.vector()
         vector = tangents.rate.duplicate()
@@ -186,12 +196,24 @@ class Seeker:
         # One step of inverse iteration leaves of all others next to nothing.
         push = tangents.derivative * vector
         better = tangents.solve(push)
-        better.scale(1.0 / np.sqrt(better.dot(self.pencil.mass * better)))
+        better.normalize()
         push, held = tangents.derivative * better, tangents.stiffness * better
-        slope = better.dot(push)
-        way = -better.dot(held) / slope
+        loss = -better.dot(push)
+        way = better.dot(held) / loss
         held.axpy(way, push)
         factor = last.factor + way
         last.x.copy(x)
         x.axpy(way, tangents.rate)
-        return Point(factor, x, better, slope, held.norm() / (factor * push.norm()), last.below)
+        residual = held.norm() / (factor * push.norm())
+        return Point(factor, x, better, loss, residual, last.below, self._softer(self._short or last, number))
+
+    def _softer(self, look: Look, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
+        """Return what is known of a shape at an equilibrium (`Point.softer`)."""
+        found = look.way(number)
+        if found is None:
+            return None
+        way, shape = found
+        vector = self._tangents.rate.duplicate()
+        vector.maxpy(shape, look.modes.vectors)
+        left = float(look.modes.eigenvalues @ shape**2)
+        return look.factor, look.x, vector, left, left / way

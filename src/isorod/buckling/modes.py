@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.checks.estimate_of_modes import Softening, of_factors
 from isorod.errors import whole_number
 from isorod.modal.mode import Shape
 from isorod.model.load import BodyForce, Pressure, SectionLoad
@@ -61,8 +62,10 @@ class BucklingModes:
         Of each the number of factors below, by the inertia of the tangent near it (Sturm count).
     states
         The equilibrium at each; of linear ones, the first order of it.
-    slopes
-        By how much ``omega^2``, of a unit density, grows there with the load factor, shape ``(modes,)``.
+    losses
+        By how much the stiffness ``x^T K x`` of each shape falls with the load factor, shape ``(modes,)``.
+    softening
+        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of linear ones.
     at_rest
         Whether they are the linear ones.
     equilibria, newton_iterations
@@ -81,7 +84,8 @@ class BucklingModes:
     residuals: Array
     below: Sequence[int]
     states: Sequence[State]
-    slopes: Array
+    losses: Array
+    softening: Sequence[Softening]
     at_rest: bool
     equilibria: int
     newton_iterations: int
@@ -147,14 +151,19 @@ class BucklingModes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the factors' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none.  It takes about as long as the factors.  It is the sum of those across the
+        None where there is none, as of linear ones.  It takes about as long as the factors.  It is the sum of those across the
         ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
         """
         from isorod.checks import embedded
-        from isorod.checks.estimate_of_modes import of_factors
 
-        found = of_factors(self.model, self.states, self.vectors, self.slopes, directions, self.ranks)
+        heavy = self.model.of_density(1.0)
+        found = of_factors(heavy, self.softening, directions, self.ranks)
         return found if found is None or directions else found + embedded.of(self).error
+
+    def shapes(self) -> Iterator[tuple[float, Array]]:
+        """Yield each shape with its energy: what is a share of that is missing in the load factor."""
+        for factor, loss, vector in zip(self.factors, self.losses, self.vectors, strict=True):
+            yield 0.5 * float(factor * loss), vector
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""
@@ -179,12 +188,12 @@ class BucklingModes:
         return found | {f"mode_{k + 1}": self.model.nodal(one, body) for k, one in enumerate(self.vectors)}
 
 
-def scaled(model: Model, vector: Array) -> tuple[Array, dict[str, float]]:
-    """Return a shape ``(dofs,)`` whose largest displacement is 1, and the place of that.
+def scaled(model: Model, vector: Array) -> tuple[float, dict[str, float]]:
+    """Return the number that makes the largest displacement of a shape ``(dofs,)`` 1, and the place of that.
 
     Of the places where it is as large, the first; the largest of its components is positive there.
     """
-    shape = Deformation(model, vector / np.abs(vector).max())
+    shape = Deformation(model, vector)
     found = [
         largest(body.space, lambda u, xi, b=b: np.linalg.norm(shape.at(b, u, xi), axis=-1))
         for b, body in enumerate(model.bodies)
@@ -199,4 +208,4 @@ def scaled(model: Model, vector: Array) -> tuple[Array, dict[str, float]]:
         "angle": float(np.degrees(np.arctan2(peak.xi[1], peak.xi[0]))),
         "radius": float(np.linalg.norm(peak.xi)),
     }
-    return shape.displacement * (sign / peak.value), place
+    return float(sign / peak.value), place

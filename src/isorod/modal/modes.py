@@ -153,6 +153,11 @@ class Modes:
         solids = [one[self.rigid :] for one in self.solids]
         return of_solids(self.model, self.eigenvalues[self.rigid :], solids, about)
 
+    def shapes(self) -> Iterator[tuple[float, Array]]:
+        """Yield what is not rigid with twice its energy: half of a share of that is missing in the frequency."""
+        for value, vector in zip(self.eigenvalues[self.rigid :], self.vectors[self.rigid :], strict=True):
+            yield abs(float(value)), vector
+
     def contact_error(self) -> float:
         """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""
         if self.equilibrium is None or not self.contacts:
