@@ -10,7 +10,6 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import is_mixed
 from isorod.assembly.formulation import assembler_for
 from isorod.buckling.critical import Point, Seeker
 from isorod.buckling.linear import linear as of_pencil
@@ -29,8 +28,8 @@ from isorod.petsc.options import in_force
 # The first equilibrium is at this share of the linear factor.
 _FIRST = 0.8
 
-# Vibration modes more of the state of rest, from which the first factor of pressures is guessed.
-_MORE = 12
+# Vibration modes of the state of rest more than are wanted, from which the linear factors begin.
+_MORE = 8
 
 
 def solve(
@@ -110,8 +109,6 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
         first, points, solver = _at_rest(assembler, seeker, tangents, modes)
         if not linear:
             points = _along(seeker, path, float(first[0]), modes)
-        elif not points:
-            raise InputError("linear: not known of the mixed formulation; leave it out")
         assembly, check = assembler.seconds, seeker.pencil.check_seconds
         solved = perf_counter() - start - setup - assembly - check
 
@@ -126,7 +123,7 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
         return BucklingModes(
             model=model,
             factors=np.array([one.factor for one in points]),
-            linear=first if not is_mixed(heavy) else np.zeros(0),
+            linear=first,
             vectors=scales[:, None] * moved,
             places=[*places],
             losses=scales**2 * np.array([one.loss for one in points]),
@@ -155,23 +152,19 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
 def _at_rest(
     assembler: Assembler, seeker: Seeker, tangents: Tangents, modes: int
 ) -> tuple[Array, list[Point], dict[str, str]]:
-    """Return the linear factors, what is there, and the types of solvers; of pressures no more than a first guess."""
+    """Return the linear factors, what is there, and the types of solvers."""
     x = assembler.vector()
-    if is_mixed(assembler.model):
-        look = seeker.look(x, 0.0, modes + _MORE)
-        if look.below or not (look.ways > 0.0).any():
-            raise SolveError("buckling: no first guess of a load factor from the modes at rest; use nu below 0.49")
-        return look.ways[look.ways > 0.0][:modes], [], look.modes.solver
-    tangents.fill(x, 0.0)
-    found = of_pencil(assembler, tangents, modes)
-    factors = -1.0 / found.eigenvalues
+    look = seeker.look(x, 0.0, modes + _MORE)
+    # At a critical load factor the lowest eigenvalue is zero.
+    seeker.pencil.floor = float(look.modes.eigenvalues[0])
+    found = of_pencil(tangents, seeker.pencil.mass, look.modes.vectors, modes, seeker.pencil.pressures)
     points = []
-    for k, (factor, shape, residual) in enumerate(zip(factors, found.vectors, found.residuals, strict=True)):
+    for k, (factor, residual, shape) in enumerate(zip(*found, strict=True)):
         place = x.copy()
         place.axpy(factor, tangents.rate)
         loss = -shape.dot(tangents.derivative * shape)
         points.append(Point(float(factor), place, shape, loss, float(residual), k))
-    return factors, points, found.solver
+    return found.factors, points, look.modes.solver
 
 
 def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Point]:

@@ -21,7 +21,7 @@ from isorod.modal.pencil import Found, Pencil
 from isorod.petsc import inertia
 
 # The next equilibrium is short of the factor by this share of the way.
-_SHORT = 0.01
+_SHORT = 0.05
 
 # Equilibria from which a factor is sought at most.
 _MOST = 15
@@ -30,7 +30,7 @@ _MOST = 15
 _SETTLED, _NEAR = 1e-9, 1e-2
 
 # Errors are estimated no nearer (relative) to a factor: at it an equilibrium on another space is not to be had.
-_APART = 1e-3
+_APART = 5e-3
 
 # Vibration modes besides those that are wanted.
 _SPARE = 4

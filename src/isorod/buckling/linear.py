@@ -1,61 +1,118 @@
-"""Load factors of the pencil of one equilibrium: ``K x = -mu K' x``, the factor being ``mu`` more than there.
+"""Load factors of the state of rest: ``K x = -mu K' x``, the ``mu`` least above zero.
 
-With ``nu = -1 / mu`` it is ``K' x = nu K x``, that of modes with a definite matrix in the place of the mass: the least
-``mu`` above zero is the lowest ``nu``, by shift-and-invert, and the same Sturm count proves that none is missed.  The
-shift is the ``nu`` of a load below all, where ``K + mu K'``, which is factorised, is definite.
+Slender rods are far stiffer along than across, and the inner product of ``K`` drowns shapes in rounding.  So the block
+of shapes, at first the lowest vibration modes by SLEPc, is taken through ``K^-1 K'`` in the inner product of the mass,
+with a Rayleigh-Ritz projection each time; the inertia of ``K + mu K'`` proves that no ``mu`` is missed.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from petsc4py import PETSc
+from scipy.linalg import eigh
 
-from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import factorisation
+from isorod.arrays import Array
 from isorod.buckling.tangents import Tangents
-from isorod.errors import InputError
-from isorod.modal.pencil import Found, Pencil
-from isorod.petsc.softest import noise
+from isorod.checks.correction import reduced
+from isorod.errors import InputError, SolveError
+from isorod.petsc import inertia
 
-# Iterations that guess the size of the least factor.
-_ITERATIONS = 6
+# Iterations at most, and relative changes that are none.
+_MOST, _SETTLED = 100, 1e-10
 
-# Load factors farther than so many times the first guess are none.
-_FARTHEST = 1e6
+# How far (relative) above the last factor they are counted.
+_ABOVE = 1e-6
+
+# Reciprocals of factors that are smaller than this share of the largest, of loads that pull, are none.
+_LEAST = 1e-4
 
 
-def linear(assembler: Assembler, tangents: Tangents, wanted: int) -> Found:
-    """Return the pairs of the ``wanted`` least ``mu`` above zero, fewer where there are not as many.
+class Linear(NamedTuple):
+    """Factors of the state of rest, ascending.
 
-    Their eigenvalues are ``nu = -1 / mu``.  ``K`` must be definite.
+    Attributes
+    ----------
+    factors, residuals : (m,)
+        Factors, and ``|K x + mu K' x| / |mu K' x|`` of each.
+    shapes
+        On the unknowns.
+    """
+
+    factors: Array
+    residuals: Array
+    shapes: list[PETSc.Vec]
+
+
+def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], wanted: int, pressures: int) -> Linear:
+    """Return the ``wanted`` least factors above zero, fewer where the load makes fewer.
+
+    Parameters
+    ----------
+    tangents
+        At rest.
+    mass
+        Mass matrix.
+    block
+        Shapes to begin with, more than are wanted; their entries are changed.
+    pressures
+        Number of pressures among the unknowns.
 
     Raises
     ------
     InputError
         If the load takes no stiffness away, however large it is.
     SolveError
-        If SLEPc does not converge, or a Sturm count shows that one is missing.
+        If the iteration does not settle, or the count shows that a factor is missed.
     """
-    pencil = Pencil(tangents.derivative, tangents.stiffness, factors=factorisation(assembler, "st_"))
-    first = guess = _size(tangents)
-    while pencil.count_below(-1.0 / guess):
-        guess *= 0.5
-    while not pencil.count_below(-1.0 / (2.0 * guess)):
-        guess *= 2.0
-        if not guess < _FARTHEST * first:
-            raise InputError(
-                "buckling: the loads never make the tangent stiffness singular; do they pull where they should push?"
-            )
-    return pencil.solve(min(wanted, pencil.count_below(-1.0 / (_FARTHEST * guess)), pencil.size), -1.0 / guess)
+    before = np.full(wanted, np.inf)
+    for _ in range(_MOST):
+        forces = [tangents.derivative * one for one in block]
+        for one, force in zip(block, forces, strict=True):
+            tangents.ksp.solve(force, one)
+        held, basis = reduced(mass, forces, block)
+        pushed = [tangents.derivative * one for one in block]
+        lost = np.array([[a.dot(b) for b in block] for a in pushed])
+        rates, small = eigh(-0.5 * basis.T @ (lost + lost.T) @ basis, held)
+        turns = basis @ small[:, ::-1]
+        block, forces, pushed = (_combined(several, turns) for several in (block, forces, pushed))
+        found = rates[::-1][:wanted]
+        found = found[found > _LEAST * np.abs(rates).max()]
+        if found.size == before.size and np.abs(found - before).max(initial=0.0) <= _SETTLED * np.abs(found).max():
+            break
+        before = found
+    else:
+        raise SolveError("buckling: the linear factors do not settle; ask for fewer modes")
+    if not found.size:
+        raise InputError("buckling: these loads never make the tangent stiffness singular: they pull, or stiffen")
+    factors = 1.0 / found
+    below = _count(tangents, factors[-1]) - pressures
+    within = int((rates * (1.0 + _ABOVE) * factors[-1] >= 1.0).sum())
+    if below != within:
+        raise SolveError(f"buckling: {below} linear factors lie at or below {factors[-1]:.6g}, but {within} were found")
+    residuals = []
+    for factor, force, push in zip(factors, forces, pushed, strict=False):
+        force.axpy(factor, push)
+        residuals.append(force.norm() / (factor * push.norm()))
+    return Linear(factors, np.array(residuals), block[: found.size])
 
 
-def _size(tangents: Tangents) -> float:
-    """Return about how large the ``mu`` nearest to zero is, of either sign."""
-    shape, push = noise(tangents.rate), tangents.rate.duplicate()
-    size = np.inf
-    for _ in range(_ITERATIONS):
-        tangents.derivative.mult(shape, push)
-        follows = tangents.solve(push)
-        size = shape.norm() / follows.norm() if follows.norm() else np.inf
-        follows.normalize()
-        follows.copy(shape)
-    if not np.isfinite(size):
-        raise InputError("buckling: the tangent stiffness does not change with the loads; is there one?")
-    return float(size)
+def _combined(several: list[PETSc.Vec], turns: Array) -> list[PETSc.Vec]:
+    """Return combinations of vectors, a column of the matrix each."""
+    found = []
+    for column in turns.T:
+        one = several[0].duplicate()
+        one.zeroEntries()
+        one.maxpy(column, several)
+        found.append(one)
+    for one in several:
+        one.destroy()
+    return found
+
+
+def _count(tangents: Tangents, factor: float) -> int:
+    """Return the number of negative eigenvalues of the tangent just above a factor."""
+    matrix = tangents.stiffness.copy()
+    matrix.axpy(factor * (1.0 + _ABOVE), tangents.derivative, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    found = inertia.negative_eigenvalues(matrix)
+    matrix.destroy()
+    return found

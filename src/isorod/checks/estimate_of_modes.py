@@ -19,6 +19,9 @@ from isorod.output.state import State
 # Changes of a smaller fraction of a state are rounding.
 _SETTLED = 1e-8
 
+# The same near a load factor at which a state may move by itself, and rounding does more.
+_SLIGHTLY = 1e-4
+
 # Shift, in first eigenvalues, with which the tangent of a free body corrects its equilibrium: rigid motions stay within
 # rounding over it, and the rest converges as fast as without.
 _SLIGHT = 1e-6
@@ -161,12 +164,13 @@ def _tangent_about(
     matrix: PETSc.Mat,
     ksp: PETSc.KSP,
     added: tuple[float, PETSc.Mat] | None = None,
+    settled: float = _SETTLED,
 ) -> bool:
     """Fill a matrix with the tangent about the equilibrium on finer spaces; return whether there is one nearby."""
     pressures = finer.pressures(about.pressures) if about.pressures else ()
     x = assembler.state(finer.displacement(about.displacement), pressures, about.solids or 0.0)
     sizes, *_ = correction.corrected(assembler, x, matrix, ksp, added, about.factor)
-    if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
+    if not sizes[-1] <= max(correction.QUICK * sizes[0], settled * x.norm()):
         return False
     assembler.extrapolate()
     assembler.tangent(x, about.factor, matrix)
@@ -222,7 +226,7 @@ def _factor(finer: Finer, comm: PETSc.Comm, about: State, vector: Array, left: f
     matrix, mass = assembler.matrix(), assembler.mass_operator()
     ksp, shape = correction.solver(assembler, matrix), assembler.state(finer.displacement(vector))
     try:
-        if not _tangent_about(finer, assembler, about, matrix, ksp):
+        if not _tangent_about(finer, assembler, about, matrix, ksp, settled=_SLIGHTLY):
             return 1.0
         ksp.setOperators(matrix)
         pushed, better = mass * shape, assembler.vector()

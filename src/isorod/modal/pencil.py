@@ -109,6 +109,8 @@ class Pencil:
         Returns the mass as a new matrix with entries, where `mass` only multiplies.
     structure
         How the entries of the mass lie in those of the stiffness.
+    floor
+        Residuals of smaller eigenvalues are relative to this one.
     check_seconds
         Wall time of Sturm counts so far.
     tell
@@ -123,6 +125,7 @@ class Pencil:
     motions: Callable[[], Iterable[PETSc.Vec]] = tuple
     entries: Callable[[], PETSc.Mat] | None = None
     structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+    floor: float = 0.0
     check_seconds: float = field(default=0.0, init=False)
     tell: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
 
@@ -238,7 +241,8 @@ class Pencil:
         if residuals.max() > limit and has_whole_rows(self.stiffness):
             comm, image = self.stiffness.getComm().tompi4py(), self.stiffness.createVecRight()
             for k in np.flatnonzero(residuals > limit):
-                value, x = max(abs(found.eigenvalues[k]), abs(found.eigenvalues[self.rigid])), found.vectors[k]
+                value = max(abs(found.eigenvalues[k]), abs(found.eigenvalues[self.rigid]), self.floor)
+                x = found.vectors[k]
                 self.mass.mult(x, image)
                 own = np.abs(x.array_r)
                 noise = absolute_product(self.stiffness, own)
@@ -348,7 +352,7 @@ class Pencil:
     def _normalised(self, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[Array, list[PETSc.Vec], Array]:
         """Return eigenvalues, vectors and residuals of the lowest pairs; give back the other vectors."""
         values = np.array([value for value, _ in pairs[:wanted]])
-        scales = np.maximum(np.abs(values), abs(values[self.rigid]))
+        scales = np.maximum(np.abs(values), max(abs(values[self.rigid]), self.floor))
         kx, mx = self.stiffness.createVecRight(), self.stiffness.createVecRight()
         residuals = np.empty(wanted)
         images = products(self.stiffness, [x for _, x in pairs[:wanted]])
