@@ -154,17 +154,18 @@ def _at_rest(
 ) -> tuple[Array, list[Point], dict[str, str]]:
     """Return the linear factors, what is there, and the types of solvers."""
     x = assembler.vector()
-    look = seeker.look(x, 0.0, modes + _MORE)
+    tangents.fill_at_rest(x)
+    lowest = seeker.modes(modes + _MORE)
     # At a critical load factor the lowest eigenvalue is zero.
-    seeker.pencil.floor = float(look.modes.eigenvalues[0])
-    found = of_pencil(tangents, seeker.pencil.mass, look.modes.vectors, modes, seeker.pencil.pressures)
+    seeker.pencil.floor = float(lowest.eigenvalues[0])
+    found = of_pencil(tangents, seeker.pencil.mass, lowest.vectors, modes, seeker.pencil.pressures)
     points = []
     for k, (factor, residual, shape) in enumerate(zip(*found, strict=True)):
         place = x.copy()
         place.axpy(factor, tangents.rate)
         loss = -shape.dot(tangents.derivative * shape)
         points.append(Point(float(factor), place, shape, loss, float(residual), k))
-    return found.factors, points, look.modes.solver
+    return found.factors, points, lowest.solver
 
 
 def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Point]:

@@ -116,12 +116,15 @@ class Seeker:
         self._last: Look | None = None
         self._short: Look | None = None
 
+    def modes(self, count: int) -> Found:
+        """Return the lowest vibration modes about the equilibrium at which the tangents are."""
+        return self.pencil.solve(min(count, self.pencil.size), 0.0)
+
     def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
         """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
         self._tangents.fill(x, factor)
         below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
-        count = min(max(below, wanted + 1) + _SPARE, self.pencil.size)
-        modes = self.pencil.solve(count, 0.0)
+        modes = self.modes(max(below, wanted + 1) + _SPARE)
         pushed = [self._tangents.derivative * one for one in modes.vectors]
         slopes = np.array([[a.dot(b) for b in modes.vectors] for a in pushed])
         self.looks += 1

@@ -44,12 +44,7 @@ class Tangents:
     def fill(self, x: PETSc.Vec, factor: float) -> None:
         """Set all of them at an equilibrium."""
         assembler = self._assembler
-        self._tangent(x, factor, self.stiffness)
-        assembler.load_forces(x, factor, _DELTA, self._force)
-        self._force.scale(-1.0 / _DELTA)
-        self.ksp.setOperators(self.stiffness)
-        with defaults(room(assembler.comm, _PREFIX)):
-            self.ksp.solve(self._force, self.rate)
+        self._fill(x, factor)
         step = self._step(factor)
         place = x.copy()
         place.axpy(step, self.rate)
@@ -59,6 +54,21 @@ class Tangents:
         self.derivative.axpy(-1.0, self._other, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self.derivative.scale(0.5 / step)
         place.destroy()
+
+    def _fill(self, x: PETSc.Vec, factor: float) -> None:
+        """Set the tangent and the path's slope."""
+        assembler = self._assembler
+        self._tangent(x, factor, self.stiffness)
+        assembler.load_forces(x, factor, _DELTA, self._force)
+        self._force.scale(-1.0 / _DELTA)
+        self.ksp.setOperators(self.stiffness)
+        with defaults(room(assembler.comm, _PREFIX)):
+            self.ksp.solve(self._force, self.rate)
+
+    def fill_at_rest(self, x: PETSc.Vec) -> None:
+        """Set all of them at rest, ``K'`` being the geometric and the load stiffness alone."""
+        self._fill(x, 0.0)
+        self._assembler.geometric_stiffness(self.rate, self._step(0.0), self.derivative)
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """Return what a force displaces, by the tangent at the equilibrium."""
