@@ -29,8 +29,9 @@ _MOST = 15
 # Relative changes of a factor that are none, and the relative way to a factor from which it is told.
 _SETTLED, _NEAR = 1e-9, 1e-2
 
-# Errors are estimated no nearer (relative) to a factor: at it an equilibrium on another space is not to be had.
-_APART = 5e-3
+# The last equilibrium but one lies this far (relative) from a factor; errors are estimated there, since at the factor
+# an equilibrium on another space is not to be had.
+_APART = 1e-2
 
 # Vibration modes besides those that are wanted.
 _SPARE = 4
@@ -55,6 +56,8 @@ class Look(NamedTuple):
         Combinations of the modes, ``(modes, p)``.
     modes
         The vibration modes nearest to zero.
+    slopes
+        By how much their ``omega^2`` grow with the load factor, ``(modes,)``.
     """
 
     factor: float
@@ -63,6 +66,7 @@ class Look(NamedTuple):
     ways: Array
     shapes: Array
     modes: Found
+    slopes: Array
 
     def way(self, number: int) -> tuple[float, Array] | None:
         """Return how far the factor of a number, from 0, is from here, and its shape; None where it is not seen."""
@@ -90,8 +94,8 @@ class Point(NamedTuple):
     below
         Sturm count: negative eigenvalues just below, of factors that are lower.
     softer
-        Load factor and unknowns of an equilibrium short of it, the shape there, what stiffness is left to it, and by
-        how much that falls with the load factor; None at rest.
+        Load factor and unknowns of an equilibrium short of it, the vibration mode there that becomes the shape, its
+        stiffness, and by how much that falls with the load factor; None at rest.
     """
 
     factor: float
@@ -133,7 +137,7 @@ class Seeker:
         real = (np.abs(rates.imag) <= 1e-9 * np.abs(rates)) & (rates != 0.0)
         ways, shapes = 1.0 / rates[real].real, shapes[:, real].real
         order = np.argsort(ways)
-        self._last = Look(factor, x, below, ways[order], shapes[:, order], modes)
+        self._last = Look(factor, x, below, ways[order], shapes[:, order], modes, np.diag(slopes))
         return self._last
 
     def seek(self, number: int, guess: float | None = None) -> Point:
@@ -156,13 +160,13 @@ class Seeker:
             if 0.0 < way < _BEND_NEAR * guess:
                 self._refuse_bend(shape, factor)
             # Errors fall with the square of the way.
-            if way > _APART * factor:
+            if way > 0.3 * _APART * factor:
                 self._short = last
             doubt = abs(factor - before[0]) * (way / before[1]) ** 2
             if 0.0 < way <= _NEAR * factor and (doubt <= _SETTLED * factor or way <= _SETTLED**0.5 * factor):
                 return self._point(last, shape, number)
             before = factor, way
-            guess = guess + (1.0 - _SHORT) * way if way > 0.0 else factor - _SHORT * abs(way)
+            guess = factor - max(_SHORT * abs(way), _APART * factor if abs(way) > 2.0 * _APART * factor else 0.0)
             if not low < guess < high:
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * low
         raise SolveError(
@@ -211,12 +215,9 @@ class Seeker:
         return Point(factor, x, better, loss, residual, last.below, self._softer(self._short or last, number))
 
     def _softer(self, look: Look, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
-        """Return what is known of a shape at an equilibrium (`Point.softer`)."""
+        """Return what is known at an equilibrium of the vibration mode that becomes a shape (`Point.softer`)."""
         found = look.way(number)
         if found is None:
             return None
-        way, shape = found
-        vector = self._tangents.rate.duplicate()
-        vector.maxpy(shape, look.modes.vectors)
-        left = float(look.modes.eigenvalues @ shape**2)
-        return look.factor, look.x, vector, left, left / way
+        k = int(np.argmax(np.abs(found[1])))
+        return look.factor, look.x, look.modes.vectors[k], float(look.modes.eigenvalues[k]), -float(look.slopes[k])
