@@ -7,9 +7,8 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.load import Pressure
 from isorod.model.model import Model
-from isorod.statics import analysis
+from isorod.statics import analysis, stability
 from isorod.statics.analysis import Equilibrium
 
 
@@ -90,21 +89,11 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
                 f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for load in model.following:
-        if not _edges_held(model, load):
+        if not stability.pressed_by_potential(model, load):
             raise InputError(
                 f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "
-                f"both ends are supported; support both, leave out 'follows', {advice}"
+                f"both ends are supported, or guided in a plane; support both, leave out 'follows', {advice}"
             )
-
-
-def _edges_held(model: Model, load: Pressure) -> bool:
-    """Return whether the surface that a pressure follows has no edge, or none that moves."""
-    space = model.bodies[load.body].space
-    if space.rod.closed or not load.pressure:
-        return True
-    first, last = model.first_node[load.body : load.body + 2]
-    free = model.free[3 * first : 3 * last].reshape(space.layers, -1)
-    return bool((free[[0, -1]] < 0).all())
 
 
 def refuse_massless(model: Model) -> None:
