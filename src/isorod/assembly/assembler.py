@@ -299,22 +299,16 @@ class Assembler(Parts):
         return found
 
     def geometric_stiffness(self, rate: PETSc.Vec, step: float, out: PETSc.Mat) -> None:
-        """Fill ``out`` with what loads add to the tangent at rest by the stress they make (`assembly.prestress`).
+        """Fill ``out`` with what loads add to the tangent at rest (`isorod.assembly.prestress`).
 
         Unknowns grow there by ``rate`` times the load factor; ``step`` is a short way of that.
         """
-        from isorod.assembly.prestress import geometric_stiffness
+        from isorod.assembly.prestress import entries
 
         with self._timed():
-            before, rest, after = (self._state(f * rate, f).copy() for f in (-step, 0.0, step))
+            states = [self._state(f * rate, f).copy() for f in (-step, 0.0, step)]
             own = out if self.coupling is None else self.coupling.of_rods(out)
-            pattern: Pattern = own.getAttr(_PATTERN)
-            entries = zeros(own, pattern.total)
-            for k, (part, blocks) in enumerate(zip(self.parts, pattern.blocks, strict=True)):
-                add(geometric_stiffness(part, before, after, step), blocks, entries)
-                if self._pressing:
-                    add(self._load_stiffness(k, rest, 1.0, np.arange(part.layers.shape[0])), blocks, entries)
-            set_values(own, entries)
+            set_values(own, entries(self.parts, own.getAttr(_PATTERN), states, step, self._pressing))
             if self.coupling is not None:
                 self.coupling.fill(out, ())
 

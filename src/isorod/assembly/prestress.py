@@ -5,25 +5,50 @@ is what classical, linear buckling takes for the change of the tangent.  Displac
 where bodies turn, a tangent in fixed axes does not survive their first order.
 """
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.part import Part
+from isorod.assembly.pattern import Pattern, add
 from isorod.space.space import Table
 
+if TYPE_CHECKING:
+    from isorod.assembly.pressing import Pressing
 
-def geometric_stiffness(part: Part, before: Array, after: Array, step: float) -> Array:
-    """Return the matrices ``(E, l width, l width)`` of a part.
+
+def entries(
+    parts: Sequence[Part], pattern: Pattern, states: Sequence[Array], step: float, pressing: "Sequence[Pressing]"
+) -> Array:
+    """Return the entries of a pattern.
 
     Parameters
     ----------
-    part
-        The elements.
-    before, after
-        States of this rank, a short way ``step`` of the load factor before the state at rest and behind it.
+    parts
+        The elements of this rank.
+    pattern
+        That of the tangent.
+    states
+        States of this rank, a short way ``step`` of the load factor before rest, at rest, and behind it.
     step
         That way.
+    pressing
+        What follows each part's surface, if anything does.
     """
+    before, rest, after = states
+    found = np.zeros(pattern.total)
+    for k, (part, blocks) in enumerate(zip(parts, pattern.blocks, strict=True)):
+        add(_of_part(part, before, after, step), blocks, found)
+        if pressing:
+            followed = part.padded_matrices(pressing[k].stiffness(part.nodal(rest)))
+            add(-followed.reshape(*part.dofs.shape, -1), blocks, found)
+    return found
+
+
+def _of_part(part: Part, before: Array, after: Array, step: float) -> Array:
+    """Return the geometric stiffness of a part's elements, ``(E, l width, l width)``."""
     ends = (part.laws.at(0.0).stress(part.gradients(one)) for one in (before, after))
     stress = np.subtract(*reversed(list(ends)))
     pressure = part.pressure(after) - part.pressure(before)

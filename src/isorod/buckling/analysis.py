@@ -35,7 +35,7 @@ _MORE = 8
 def solve(
     model: Model,
     modes: int = 1,
-    linear: bool = False,
+    linear_at: float | None = None,
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
     progress: bool = False,
@@ -52,9 +52,9 @@ def solve(
         Bodies, supports and loads.
     modes
         Number of load factors, the lowest above zero.
-    linear
-        Take the linear factors, of the state of rest, themselves: without displacements before buckling but for their
-        first order.
+    linear_at
+        Take the factors that are told at the equilibrium of this load factor, by its tangent and how that changes there,
+        and follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
     petsc
         PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
     progress
@@ -70,10 +70,12 @@ def solve(
     """
     expect("model", model, Model)
     modes = whole_number("modes", modes, 1, 1000)
-    expect("linear", linear, bool)
+    expect("linear_at", linear_at, float | int | None)
+    if linear_at is not None and not 0.0 <= linear_at < np.inf:
+        raise InputError(f"linear_at: got {linear_at:g}, need a load factor from 0 on")
     refuse(model)
     with in_force(petsc), closing(Teller()) as told:
-        return _solve(model, modes, linear, comm, told if progress else None)
+        return _solve(model, modes, linear_at, comm, told if progress else None)
 
 
 def refuse(model: Model) -> None:
@@ -93,7 +95,9 @@ def refuse(model: Model) -> None:
     rigid_motions.refuse_free(model)
 
 
-def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told: Teller | None) -> BucklingModes:
+def _solve(
+    model: Model, modes: int, linear_at: float | None, comm: PETSc.Comm | None, told: Teller | None
+) -> BucklingModes:
     start = perf_counter()
     heavy = model.of_density(1.0)
     assembler = assembler_for(heavy, comm)
@@ -107,8 +111,10 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
         assembler.seconds = 0.0
         seeker = Seeker(assembler, tangents, path, mass)
         first, points, solver = _at_rest(assembler, seeker, tangents, modes)
-        if not linear:
+        if linear_at is None:
             points = _along(seeker, path, float(first[0]), modes)
+        elif linear_at:
+            points = seeker.told_at(linear_at, modes, _MORE)
         assembly, check = assembler.seconds, seeker.pencil.check_seconds
         solved = perf_counter() - start - setup - assembly - check
 
@@ -135,7 +141,7 @@ def _solve(model: Model, modes: int, linear: bool, comm: PETSc.Comm | None, told
                 for softer in (one.softer for one in points)
                 if softer is not None
             ],
-            at_rest=linear,
+            linear_at=linear_at,
             equilibria=seeker.looks,
             newton_iterations=path.solver.iterations,
             seconds={"setup": setup, "assembly": assembly, "solve": solved, "check": check},

@@ -41,6 +41,10 @@ _BENDS = 0.9
 _BEND_NEAR = 0.3
 
 
+# What else can be asked where there is no such factor.
+_CURE = "statics with --stable goes on, and linear_at takes the factors told at a lower load (linear_at = 0: at rest)"
+
+
 class Look(NamedTuple):
     """What is known at an equilibrium.
 
@@ -113,9 +117,7 @@ class Seeker:
     def __init__(self, assembler: Assembler, tangents: Tangents, path: Primary, mass: PETSc.Mat) -> None:
         self._assembler, self._tangents, self._path = assembler, tangents, path
         pressures = assembler.unknowns - assembler.model.unknowns
-        self.pencil = Pencil(
-            tangents.stiffness, mass, pressures=pressures, factors=factorisation(assembler, "st_")
-        )
+        self.pencil = Pencil(tangents.stiffness, mass, pressures=pressures, factors=factorisation(assembler, "st_"))
         self.looks = 0
         self._last: Look | None = None
         self._short: Look | None = None
@@ -145,7 +147,7 @@ class Seeker:
 
         Where there is no guess it is sought from the last equilibrium, from which another one was told.
         """
-        low, high, before = 0.0, np.inf, (np.nan, np.nan)
+        low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
         for _ in range(_MOST):
             last = self._last if guess is None else self.look(self._at(guess), guess, number)
             assert last is not None
@@ -157,8 +159,13 @@ class Seeker:
                 continue
             way, shape = found
             factor = guess + way
-            if 0.0 < way < _BEND_NEAR * guess:
-                self._refuse_bend(shape, factor)
+            bends += last.below == number and way > abs(before[1])
+            if bends > 1 or (0.0 < way < _BEND_NEAR * guess and self._moves_along(shape)):
+                raise SolveError(
+                    f"buckling: the path bends before factor {number + 1}, first told as {told:.6g}: it ends at a limit "
+                    f"point, or goes aside as an imperfect column does; {_CURE}"
+                )
+            told = factor if told is None else told
             # Errors fall with the square of the way.
             if way > 0.3 * _APART * factor:
                 self._short = last
@@ -169,36 +176,59 @@ class Seeker:
             guess = factor - max(_SHORT * abs(way), _APART * factor if abs(way) > 2.0 * _APART * factor else 0.0)
             if not low < guess < high:
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * low
-        raise SolveError(
-            f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path is strongly nonlinear there; "
-            "linear = true takes the state of rest"
-        )
+        raise SolveError(f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path bends; {_CURE}")
+
+    def told_at(self, factor: float, modes: int, more: int) -> list[Point]:
+        """Return the factors that the tangent and its derivative tell at an equilibrium of a lower load.
+
+        Raises
+        ------
+        SolveError
+            If there is no such equilibrium, it is not stable, or tells of no factor.
+        """
+        look = self.look(self._at(factor), factor, modes - 1 + more)
+        if look.below:
+            raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
+        points: list[Point] = []
+        for k in range(modes):
+            found = look.way(k)
+            if found is None:
+                break
+            way, shape = found
+            x, vector = look.x.copy(), self._tangents.rate.duplicate()
+            x.axpy(way, self._tangents.rate)
+            vector.zeroEntries()
+            vector.maxpy(shape, look.modes.vectors)
+            loss = float(look.modes.eigenvalues @ shape**2) / way
+            points.append(
+                Point(factor + way, x, vector, loss, float(look.modes.residuals[k]), k, self._softer(look, k))
+            )
+        if not points:
+            raise SolveError(f"buckling: at linear_at {factor:g} the loads take no stiffness away")
+        return points
 
     def _at(self, factor: float) -> PETSc.Vec:
         try:
             return self._path.at(factor)
         except PathEnds as problem:
             raise SolveError(
-                f"buckling: the primary path ends at load factor {problem.reached:.6g} ({problem}): a limit point, "
-                "where statics with --stable goes on; linear = true takes the state of rest"
+                f"buckling: no equilibrium beyond load factor {problem.reached:.6g}, a limit point or too fast a turn "
+                f"({problem}); {_CURE}"
             ) from None
 
-    def _refuse_bend(self, shape: Array, factor: float) -> None:
-        """Raise `SolveError` where the path itself moves along a shape: it bends, and no other path meets it there."""
+    def _moves_along(self, shape: Array) -> bool:
+        """Return whether the path itself moves along a shape: it bends, and no other path meets it there."""
         mass, rate = self.pencil.mass, self._tangents.rate
         moved = mass * rate
         assert self._last is not None
         along = np.array([moved.dot(one) for one in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
-        if along**2 > _BENDS * moved.dot(rate):
-            raise SolveError(
-                f"buckling: the path bends before load factor {factor:.6g}, its own motion is the buckling mode (a limit "
-                "point or an imperfection): statics with --stable goes on; linear = true takes the state of rest"
-            )
+        return bool(along**2 > _BENDS * moved.dot(rate))
 
     def _point(self, last: Look, shape: Array, number: int) -> Point:
         """Return what is at a load factor that is near."""
         tangents, x = self._tangents, self._assembler.vector()
         vector = tangents.rate.duplicate()
+        vector.zeroEntries()
         vector.maxpy(shape, last.modes.vectors)
         # One step of inverse iteration leaves of all others next to nothing.
         push = tangents.derivative * vector

@@ -13,7 +13,7 @@ from isorod.errors import whole_number
 from isorod.modal.mode import Shape
 from isorod.model.load import BodyForce, Pressure, SectionLoad
 from isorod.model.model import Model
-from isorod.output.largest import largest
+from isorod.output.largest import Field, largest
 from isorod.output.state import Deformation, State
 
 
@@ -61,13 +61,13 @@ class BucklingModes:
     below
         Of each the number of factors below, by the inertia of the tangent near it (Sturm count).
     states
-        The equilibrium at each; of linear ones, the first order of it.
+        The equilibrium at each, or a straight way to it from the one at which they are told.
     losses
         By how much the stiffness ``x^T K x`` of each shape falls with the load factor, shape ``(modes,)``.
     softening
-        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of linear ones.
-    at_rest
-        Whether they are the linear ones.
+        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of those told at rest.
+    linear_at
+        The load factor of the equilibrium at which they are told; None where each is told at its own.
     equilibria, newton_iterations
         How many equilibria were looked at, and linear solves on the way to these.
     seconds
@@ -86,7 +86,7 @@ class BucklingModes:
     states: Sequence[State]
     losses: Array
     softening: Sequence[Softening]
-    at_rest: bool
+    linear_at: float | None
     equilibria: int
     newton_iterations: int
     seconds: dict[str, float]
@@ -105,8 +105,8 @@ class BucklingModes:
     def __getitem__(self, number: int) -> BucklingMode:
         """Return a mode, the first by 0, the last by -1; raises `InputError`."""
         k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
-        named = {"factor": float(self.factors[k]), "place": self.places[k]}
-        return BucklingMode(self.model, self.vectors[k], k, self.states[k].displacement, **named)
+        factor, place = float(self.factors[k]), self.places[k]
+        return BucklingMode(self.model, self.vectors[k], k, self.states[k].displacement, factor=factor, place=place)
 
     def __iter__(self) -> Iterator[BucklingMode]:
         return (self[k] for k in range(len(self)))
@@ -121,7 +121,10 @@ class BucklingModes:
     @property
     def about(self) -> str:
         """What they are about, in words."""
-        return "the state of rest (linear)" if self.at_rest else "the equilibrium at each load factor"
+        if self.linear_at is None:
+            return "the equilibrium at each load factor"
+        place = f"the equilibrium at load factor {self.linear_at:g}" if self.linear_at else "the state of rest"
+        return f"{place} (linear)"
 
     @cached_property
     def loads(self) -> tuple[str, Array] | None:
@@ -151,8 +154,8 @@ class BucklingModes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the factors' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none, as of linear ones.  It takes about as long as the factors.  It is the sum of those across the
-        ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
+        None where there is none, as of those told at rest.  It takes about as long as the factors.  It is the sum of those
+        across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
         """
         from isorod.checks import embedded
 
@@ -194,10 +197,11 @@ def scaled(model: Model, vector: Array) -> tuple[float, dict[str, float]]:
     Of the places where it is as large, the first; the largest of its components is positive there.
     """
     shape = Deformation(model, vector)
-    found = [
-        largest(body.space, lambda u, xi, b=b: np.linalg.norm(shape.at(b, u, xi), axis=-1))
-        for b, body in enumerate(model.bodies)
-    ]
+
+    def sizes(b: int) -> Field:
+        return lambda u, xi: np.linalg.norm(shape.at(b, u, xi), axis=-1)
+
+    found = [largest(body.space, sizes(b)) for b, body in enumerate(model.bodies)]
     body = int(np.argmax([one.value * (1.0 + 1e-9 * (len(found) - k)) for k, one in enumerate(found)]))
     peak = found[body]
     there = shape.at(body, peak.u, peak.xi)

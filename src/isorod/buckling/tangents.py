@@ -6,8 +6,8 @@ from petsc4py import PETSc
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.errors import SolveError
-from isorod.petsc.direct import direct, room
 from isorod.options import defaults
+from isorod.petsc.direct import direct, room
 
 # Change of the load factor by which forces are differentiated.
 _DELTA = 1e-6
@@ -43,7 +43,6 @@ class Tangents:
 
     def fill(self, x: PETSc.Vec, factor: float) -> None:
         """Set all of them at an equilibrium."""
-        assembler = self._assembler
         self._fill(x, factor)
         step = self._step(factor)
         place = x.copy()

@@ -114,10 +114,10 @@ def with_analysis(parser: Parser, scene: Any) -> None:
     if "buckling" in analyses:
         parser.add_argument("--modes", type=int, metavar="int", help="number of buckling modes (1)")
         parser.add_argument(
-            "--linear",
-            action="store_const",
-            const=True,
-            help="load factors of the undeformed state, without displacements before buckling",
+            "--linear-at",
+            type=float,
+            metavar="float",
+            help="load factors told at the equilibrium of this one; 0: of the undeformed state, classical",
         )
     if "modal" in analyses:
         parser.add_argument(
@@ -147,7 +147,7 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}
         typed |= {name: getattr(found, name, None) for name in ("load_steps", "at_rest")}
     elif scene.analysis == "buckling":
-        typed = {"modes": found.modes, "linear": found.linear}
+        typed = {"modes": found.modes, "linear_at": found.linear_at}
     elif scene.analysis == "dynamics":
         typed = {"integrator": found.integrator}
     else:

@@ -164,6 +164,7 @@ class FileScene(Scene):
             touching=touching and self.analysis in ("statics", "modal"),
             surface=touching or held,
             stressed=self.analysis == "statics",
+            buckles=self.analysis == "buckling",
             explicit=self._explicit,
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
             tied=self._names.tied(number),

@@ -109,10 +109,8 @@ class Pencil:
         Returns the mass as a new matrix with entries, where `mass` only multiplies.
     structure
         How the entries of the mass lie in those of the stiffness.
-    floor
-        Residuals of smaller eigenvalues are relative to this one.
-    check_seconds
-        Wall time of Sturm counts so far.
+    floor, check_seconds
+        Residuals of smaller eigenvalues are relative to this one; wall time of Sturm counts so far.
     tell
         Called at each restart with what says how far it is, if it is not None.
     """
@@ -241,12 +239,11 @@ class Pencil:
         if residuals.max() > limit and has_whole_rows(self.stiffness):
             comm, image = self.stiffness.getComm().tompi4py(), self.stiffness.createVecRight()
             for k in np.flatnonzero(residuals > limit):
-                value = max(abs(found.eigenvalues[k]), abs(found.eigenvalues[self.rigid]), self.floor)
-                x = found.vectors[k]
+                x, values = found.vectors[k], np.abs(found.eigenvalues[[k, self.rigid]])
                 self.mass.mult(x, image)
                 own = np.abs(x.array_r)
                 noise = absolute_product(self.stiffness, own)
-                noise *= 0.5 * np.finfo(float).eps / value
+                noise *= 0.5 * np.finfo(float).eps / max(values.max(), self.floor)
                 lost, left = comm.allreduce(float(own @ noise)), np.sqrt(comm.allreduce(float(noise @ noise)))
                 if lost <= _LOST and residuals[k] <= _MARGIN * left / image.norm():
                     residuals[k] = 0.0

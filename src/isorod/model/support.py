@@ -225,7 +225,7 @@ class Support(Checked):
 class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
-    At load factor ``f`` of any sign and size, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
+    At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
     ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
     more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
     ``0, 1/s, ..., 1``, straight between them.
