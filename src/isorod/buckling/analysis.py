@@ -53,8 +53,8 @@ def solve(
     modes
         Number of load factors, the lowest above zero.
     linear_at
-        Take the factors that are told at the equilibrium of this load factor, by its tangent and how that changes there,
-        and follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
+        Take the factors that are told at the equilibrium of this load factor, by its tangent and how that changes, and
+        follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
     petsc
         PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
     progress
@@ -134,6 +134,7 @@ def _solve(
             places=[*places],
             losses=scales**2 * np.array([one.loss for one in points]),
             residuals=np.array([one.residual for one in points]),
+            settled=None if linear_at is not None else max(one.settled for one in points),
             below=[one.below for one in points],
             states=[state(one.factor, one.x) for one in points],
             softening=[
@@ -170,7 +171,7 @@ def _at_rest(
         place = x.copy()
         place.axpy(factor, tangents.rate)
         loss = -shape.dot(tangents.derivative * shape)
-        points.append(Point(float(factor), place, shape, loss, float(residual), k))
+        points.append(Point(float(factor), place, shape, loss, float(residual), np.nan, k))
     return found.factors, points, lowest.solver
 
 

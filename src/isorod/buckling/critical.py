@@ -33,8 +33,15 @@ _SETTLED, _NEAR = 1e-9, 1e-2
 # an equilibrium on another space is not to be had.
 _APART = 1e-2
 
+# The shift is this share of the first eigenvalue at rest below zero, where the lowest one is next to a factor: the
+# others would drown in it.
+_ASIDE = 1e-2
+
 # Vibration modes besides those that are wanted.
 _SPARE = 4
+
+# Factors that are told from less than so many times the distance of one that has settled have done so, too.
+_BESIDE = 1.5
 
 # The path's own motion has this share along a shape (its root in the norm of mass) where it bends towards that.
 _BENDS = 0.9
@@ -93,8 +100,9 @@ class Point(NamedTuple):
         What it buckles into, on the unknowns.
     loss
         By how much the stiffness ``x^T K x`` of the shape falls with the load factor.
-    residual
-        ``|K shape| / |f K' shape|``.
+    residual, settled
+        Of the vibration mode that becomes the shape, and the relative change of the factor that is left; not a number
+        where nothing was followed.
     below
         Sturm count: negative eigenvalues just below, of factors that are lower.
     softer
@@ -107,6 +115,7 @@ class Point(NamedTuple):
     shape: PETSc.Vec
     loss: float
     residual: float
+    settled: float
     below: int
     softer: tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None = None
 
@@ -121,10 +130,12 @@ class Seeker:
         self.looks = 0
         self._last: Look | None = None
         self._short: Look | None = None
+        # How far the last factor that has settled lay from the equilibrium that told it, and by how much it may be off.
+        self._reach = self._doubt = 0.0
 
     def modes(self, count: int) -> Found:
         """Return the lowest vibration modes about the equilibrium at which the tangents are."""
-        return self.pencil.solve(min(count, self.pencil.size), 0.0)
+        return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 
     def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
         """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
@@ -139,6 +150,7 @@ class Seeker:
         real = (np.abs(rates.imag) <= 1e-9 * np.abs(rates)) & (rates != 0.0)
         ways, shapes = 1.0 / rates[real].real, shapes[:, real].real
         order = np.argsort(ways)
+        self._reach = 0.0
         self._last = Look(factor, x, below, ways[order], shapes[:, order], modes, np.diag(slopes))
         return self._last
 
@@ -159,19 +171,25 @@ class Seeker:
                 continue
             way, shape = found
             factor = guess + way
+            told = factor if told is None else told
             bends += last.below == number and way > abs(before[1])
             if bends > 1 or (0.0 < way < _BEND_NEAR * guess and self._moves_along(shape)):
                 raise SolveError(
-                    f"buckling: the path bends before factor {number + 1}, first told as {told:.6g}: it ends at a limit "
+                    f"buckling: the path bends before factor {number + 1}, first told as {told:.6g}: it has a limit "
                     f"point, or goes aside as an imperfect column does; {_CURE}"
                 )
-            told = factor if told is None else told
             # Errors fall with the square of the way.
             if way > 0.3 * _APART * factor:
                 self._short = last
             doubt = abs(factor - before[0]) * (way / before[1]) ** 2
+            if 0.0 < way <= self._reach:
+                # A factor that lies beside one that has settled is told as well.
+                doubt = float(np.nanmin((doubt, self._doubt)))
             if 0.0 < way <= _NEAR * factor and (doubt <= _SETTLED * factor or way <= _SETTLED**0.5 * factor):
-                return self._point(last, shape, number)
+                self._reach, self._doubt = _BESIDE * way, doubt
+                point = self._point(last, number, self._short, doubt / factor)
+                assert point is not None
+                return point
             before = factor, way
             guess = factor - max(_SHORT * abs(way), _APART * factor if abs(way) > 2.0 * _APART * factor else 0.0)
             if not low < guess < high:
@@ -189,20 +207,7 @@ class Seeker:
         look = self.look(self._at(factor), factor, modes - 1 + more)
         if look.below:
             raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
-        points: list[Point] = []
-        for k in range(modes):
-            found = look.way(k)
-            if found is None:
-                break
-            way, shape = found
-            x, vector = look.x.copy(), self._tangents.rate.duplicate()
-            x.axpy(way, self._tangents.rate)
-            vector.zeroEntries()
-            vector.maxpy(shape, look.modes.vectors)
-            loss = float(look.modes.eigenvalues @ shape**2) / way
-            points.append(
-                Point(factor + way, x, vector, loss, float(look.modes.residuals[k]), k, self._softer(look, k))
-            )
+        points = [one for one in (self._point(look, k) for k in range(modes)) if one is not None]
         if not points:
             raise SolveError(f"buckling: at linear_at {factor:g} the loads take no stiffness away")
         return points
@@ -224,25 +229,21 @@ class Seeker:
         along = np.array([moved.dot(one) for one in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
         return bool(along**2 > _BENDS * moved.dot(rate))
 
-    def _point(self, last: Look, shape: Array, number: int) -> Point:
-        """Return what is at a load factor that is near."""
-        tangents, x = self._tangents, self._assembler.vector()
-        vector = tangents.rate.duplicate()
+    def _point(self, look: Look, number: int, near: Look | None = None, settled: float = np.nan) -> Point | None:
+        """Return what a look tells of the factor of a number, and of its error another one, short of it."""
+        found = look.way(number)
+        if found is None:
+            return None
+        way, shape = found
+        x, vector = look.x.copy(), self._tangents.rate.duplicate()
+        x.axpy(way, self._tangents.rate)
         vector.zeroEntries()
-        vector.maxpy(shape, last.modes.vectors)
-        # One step of inverse iteration leaves of all others next to nothing.
-        push = tangents.derivative * vector
-        better = tangents.solve(push)
-        better.normalize()
-        push, held = tangents.derivative * better, tangents.stiffness * better
-        loss = -better.dot(push)
-        way = better.dot(held) / loss
-        held.axpy(way, push)
-        factor = last.factor + way
-        last.x.copy(x)
-        x.axpy(way, tangents.rate)
-        residual = held.norm() / (factor * push.norm())
-        return Point(factor, x, better, loss, residual, last.below, self._softer(self._short or last, number))
+        vector.maxpy(shape, look.modes.vectors)
+        # What is lost on the way is all there was.
+        loss = float(look.modes.eigenvalues @ shape**2) / way
+        residual = float(look.modes.residuals[np.argmax(np.abs(shape))])
+        softer = self._softer(near or look, number)
+        return Point(look.factor + way, x, vector, loss, residual, settled, look.below, softer)
 
     def _softer(self, look: Look, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
         """Return what is known at an equilibrium of the vibration mode that becomes a shape (`Point.softer`)."""

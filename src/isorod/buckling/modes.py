@@ -57,7 +57,10 @@ class BucklingModes:
     places
         Where that is: ``body``, ``u``, ``angle`` in degrees and ``radius`` on the disk.
     residuals
-        ``|K x| / |f K' x|``, shape ``(modes,)``, ``K`` the tangent at the load factor ``f``, ``K'`` its derivative.
+        Of the vibration mode that becomes each shape, next to its factor, ``|K x - lambda M x| / (lambda_0 |M x|)``
+        with the first ``lambda_0`` of the state of rest, shape ``(modes,)``; at rest ``|K x + f K' x| / |f K' x|``.
+    settled
+        Relative change of the factors that their iteration leaves; None where they are told at one equilibrium.
     below
         Of each the number of factors below, by the inertia of the tangent near it (Sturm count).
     states
@@ -65,7 +68,8 @@ class BucklingModes:
     losses
         By how much the stiffness ``x^T K x`` of each shape falls with the load factor, shape ``(modes,)``.
     softening
-        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of those told at rest.
+        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of those told
+        at rest.
     linear_at
         The load factor of the equilibrium at which they are told; None where each is told at its own.
     equilibria, newton_iterations
@@ -82,6 +86,7 @@ class BucklingModes:
     vectors: Array
     places: Sequence[dict[str, float]]
     residuals: Array
+    settled: float | None
     below: Sequence[int]
     states: Sequence[State]
     losses: Array
@@ -154,8 +159,8 @@ class BucklingModes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the factors' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none, as of those told at rest.  It takes about as long as the factors.  It is the sum of those
-        across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
+        None where there is none, as of those told at rest.  It takes about as long as the factors.  It is the sum of
+        those across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
         """
         from isorod.checks import embedded
 
@@ -170,7 +175,7 @@ class BucklingModes:
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""
-        kept = ("about", "linear", "residuals", "below", "equilibria", "newton_iterations")
+        kept = ("about", "linear", "residuals", "settled", "below", "equilibria", "newton_iterations")
         found = {name: getattr(self, name) for name in kept} | {"largest": self.places}
         if self.loads is not None:
             found["critical_load"], found["critical_loads"] = self.loads

@@ -216,6 +216,8 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"residual force {record['residual_norms'][-1]:.1g}, initially {record['residual_norms'][0]:.3g}"
     if "equilibria" in record:
         yield f"modes about {_count(record['equilibria'], 'equilibrium', 'equilibria')}"
+    if record.get("settled") is not None:
+        yield f"load factors settled within {record['settled']:.1g}"
     if "iterations" in record:
         yield f"{_count(record['iterations'], 'restart')} of the eigensolver"
     if "residuals" in record:

@@ -142,6 +142,6 @@ RESERVED = frozenset(
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
-    "stress_error_estimate negative_eigenvalues deviation time_error factors linear linear_at equilibria largest critical_load "
-    "critical_loads".split()
+    "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
+    "critical_load critical_loads".split()
 )
