@@ -52,6 +52,9 @@ _BEND_NEAR = 0.3
 _CURE = "statics with --stable goes on, and linear_at takes the factors told at a lower load (linear_at = 0: at rest)"
 
 
+_END = "buckling: no equilibrium beyond load factor {:.6g}, a limit point or too fast a turn ({}); " + _CURE
+
+
 class Look(NamedTuple):
     """What is known at an equilibrium.
 
@@ -160,8 +163,18 @@ class Seeker:
         Where there is no guess it is sought from the last equilibrium, from which another one was told.
         """
         low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
+        ended: PathEnds | None = None
         for _ in range(_MOST):
-            last = self._last if guess is None else self.look(self._at(guess), guess, number)
+            if guess is not None:
+                try:
+                    self.look(self._path.at(guess), guess, number)
+                except PathEnds as problem:
+                    # What lies before its end may have passed a factor all the same.
+                    ended = problem
+                    if not ended.reached > low:
+                        raise SolveError(_END.format(ended.reached, ended)) from None
+                    self.look(self._path.at(ended.reached), ended.reached, number)
+            last = self._last
             assert last is not None
             guess = last.factor
             low, high = (guess, high) if last.below <= number else (low, guess)
@@ -194,6 +207,8 @@ class Seeker:
             guess = factor - max(_SHORT * abs(way), _APART * factor if abs(way) > 2.0 * _APART * factor else 0.0)
             if not low < guess < high:
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * low
+            if ended is not None and guess >= ended.reached:
+                raise SolveError(_END.format(ended.reached, ended))
         raise SolveError(f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path bends; {_CURE}")
 
     def told_at(self, factor: float, modes: int, more: int) -> list[Point]:
@@ -204,22 +219,17 @@ class Seeker:
         SolveError
             If there is no such equilibrium, it is not stable, or tells of no factor.
         """
-        look = self.look(self._at(factor), factor, modes - 1 + more)
+        try:
+            x = self._path.at(factor)
+        except PathEnds as problem:
+            raise SolveError(_END.format(problem.reached, problem)) from None
+        look = self.look(x, factor, modes - 1 + more)
         if look.below:
             raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
         points = [one for one in (self._point(look, k) for k in range(modes)) if one is not None]
         if not points:
             raise SolveError(f"buckling: at linear_at {factor:g} the loads take no stiffness away")
         return points
-
-    def _at(self, factor: float) -> PETSc.Vec:
-        try:
-            return self._path.at(factor)
-        except PathEnds as problem:
-            raise SolveError(
-                f"buckling: no equilibrium beyond load factor {problem.reached:.6g}, a limit point or too fast a turn "
-                f"({problem}); {_CURE}"
-            ) from None
 
     def _moves_along(self, shape: Array) -> bool:
         """Return whether the path itself moves along a shape: it bends, and no other path meets it there."""
