@@ -5,9 +5,22 @@ import json
 import numpy as np
 import pytest
 
-from isorod import InputError, LinearElastic, NeoHookean, SolveError, Space, buckling, circle, statics, straight
+from isorod import (
+    Axis,
+    InputError,
+    LinearElastic,
+    NeoHookean,
+    Rod,
+    SolveError,
+    Space,
+    buckling,
+    circle,
+    statics,
+    straight,
+)
 from isorod.command.cli import main
-from isorod.model import Body, BodyForce, Contact, Model, Plane, Pressure, SectionLoad, Spin, Support
+from isorod.model import Body, BodyForce, Contact, EndFace, Model, Plane, Pressure, SectionLoad, Spin, Support, Tie
+from isorod.statics import continuation
 
 FILE = """title = "a column"
 analysis = {buckling = {modes = 2}}
@@ -108,6 +121,56 @@ def test_a_nearly_incompressible_column_buckles_as_others_do():
     assert mixed.below == [0, 0] and mixed.linear == pytest.approx(mixed.factors, rel=5e-3)
     rubber = buckling.solve(column(material=NeoHookean(1000.0, 0.5)))
     assert rubber.factors[0] == pytest.approx(mixed.factors[0], rel=5e-3)
+
+
+def arch(rise, upright=False):
+    """A clamped parabolic arch of span 100 and radius 1 under a force at its crown, which may stay upright."""
+    slope, turns = 4.0 * rise / 100.0, []
+    for one in (slope, 0.0, -slope):
+        t, y = np.array([1.0, 0.0, one]) / np.hypot(1.0, one), np.array([0.0, 1.0, 0.0])
+        turns.append(np.stack([y, np.cross(t, y), t], axis=1))
+    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
+    centers = np.array([[-50.0, 0.0, 0.0], [0.0, 0.0, 2.0 * rise], [50.0, 0.0, 0.0]])
+    space = Space(Rod.sweep(circle(4), axis, centers, np.array(turns)), elements=8, degree=4, section_degree=3)
+    ends = [Support.end(space, end) for end in ("start", "end")]
+    crown = space.layers // 2 * space.layer_nodes + np.arange(space.layer_nodes)
+    ends += [Support(crown, "xy")] if upright else []
+    return Model([Body(space, NeoHookean(1.0, 0.3))], ends, loads=[SectionLoad((0.0, 0.0, -1e-3), u=0.5)])
+
+
+@pytest.mark.parametrize("rise", [10.0, 20.0])
+def test_arches_leave_their_path_where_continuation_says(rise):
+    """By its bisection; an arch bends much before it does."""
+    found = buckling.solve(arch(rise))
+    assert found.factors[0] == pytest.approx(continuation.critical(arch(rise), 0.2, 5.0).factor, rel=1e-6)
+    assert abs(found.linear[0] / found.factors[0] - 1.0) > 0.005
+
+
+@pytest.mark.parametrize(("rise", "said"), [(5.0, "limit point"), (2.0, "no factor 1 up to .* stiffens")])
+def test_an_arch_that_snaps_through_or_stiffens_is_refused_in_one_line(rise, said):
+    with pytest.raises(SolveError, match=said) as caught:
+        buckling.solve(arch(rise, upright=True))
+    assert "\n" not in str(caught.value)
+    assert "--stable goes on" in str(caught.value) and "linear_at" in str(caught.value)
+    assert buckling.solve(arch(rise, upright=True), linear_at=0.0).factors[0] > 0.0
+
+
+def test_welded_bars_buckle_as_one_does():
+    def bars(*lengths):
+        spaces, height = [], 0.0
+        for length in lengths:
+            rod = straight(start=(0.0, 0.0, height), end=(0.0, 0.0, height + length)).sweep(circle(8))
+            spaces.append(Space(rod, elements=round(length / 5.0), degree=4, section_degree=3))
+            height += length
+        bodies = [Body(space, NeoHookean(1000.0, 0.0)) for space in spaces]
+        last = len(bodies) - 1
+        load = SectionLoad.end(spaces[-1], "end", (0.0, 0.0, -1.0), body=last)
+        ties = [Tie(EndFace(k, "start"), EndFace(k - 1, "end")) for k in range(1, last + 1)]
+        return Model(bodies, [Support.end(spaces[0], "start")], loads=[load], ties=ties)
+
+    one, two = (buckling.solve(bars(*lengths), modes=2) for lengths in ((40.0,), (20.0, 20.0)))
+    assert two.factors == pytest.approx(one.factors, rel=1e-8) and two.linear == pytest.approx(one.linear, rel=1e-8)
+    assert two.places[0]["body"] == 1.0
 
 
 def two_ranks():

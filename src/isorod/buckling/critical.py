@@ -26,6 +26,9 @@ _SHORT = 0.05
 # Equilibria from which a factor is sought at most.
 _MOST = 15
 
+# Where no factor is in sight it is looked for up to so many times the first load factor.
+_FARTHEST = 8.0
+
 # Relative changes of a factor that are none, and the relative way to a factor from which it is told.
 _SETTLED, _NEAR = 1e-9, 1e-2
 
@@ -163,6 +166,7 @@ class Seeker:
         Where there is no guess it is sought from the last equilibrium, from which another one was told.
         """
         low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
+        farthest = 0.0
         ended: PathEnds | None = None
         for _ in range(_MOST):
             if guess is not None:
@@ -180,6 +184,11 @@ class Seeker:
             low, high = (guess, high) if last.below <= number else (low, guess)
             found = last.way(number)
             if found is None:
+                farthest = farthest or _FARTHEST * guess
+                if guess > farthest:
+                    raise SolveError(
+                        f"buckling: no factor {number + 1} up to {guess:.6g}: the path bends and stiffens; {_CURE}"
+                    )
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * guess
                 continue
             way, shape = found
