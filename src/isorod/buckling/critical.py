@@ -50,10 +50,8 @@ _BESIDE = 1.5
 _BENDS = 0.9
 _BEND_NEAR = 0.3
 
-
 # What else can be asked where there is no such factor.
 _CURE = "statics with --stable goes on, and linear_at takes the factors told at a lower load (linear_at = 0: at rest)"
-
 
 _END = "buckling: no equilibrium beyond load factor {:.6g}, a limit point or too fast a turn ({}); " + _CURE
 
@@ -166,7 +164,7 @@ class Seeker:
         Where there is no guess it is sought from the last equilibrium, from which another one was told.
         """
         low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
-        farthest = 0.0
+        factor, farthest = np.nan, 0.0
         ended: PathEnds | None = None
         for _ in range(_MOST):
             if guess is not None:
