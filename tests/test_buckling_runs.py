@@ -73,6 +73,8 @@ def test_what_is_printed_and_kept(file, tmp_path, capsys):
     assert main(["run", file, "--linear-at", "0", "--modes", "1", "--json"]) == 0
     record = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert record["factors"] == record["linear"] and record["about"] == "the state of rest (linear)"
+    assert main(["run", file, "--linear-at", "0"]) == 0
+    assert "no estimate: linear factors of the state of rest have none" in capsys.readouterr().out
 
 
 def test_spaces_are_refined_to_a_tolerance(file, capsys):
