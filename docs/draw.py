@@ -31,6 +31,7 @@ VIEWS: dict[str, dict[str, Any]] = {
     "weld": {"view": (1.0, -0.2, 0.25), "scale": 200.0, "size": UPRIGHT},
     "tendon": {"view": (-0.2, -1.0, 0.25), "size": UPRIGHT},
     "screw": {"view": (1.0, -0.2, 0.25), "scale": 50.0, "size": UPRIGHT},
+    "buckling": {"view": (0.3, -1.0, 0.2), "size": UPRIGHT},
     "stent": {"view": (1.0, -1.4, 0.6)},
     "flower": {"view": (1.0, -1.4, 1.2)},
     "ring": {"view": (1.0, -1.4, 1.2)},
@@ -44,7 +45,8 @@ def draw(name: str, folder: Path) -> Path:
         picture = _shape(scene.rods(), **VIEWS[name])
     else:
         solution, _ = solving.solve(scene, scene.settings())
-        shown = solution[-1] if scene.analysis == "modal" else solution
+        shown = {"modal": -1, "buckling": 0}.get(scene.analysis)
+        shown = solution if shown is None else solution[shown]
         picture = shown.plot(**{"size": SIZE} | VIEWS[name])
     file = folder / f"{name}.png"
     picture.convert("RGB").quantize(COLOURS, dither=0).save(file, optimize=True)

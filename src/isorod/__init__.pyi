@@ -1,4 +1,5 @@
 # The names that isorod offers and where they are: read by type checkers and, when one is asked for, by __init__.py.
+from isorod import buckling as buckling
 from isorod import dynamics as dynamics
 from isorod import errors as errors
 from isorod import fenics as fenics
@@ -6,6 +7,7 @@ from isorod import modal as modal
 from isorod import options as options
 from isorod import scenes as scenes
 from isorod import statics as statics
+from isorod.buckling import BucklingModes as BucklingModes
 from isorod.dynamics import History as History
 from isorod.errors import FoldedRodError as FoldedRodError
 from isorod.errors import InputError as InputError

@@ -298,6 +298,20 @@ class Assembler(Parts):
             found -= factor * whole[which].reshape(found.shape)
         return found
 
+    def geometric_stiffness(self, rate: PETSc.Vec, step: float, out: PETSc.Mat) -> None:
+        """Fill ``out`` with what loads add to the tangent at rest (`isorod.assembly.prestress`).
+
+        Unknowns grow there by ``rate`` times the load factor; ``step`` is a short way of that.
+        """
+        from isorod.assembly.prestress import entries
+
+        with self._timed():
+            states = [self._state(f * rate, f).copy() for f in (-step, 0.0, step)]
+            own = out if self.coupling is None else self.coupling.of_rods(out)
+            set_values(own, entries(self.parts, own.getAttr(_PATTERN), states, step, self._pressing))
+            if self.coupling is not None:
+                self.coupling.fill(out, ())
+
     def load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:
         """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``.
 

@@ -53,24 +53,26 @@ def corrected(
     matrix: PETSc.Mat,
     ksp: PETSc.KSP,
     added: tuple[float, PETSc.Mat] | None = None,
+    factor: float = 1.0,
 ) -> tuple[list[float], float, Array]:
     """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads.
 
-    ``added`` is a factor and a matrix that make the tangent of a body with rigid-body modes definite.
+    ``added`` is a number and a matrix that make the tangent of a body with rigid-body modes definite; ``factor`` is the
+    load factor.
     """
     force, change = assembler.vector(), assembler.vector()
     sizes: list[float] = []
     # What is rolled up turns by straight steps.
     assembler.extrapolate()
     for _ in range(_STEPS):
-        assembler.residual(x, 1.0, force)
+        assembler.residual(x, factor, force)
         size = np.inf
         if sizes:
             ksp.solve(force, change)
             size = change.norm()
         # One tangent does, unless what slender rods turn by a straight step stretches them.
         if not sizes or not size < QUICK * sizes[-1]:
-            assembler.tangent(x, 1.0, matrix)
+            assembler.tangent(x, factor, matrix)
             if added:
                 matrix.axpy(*added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             ksp.setOperators(matrix)
@@ -80,7 +82,7 @@ def corrected(
         x.axpy(-1.0, change)
         sizes.append(size)
         if len(sizes) == 1:
-            gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
+            gained, first = abs(force.dot(change)), assembler.displacement(x, factor)
         if not size > _DONE * max(sizes):
             break
     return sizes, gained, first

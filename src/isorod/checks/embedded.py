@@ -6,6 +6,7 @@ gives way too much by, nearly: of rods of 0.3 and 0.6 radii in one of 1, pulled 
 1.6 times as much, for ends from the axis of the other on to half its radius (`tests/test_tie_flank.py`).
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,13 +92,14 @@ class Share(NamedTuple):
 def of(solution: Any) -> Share:
     """Return what the parts within other rods make of works, in motion where it goes farthest, or of frequencies.
 
-    ``solution`` is an `isorod.statics.Equilibrium`, an `isorod.dynamics.History` or `isorod.modal.Modes`.
+    ``solution`` is an `isorod.statics.Equilibrium`, an `isorod.dynamics.History`, `isorod.modal.Modes` or
+    `isorod.buckling.BucklingModes`.
     """
     known = parts(solution.model)
     if not known:
         return Share(0.0, None)
     if hasattr(solution, "vectors"):
-        return _of_modes(solution, known)
+        return _of_shapes(solution.model, solution.shapes(), known)
     states = [solution] if isinstance(solution, State) else [state for _, state in solution.frames()]
     state = max(states, key=lambda one: float(np.abs(one.displacement).max(initial=0.0)))
     energies = [part.energy(state) for part in known]
@@ -105,13 +107,13 @@ def of(solution: Any) -> Share:
     return _largest(known, [energies], max(stored, _TINY))
 
 
-def _of_modes(modes: Any, known: list[Part]) -> Share:
+def _of_shapes(model: Model, shapes: Iterable[tuple[float, Array]], known: list[Part]) -> Share:
+    """Return what is made of shapes, each with the energy of which a part is as large a share of the answer."""
     found = []
-    for value, vector in zip(modes.eigenvalues[modes.rigid :], modes.vectors[modes.rigid :], strict=True):
-        scale = _SMALL / max(float(np.abs(vector).max()) / modes.model.size, _TINY)
-        state = State(modes.model, scale * vector)
-        # Half for the root, half for the energy of a shape of unit mass.
-        found.append([part.energy(state) / (scale**2 * abs(float(value))) for part in known])
+    for whole, vector in shapes:
+        scale = _SMALL / max(float(np.abs(vector).max()) / model.size, _TINY)
+        state = State(model, scale * vector)
+        found.append([part.energy(state) / (scale**2 * whole) for part in known])
     return _largest(known, found, 1.0)
 
 

@@ -1,6 +1,7 @@
-"""An estimate of the error of frequencies: inverse iteration and a Rayleigh-Ritz projection on finer spaces."""
+"""An estimate of the error of frequencies, and of load factors: inverse iteration and Rayleigh-Ritz on finer spaces."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -17,6 +18,9 @@ from isorod.output.state import State
 
 # Changes of a smaller fraction of a state are rounding.
 _SETTLED = 1e-8
+
+# The same near a load factor at which a state may move by itself, and rounding does more.
+_SLIGHTLY = 1e-4
 
 # Shift, in first eigenvalues, with which the tangent of a free body corrects its equilibrium: rigid motions stay within
 # rounding over it, and the rest converges as fast as without.
@@ -120,15 +124,8 @@ def _modes(
         if about is None:
             assembler.tangent(assembler.vector(), 0.0, matrix)
         else:
-            pressures = finer.pressures(about.pressures) if about.pressures else ()
-            x = assembler.state(state, pressures, about.solids or 0.0)
-            added = (_SLIGHT * shift, mass) if free else None
-            sizes, *_ = correction.corrected(assembler, x, matrix, ksp, added)
-            if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
-                # There is none nearby.
+            if not _tangent_about(finer, assembler, about, matrix, ksp, (_SLIGHT * shift, mass) if free else None):
                 return 1.0
-            assembler.extrapolate()
-            assembler.tangent(x, 1.0, matrix)
         if free:
             matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp.setOperators(matrix)
@@ -158,6 +155,88 @@ def _modes(
                 one.destroy()
     error = float(np.abs(frequencies / better - 1.0).max()) / (1.0 - finer.left)
     return error if np.isfinite(error) else None
+
+
+def _tangent_about(
+    finer: Finer,
+    assembler: Assembler,
+    about: State,
+    matrix: PETSc.Mat,
+    ksp: PETSc.KSP,
+    added: tuple[float, PETSc.Mat] | None = None,
+    settled: float = _SETTLED,
+) -> bool:
+    """Fill a matrix with the tangent about the equilibrium on finer spaces; return whether there is one nearby."""
+    pressures = finer.pressures(about.pressures) if about.pressures else ()
+    x = assembler.state(finer.displacement(about.displacement), pressures, about.solids or 0.0)
+    sizes, *_ = correction.corrected(assembler, x, matrix, ksp, added, about.factor)
+    if not sizes[-1] <= max(correction.QUICK * sizes[0], settled * x.norm()):
+        return False
+    assembler.extrapolate()
+    assembler.tangent(x, about.factor, matrix)
+    return True
+
+
+class Softening(NamedTuple):
+    """A shape that loses its stiffness with the load.
+
+    Attributes
+    ----------
+    state
+        An equilibrium short of the load factor at which there is none left: there it moves by itself.
+    vector
+        The shape, ``(dofs,)``.
+    left, loss
+        Its stiffness ``x^T K x`` there, and by how much that falls with the load factor.
+    """
+
+    state: State
+    vector: Array
+    left: float
+    loss: float
+
+
+def of_factors(
+    model: Model, softening: Sequence[Softening], directions: Sequence[str] = (), ranks: int = 1
+) -> float | None:
+    """Return the largest relative change of load factors at which a model buckles; None where there is none.
+
+    On finer spaces an equilibrium is corrected, and the shape by one step of inverse iteration: what stiffness it has
+    less, over what it loses with the load factor, is by how much that is lower.
+
+    Parameters
+    ----------
+    model
+        With a density, any.
+    softening
+        The shapes.
+    directions, ranks
+        As for `isorod.checks.estimate.of_equilibrium`.
+    """
+
+    def change(finer: Finer, comm: PETSc.Comm) -> Array:
+        return np.array([max(_factor(finer, comm, *one) for one in softening)])
+
+    return correction.total(model, directions, ranks, change, 1)[0] if softening else None
+
+
+def _factor(finer: Finer, comm: PETSc.Comm, about: State, vector: Array, left: float, loss: float) -> float:
+    """Return the relative change of a load factor on finer spaces."""
+    assembler = assembler_for(finer.model, comm)
+    matrix, mass = assembler.matrix(), assembler.mass_operator()
+    ksp, shape = correction.solver(assembler, matrix), assembler.state(finer.displacement(vector))
+    try:
+        if not _tangent_about(finer, assembler, about, matrix, ksp, settled=_SLIGHTLY):
+            return 1.0
+        ksp.setOperators(matrix)
+        pushed, better = mass * shape, assembler.vector()
+        ksp.solve(pushed, better)
+        newer = pushed.dot(better) / better.dot(mass * better) * pushed.dot(shape)
+        change = (newer - left) / (loss * about.factor)
+    finally:
+        for one in (ksp, matrix, mass):
+            one.destroy()
+    return float(abs(change)) / (1.0 - finer.left)
 
 
 def _whirled(

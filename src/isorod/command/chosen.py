@@ -111,6 +111,15 @@ def with_analysis(parser: Parser, scene: Any) -> None:
         )
     if "modal" in analyses:
         parser.add_argument("--modes", type=int, metavar="int", help="number of modes besides rigid-body modes (10)")
+    if "buckling" in analyses:
+        parser.add_argument("--modes", type=int, metavar="int", help="number of buckling modes (1)")
+        parser.add_argument(
+            "--linear-at",
+            type=float,
+            metavar="float",
+            help="load factors told at the equilibrium of this one; 0: of the undeformed state, classical",
+        )
+    if "modal" in analyses:
         parser.add_argument(
             "--mass",
             choices=("consistent", "lumped"),
@@ -137,6 +146,8 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     if scene.analysis == "modal":
         typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}
         typed |= {name: getattr(found, name, None) for name in ("load_steps", "at_rest")}
+    elif scene.analysis == "buckling":
+        typed = {"modes": found.modes, "linear_at": found.linear_at}
     elif scene.analysis == "dynamics":
         typed = {"integrator": found.integrator}
     else:

@@ -48,7 +48,7 @@ _REQUIRED = {
 
 # What the others are for and how to get them; Debian's gmsh and slepc4py are no distributions that have a version.
 _OPTIONAL = {
-    "slepc4py": f"for modal analysis; {_get('python3-slepc4py-real', 'slepc4py', wheels=True)}",
+    "slepc4py": f"for modal analysis and buckling; {_get('python3-slepc4py-real', 'slepc4py', wheels=True)}",
     "dolfinx": f"for comparisons; {_get('python3-dolfinx-real', 'fenics-dolfinx', wheels=True)}",
     "gmsh": f"for meshes; {_get('python3-gmsh', 'python-gmsh', wheels=True)}",
     "pyvista": f"for pictures; {_PIP}",

@@ -205,9 +205,12 @@ def _scale(given: str | None, meshes: Sequence[Sequence[Any]], modes: bool) -> f
 
 
 def _frequency(result: reading.Result, number: int) -> str:
-    """Return the frequency of a mode in words, where the record says it."""
-    values = result.record.get("frequencies", ())
-    return f": frequency {values[number - 1]:.5g}" if number <= len(values) else ""
+    """Return the frequency of a mode, or its load factor, in words, where the record says it."""
+    for name, words in (("frequencies", "frequency"), ("factors", "load factor")):
+        values = result.record.get(name, ())
+        if number <= len(values):
+            return f": {words} {values[number - 1]:.5g}"
+    return ""
 
 
 def _curves(result: reading.Result, found: argparse.Namespace) -> int:

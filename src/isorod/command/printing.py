@@ -56,6 +56,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     """
     rows = [
         *_answer(record, scene.units, scene.stresses, scene.tie_names()),
+        *(_buckling(record, scene) if "factors" in record else ()),
         *_shape(record, scene),
         *_effort(record),
         *_origin(record, scene),
@@ -106,6 +107,7 @@ def _answer(
         yield "ties", f"{len(welds) - _FEW} more, largest jump {max(one['jump'] for one in welds):.2g}"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
         alone = "compare with finer meshes and more elements" if record.get("solids") else ""
+        alone = "linear factors of the state of rest have none" if record.get("equilibria") == 0 else alone
         yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
@@ -136,6 +138,20 @@ def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "unstable", f"{_count(falling, 'mode')} shown below zero, growing in time (omega^2 < 0)"
     elif record.get("falling"):
         yield "critical", f"{_count(record['falling'], 'motion')} gyroscopically stabilised, without damping"
+
+
+def _buckling(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
+    """Return what load factors mean, what the shapes are, and what they are about."""
+    if "critical_load" in record:
+        sizes = ", ".join(f"{one:.6g}" for one in record["critical_loads"][:_MOST])
+        yield "critical load", f"{sizes} ({scene.named(record['critical_load'])})"
+    rods = scene.rod_names()
+    for k, one in enumerate(record["largest"][:_FEW]):
+        which = f"rod {rods[int(one['body'])]}, " if len(rods) > 1 else ""
+        yield f"mode {k + 1}", f"moves most at {which}u = {one['u']:.4g}, radius {one['radius']:.4g}"
+    if len(record["linear"]) and not np.array_equal(record["linear"], record["factors"]):
+        yield "linear", ", ".join(f"{one:.6g}" for one in record["linear"][:_MOST]) + ", of the state of rest"
+    yield "about", record["about"]
 
 
 def _place(place: Mapping[str, float]) -> str:
@@ -199,10 +215,15 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"{_count(record['cuts'], 'cutback')} of the step size"
     if "residual_norms" in record:
         yield f"residual force {record['residual_norms'][-1]:.1g}, initially {record['residual_norms'][0]:.3g}"
-    if "residuals" in record:
+    if "equilibria" in record:
+        yield f"modes about {_count(record['equilibria'], 'equilibrium', 'equilibria')}"
+    if record.get("settled") is not None:
+        yield f"load factors settled within {record['settled']:.1g}"
+    if "iterations" in record:
         yield f"{_count(record['iterations'], 'restart')} of the eigensolver"
+    if "residuals" in record:
         yield f"relative residuals within {np.max(record['residuals']):.1g}"
-        yield f"{_count(record['rigid'], 'rigid-body mode')}" if record["rigid"] else "no mode missed (Sturm count)"
+        yield f"{_count(record['rigid'], 'rigid-body mode')}" if record.get("rigid") else "no mode missed (Sturm count)"
 
 
 def _element(found: Mapping[str, Any]) -> str:
@@ -211,8 +232,8 @@ def _element(found: Mapping[str, Any]) -> str:
     return f"{found['element']}{mixed}" + (f" (chosen: {', '.join(chosen)})" if chosen else "")
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
+def _count(number: int, what: str, several: str = "") -> str:
+    return f"{number:,} {what if number == 1 else several or f'{what}s'}"
 
 
 def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:

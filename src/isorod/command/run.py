@@ -66,7 +66,7 @@ def _more(parser: Parser, scene: Any) -> None:
             action="store_true",
             help="restart from the checkpoint; a later end time takes more outputs",
         )
-    if "statics" in analyses or "modal" in analyses:
+    if {"statics", "modal", "buckling"} & {*analyses}:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",

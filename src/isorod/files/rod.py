@@ -39,6 +39,8 @@ class Use(NamedTuple):
         Whether stresses are wanted.
     explicit
         Whether steps in time are explicit, so that the shortest element sets their length.
+    buckles
+        Whether load factors of buckling are wanted.
     loaded
         Axis parameters of sections on which loads act.
     tied
@@ -56,6 +58,7 @@ class Use(NamedTuple):
     touching: bool
     surface: bool
     stressed: bool
+    buckles: bool
     explicit: bool
     loaded: list[float]
     tied: list[float]
@@ -176,6 +179,8 @@ class RodPlan:
             return {}
         if use.surface and self._rings is None:
             return {"order": chosen.ORDER}
+        if use.buckles:
+            return chosen.buckling(rod)
         if not use.stressed:
             return {}
         found = chosen.stressed(rod, reach, use.pressed)

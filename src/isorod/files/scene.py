@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from isorod.space.space import Space
 
 # Of each analysis the class of its solutions.
-_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
+_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "buckling": "BucklingModes", "dynamics": "History"}
 
 # Options of all spaces.
 _SPACE = ("elements", "order", "section_points", "section_degree", "degree", "continuity", "quadrature")
@@ -68,7 +68,7 @@ class FileScene(Scene):
     data
         SHA-256 sum of each data file, by its name in the scene's file.
     analysis
-        ``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``.
+        ``"statics"``, ``"modal"``, ``"buckling"``, ``"dynamics"`` or ``"geometry"``.
     units
         Of each number that is the answer, in words.
     stresses
@@ -164,6 +164,7 @@ class FileScene(Scene):
             touching=touching and self.analysis in ("statics", "modal"),
             surface=touching or held,
             stressed=self.analysis == "statics",
+            buckles=self.analysis == "buckling",
             explicit=self._explicit,
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
             tied=self._names.tied(number),
@@ -227,6 +228,9 @@ class FileScene(Scene):
         if self.analysis == "modal":
             self.units["frequencies"] = "(cycles per unit of time)"
             yield "frequencies", lambda solution: solution.frequencies
+        elif self.analysis == "buckling":
+            self.units["factors"] = "(times the loads and moved supports)"
+            yield "factors", lambda solution: solution.factors
         elif fitting and "measure" not in self.content:
             for k, name in enumerate(self._names.supports):
                 self.units[f"reaction_{name}"] = _FORCE

@@ -109,6 +109,7 @@ _RUN = tuple("model comm petsc state displacement velocity checkpoint every resu
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),
+    "buckling": Form("isorod.buckling:solve", left=_RUN),
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
@@ -141,5 +142,6 @@ RESERVED = frozenset(
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
-    "stress_error_estimate negative_eigenvalues deviation time_error".split()
+    "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
+    "critical_load critical_loads".split()
 )

@@ -7,9 +7,8 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.load import Pressure
 from isorod.model.model import Model
-from isorod.statics import analysis
+from isorod.statics import analysis, stability
 from isorod.statics.analysis import Equilibrium
 
 
@@ -73,13 +72,12 @@ def find(
         return analysis.solve(model, load_steps, comm, start=start)
 
 
-def refuse(model: Model) -> None:
-    """Raise `InputError` where the tangent about an equilibrium is not that of small vibrations.
+def refuse(model: Model, advice: str = "or use modes of the undeformed state (at_rest)") -> None:
+    """Raise `InputError` where the tangent about an equilibrium is not that of small motions; ``advice`` ends it.
 
     It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
     for the edges of the surface at ends that are free.
     """
-    advice = "or use modes of the undeformed state (at_rest)"
     for b, body in enumerate(model.bodies):
         if any(law.linear for law in body.laws):
             raise InputError(
@@ -91,21 +89,11 @@ def refuse(model: Model) -> None:
                 f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for load in model.following:
-        if not _edges_held(model, load):
+        if not stability.pressed_by_potential(model, load):
             raise InputError(
                 f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "
-                f"both ends are supported; support both, leave out 'follows', {advice}"
+                f"both ends are supported, or guided in a plane; support both, leave out 'follows', {advice}"
             )
-
-
-def _edges_held(model: Model, load: Pressure) -> bool:
-    """Return whether the surface that a pressure follows has no edge, or none that moves."""
-    space = model.bodies[load.body].space
-    if space.rod.closed or not load.pressure:
-        return True
-    first, last = model.first_node[load.body : load.body + 2]
-    free = model.free[3 * first : 3 * last].reshape(space.layers, -1)
-    return bool((free[[0, -1]] < 0).all())
 
 
 def refuse_massless(model: Model) -> None:

@@ -1,7 +1,7 @@
-"""One vibration mode, which answers for any point of it."""
+"""One vibration mode, and what any shape about a state answers for any point of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -15,15 +15,15 @@ _EXAGGERATION = 0.12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mode(Deformation, Animated, WithSolids):
-    """A mode shape, which answers for any point of it (`isorod.output.state`).
+class Shape(Deformation, Animated, WithSolids):
+    """A motion of any size about a state, which answers for any point of it (`isorod.output.state`).
 
     Attributes
     ----------
     model, displacement
-        What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``, ``x^T M x = 1``.
-    number, frequency
-        Its place among the modes, from 0, and cycles per time.
+        What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``.
+    number
+        Its place among others, from 0.
     state
         Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
         so, and more by the shape; None for the state of rest.
@@ -34,13 +34,14 @@ class Mode(Deformation, Animated, WithSolids):
     """
 
     number: int
-    frequency: float
     state: Array | None = None
     quarter: Array | None = None
     solids: Sequence[Array] = ()
 
-    def __repr__(self) -> str:
-        return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
+    @property
+    def _words(self) -> str:
+        """What it is, in words."""
+        raise NotImplementedError
 
     def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
         """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
@@ -50,11 +51,10 @@ class Mode(Deformation, Animated, WithSolids):
     def _moments(self) -> list[Moment]:
         from isorod.output.animation import quarters, shares
 
-        words = f"mode {self.number}, frequency {self.frequency:.5g}"
         if self.quarter is None:
-            return [Moment(self, words, one) for one in shares()]
+            return [Moment(self, self._words, one) for one in shares()]
         places = [now * self.displacement + later * self.quarter for now, later in quarters()]
-        return [Moment(replace(self, displacement=place, quarter=None), words) for place in places]
+        return [Moment(replace(self, displacement=place, quarter=None), self._words) for place in places]
 
     def _scale(self, largest: float) -> float:
         return _EXAGGERATION * self.model.size / largest
@@ -64,3 +64,23 @@ class Mode(Deformation, Animated, WithSolids):
         if self.state is not None:
             mesh.points += Deformation(self.model, self.state)._mesh(body, colour).point_data["motion"]
         return mesh
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mode(Shape):
+    """A mode shape, ``x^T M x = 1``.
+
+    Attributes
+    ----------
+    frequency
+        Cycles per time.
+    """
+
+    frequency: float = field(kw_only=True)
+
+    def __repr__(self) -> str:
+        return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
+
+    @property
+    def _words(self) -> str:
+        return f"mode {self.number}, frequency {self.frequency:.5g}"

@@ -106,7 +106,8 @@ class Modes:
         k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
         later = None if self.quarter is None else self.quarter[k]
         solids = [one[k] for one in self.solids]
-        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state, later, solids)
+        frequency = float(self.frequencies[k])
+        return Mode(self.model, self.vectors[k], k, self.state, later, solids, frequency=frequency)
 
     def __iter__(self) -> Iterator[Mode]:
         return (self[k] for k in range(len(self)))
@@ -151,6 +152,11 @@ class Modes:
         about = () if self.equilibrium is None else self.equilibrium.solids
         solids = [one[self.rigid :] for one in self.solids]
         return of_solids(self.model, self.eigenvalues[self.rigid :], solids, about)
+
+    def shapes(self) -> Iterator[tuple[float, Array]]:
+        """Yield what is not rigid with twice its energy: half of a share of that is missing in the frequency."""
+        for value, vector in zip(self.eigenvalues[self.rigid :], self.vectors[self.rigid :], strict=True):
+            yield abs(float(value)), vector
 
     def contact_error(self) -> float:
         """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""

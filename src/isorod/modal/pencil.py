@@ -109,8 +109,8 @@ class Pencil:
         Returns the mass as a new matrix with entries, where `mass` only multiplies.
     structure
         How the entries of the mass lie in those of the stiffness.
-    check_seconds
-        Wall time of Sturm counts so far.
+    floor, check_seconds
+        Residuals of smaller eigenvalues are relative to this one; wall time of Sturm counts so far.
     tell
         Called at each restart with what says how far it is, if it is not None.
     """
@@ -123,6 +123,7 @@ class Pencil:
     motions: Callable[[], Iterable[PETSc.Vec]] = tuple
     entries: Callable[[], PETSc.Mat] | None = None
     structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+    floor: float = 0.0
     check_seconds: float = field(default=0.0, init=False)
     tell: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
 
@@ -238,11 +239,11 @@ class Pencil:
         if residuals.max() > limit and has_whole_rows(self.stiffness):
             comm, image = self.stiffness.getComm().tompi4py(), self.stiffness.createVecRight()
             for k in np.flatnonzero(residuals > limit):
-                value, x = max(abs(found.eigenvalues[k]), abs(found.eigenvalues[self.rigid])), found.vectors[k]
+                x, values = found.vectors[k], np.abs(found.eigenvalues[[k, self.rigid]])
                 self.mass.mult(x, image)
                 own = np.abs(x.array_r)
                 noise = absolute_product(self.stiffness, own)
-                noise *= 0.5 * np.finfo(float).eps / value
+                noise *= 0.5 * np.finfo(float).eps / max(values.max(), self.floor)
                 lost, left = comm.allreduce(float(own @ noise)), np.sqrt(comm.allreduce(float(noise @ noise)))
                 if lost <= _LOST and residuals[k] <= _MARGIN * left / image.norm():
                     residuals[k] = 0.0
@@ -348,7 +349,7 @@ class Pencil:
     def _normalised(self, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[Array, list[PETSc.Vec], Array]:
         """Return eigenvalues, vectors and residuals of the lowest pairs; give back the other vectors."""
         values = np.array([value for value, _ in pairs[:wanted]])
-        scales = np.maximum(np.abs(values), abs(values[self.rigid]))
+        scales = np.maximum(np.abs(values), max(abs(values[self.rigid]), self.floor))
         kx, mx = self.stiffness.createVecRight(), self.stiffness.createVecRight()
         residuals = np.empty(wanted)
         images = products(self.stiffness, [x for _, x in pairs[:wanted]])

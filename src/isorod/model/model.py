@@ -127,6 +127,13 @@ class Model(Checked):
         """Return the model for what knows no pressures (`Body.in_displacements`)."""
         return self._of([body.in_displacements() for body in self.bodies])
 
+    def of_density(self, density: float) -> "Model":
+        """Return the model with one density for all rods, for what wants a mass matrix whatever it is."""
+        with warnings.catch_warnings():
+            # They were said of the bodies themselves.
+            warnings.simplefilter("ignore")
+            return self._of([replace(body, density=density) for body in self.bodies])
+
     def in_motion(self, integrator: str) -> "Model":
         """Return the model for steps in time (`Body.in_motion`)."""
         bodies = []

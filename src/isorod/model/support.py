@@ -255,7 +255,7 @@ class SupportMotion(NamedTuple):
         if (begin, end) != (0.0, 1.0):
             factor = min(1.0, max(0.0, (factor - begin) / (end - begin)))
         legs = len(self.path) - 1
-        leg = min(int(factor * legs), legs - 1)
+        leg = max(0, min(int(factor * legs), legs - 1))
         result = self.path[leg] + (factor * legs - leg) * (self.path[leg + 1] - self.path[leg])
         if self.turn.any():
             rows = turning(factor * self.turn)[self.dofs % 3]

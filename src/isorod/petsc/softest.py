@@ -9,17 +9,17 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 
 
-def noise(vector: PETSc.Vec) -> PETSc.Vec:
+def noise(vector: PETSc.Vec, seed: int = 0) -> PETSc.Vec:
     """Return a random vector of a layout, the same on any number of ranks."""
     found = vector.duplicate()
-    found.array_w[:] = _normal(found.getSize())[slice(*found.getOwnershipRange())]
+    found.array_w[:] = _normal(found.getSize(), seed)[slice(*found.getOwnershipRange())]
     return found
 
 
 @lru_cache(maxsize=1)
-def _normal(size: int) -> Array:
+def _normal(size: int, seed: int) -> Array:
     """Return so many random numbers; of models of a sweep the same."""
-    return np.random.default_rng(0).normal(size=size)
+    return np.random.default_rng(seed).normal(size=size)
 
 
 def soften(

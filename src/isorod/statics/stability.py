@@ -14,6 +14,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.errors import InputError
+from isorod.model.load import Pressure
 from isorod.model.model import Model
 from isorod.petsc import inertia
 from isorod.petsc.softest import noise, soften
@@ -47,7 +48,8 @@ def is_told(solver: Newton) -> bool:
     """
     model, pc = solver.assembler.model, solver.snes.getKSP().getPC()
     known = all(law.objective for body in model.bodies for law in body.laws)
-    return known and solver.assembler.symmetric and _pressed_by_potential(model) and inertia.is_factored(pc)
+    potential = all(pressed_by_potential(model, load) for load in model.following)
+    return known and solver.assembler.symmetric and potential and inertia.is_factored(pc)
 
 
 def refuse_untold(solver: Newton) -> None:
@@ -111,22 +113,23 @@ def warn_of(negative: int | None) -> None:
         )
 
 
-def _pressed_by_potential(model: Model) -> bool:
-    """Return whether the edges of surfaces that pressures follow are held, or guided in a plane along an axis.
+def pressed_by_potential(model: Model, load: Pressure) -> bool:
+    """Return whether the edges of a surface that a pressure follows are held, or guided in a plane along an axis.
 
     What is not symmetric in the second variation of ``p`` times the volume is ``p / 2`` times the integral along the
     edges of ``t . (v x w)``, tangent and two motions: nothing if these are none, or lie in a plane with the edge.
     """
-    for load in model.following:
-        space = model.bodies[load.body].space
-        held = model.free.reshape(-1, 3)[model.first_node[load.body] :][: space.nodes] < 0
-        direction = model.nodal(model.prescribed(1.0), load.body)
-        for layer in () if space.rod.closed else (0, space.layers - 1):
-            edge = slice(layer * space.layer_nodes, (layer + 1) * space.layer_nodes)
-            places = (space.positions + direction)[edge][space.is_carrier[edge]]
-            flat = np.ptp(places, axis=0) <= _FLAT * model.size
-            if not held[edge].all() and not (held[edge].all(axis=0) & flat).any():
-                return False
+    if not load.pressure:
+        return True
+    space = model.bodies[load.body].space
+    held = model.free.reshape(-1, 3)[model.first_node[load.body] :][: space.nodes] < 0
+    direction = model.nodal(model.prescribed(1.0), load.body)
+    for layer in () if space.rod.closed else (0, space.layers - 1):
+        edge = slice(layer * space.layer_nodes, (layer + 1) * space.layer_nodes)
+        places = (space.positions + direction)[edge][space.is_carrier[edge]]
+        flat = np.ptp(places, axis=0) <= _FLAT * model.size
+        if not held[edge].all() and not (held[edge].all(axis=0) & flat).any():
+            return False
     return True
 
 

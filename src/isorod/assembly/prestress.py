@@ -1,0 +1,74 @@
+"""Geometric stiffness of a stress: ``G_jl,km = int S_l,A R_j sigma_AB S_m,B R_k dV`` of each component.
+
+With the stress by which a model at rest begins to bear its loads, and the load stiffness of pressures that follow, it
+is what classical, linear buckling takes for the change of the tangent.  Displacements before buckling are left out:
+where bodies turn, a tangent in fixed axes does not survive their first order.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.assembly.part import Part
+from isorod.assembly.pattern import Pattern, add
+from isorod.space.space import Table
+
+if TYPE_CHECKING:
+    from isorod.assembly.pressing import Pressing
+
+
+def entries(
+    parts: Sequence[Part], pattern: Pattern, states: Sequence[Array], step: float, pressing: "Sequence[Pressing]"
+) -> Array:
+    """Return the entries of a pattern.
+
+    Parameters
+    ----------
+    parts
+        The elements of this rank.
+    pattern
+        That of the tangent.
+    states
+        States of this rank, a short way ``step`` of the load factor before rest, at rest, and behind it.
+    step
+        That way.
+    pressing
+        What follows each part's surface, if anything does.
+    """
+    before, rest, after = states
+    found = np.zeros(pattern.total)
+    for k, (part, blocks) in enumerate(zip(parts, pattern.blocks, strict=True)):
+        add(_of_part(part, before, after, step), blocks, found)
+        if pressing:
+            followed = part.padded_matrices(pressing[k].stiffness(part.nodal(rest)))
+            add(-followed.reshape(*part.dofs.shape, -1), blocks, found)
+    return found
+
+
+def _of_part(part: Part, before: Array, after: Array, step: float) -> Array:
+    """Return the geometric stiffness of a part's elements, ``(E, l width, l width)``."""
+    ends = (part.laws.at(0.0).stress(part.gradients(one)) for one in (before, after))
+    stress = np.subtract(*reversed(list(ends)))
+    pressure = part.pressure(after) - part.pressure(before)
+    if pressure.size:
+        stress += pressure[..., None, None] * np.eye(3)
+    # Of a stress at rest what is not symmetric is rounding.
+    stress = (stress + np.swapaxes(stress, -1, -2)) / (4.0 * step)
+    scalar = np.stack([_scalar(part.table, stress, e) for e in range(part.table.elements)])
+    size = 3 * scalar.shape[1]
+    whole = np.einsum("eij,ab->eiajb", scalar, np.eye(3)).reshape(-1, size, size)
+    return part.padded_matrices(whole).reshape(*part.dofs.shape, -1)
+
+
+def _scalar(table: Table, stress: Array, element: int) -> Array:
+    """Return the matrix ``(l n, l n)`` of one component of an element."""
+    inverse, weights = table.inverse[element], table.weights[element]
+    across = np.einsum("qdn,tqda->tqna", table.section[:, :2], inverse[:, :, :2])
+    along = np.einsum("qn,tqa->tqna", table.section[:, 2], inverse[:, :, 2])
+    gradients = np.einsum("tj,tqna->tqajn", table.axial[element], across)
+    gradients += np.einsum("tj,tqna->tqajn", table.slopes[element], along)
+    pulled = np.einsum("tqab,tqbjn->tqajn", weights[..., None, None] * stress[element], gradients)
+    functions = gradients.shape[3] * gradients.shape[4]
+    return np.asarray(gradients.reshape(-1, functions).T @ pulled.reshape(-1, functions))
