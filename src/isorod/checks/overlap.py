@@ -186,9 +186,14 @@ def _near(sections: _Sections) -> tuple[Index, Index]:
     if len(centre) <= _FEW:
         # Squares of distances from products of vectors that are short, so that rounding does not count.
         off = centre - centre.mean(axis=0)
-        square = np.sum(off**2, axis=1)
-        wide = (square[:, None] + square) - 2.0 * (off @ off.T) < (2.0 * _WIDER * float(reach.max())) ** 2
-        first, second = np.nonzero(np.triu(wide, 1))
+        size, wide = np.sum(off**2, axis=1), off @ off.T
+        wide *= -2.0
+        wide += size[:, None]
+        wide += size
+        both = np.flatnonzero(wide.ravel() < (2.0 * _WIDER * float(reach.max())) ** 2)
+        first, second = np.divmod(both, len(centre))
+        once = first < second
+        first, second = first[once], second[once]
     else:
         from scipy.spatial import cKDTree
 
