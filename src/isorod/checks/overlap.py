@@ -175,9 +175,10 @@ def _sections(model: Model, places: list[Array]) -> _Sections:
 
 def _circled(points: Array) -> tuple[Array, Array, Array]:
     """Return centres of sections ``(t, q, 3)``, and mean and largest distance of their points from these."""
-    centre = points.mean(axis=1)
-    spokes = np.linalg.norm(points - centre[:, None], axis=2)
-    return centre, spokes.mean(axis=1), spokes.max(axis=1)
+    centre = points.sum(axis=1) / points.shape[1]
+    arms = points - centre[:, None]
+    spokes = np.sqrt(np.einsum("tqa,tqa->tq", arms, arms))
+    return centre, spokes.sum(axis=1) / points.shape[1], spokes.max(axis=1)
 
 
 def _near(sections: _Sections) -> tuple[Index, Index]:
