@@ -173,6 +173,7 @@ def cantilever(weak, strong, torsion, length):
     return flat * brentq(aside, 0.8, 1.2)
 
 
+@pytest.mark.slow
 def test_a_strip_buckles_sideways_under_a_force_on_its_end(scene):
     """The clamp, which holds its warping, makes it shorter by about a quarter of its height."""
     factors = []

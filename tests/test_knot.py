@@ -58,6 +58,7 @@ def test_both_end_faces_are_held_and_nothing_else():
     assert [list(one) for one in held] == [[*range(layer)], [*range(scene.space.nodes - layer, scene.space.nodes)]]
 
 
+@pytest.mark.slow
 def test_the_knots_tension_is_what_the_bending_of_its_loop_says():
     """Of a thin rod without friction tension + moment^2 / (2 B) is the same everywhere, in tails, braid and loop."""
     scene = Knot()
