@@ -16,6 +16,9 @@ BARS = [
     pytest.param(Bar("ellipse", "fibred 20", "torsion", 20.0), marks=pytest.mark.slow),
     Bar("circle", "isotropic", "pressure", 50.0),
     Bar("airfoil", "isotropic", "pressure", 20.0),
+    Bar("airfoil", "isotropic", "tension", 10.0),
+    Bar("ellipse", "fibred 20", "shear", 5.0),
+    pytest.param(Bar("tube 0.9", "isotropic", "pressure", 200.0), marks=pytest.mark.slow),
     pytest.param(Bar("ellipse", "fibred 20", "pressure", 20.0), marks=pytest.mark.slow),
     Bar("airfoil", "isotropic", "torsion", 20.0),
 ]
