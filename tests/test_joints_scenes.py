@@ -92,6 +92,7 @@ def test_what_reaches_an_error_reaches_it_on_all_meshes_that_are_nowhere_coarser
     assert study.fastest(done, 1e-4) is None
 
 
+@pytest.mark.slow
 def test_a_scene_is_run_recorded_and_reported(tmp_path, monkeypatch):
     meshes = COARSE, COARSE._replace(near=1.0)
     work = [study.Work(side, "hexahedron", COARSE) for side in ("one solid", "coupled")]
