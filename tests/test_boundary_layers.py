@@ -229,3 +229,20 @@ def test_explicit_steps_have_no_short_elements(integrator, short, tmp_path):
     )
     path.write_text(f'[rod.bar]{text}[analysis.dynamics]\nend_time = 1.0\nintegrator = "{integrator}"\n')
     assert len(FileScene(str(path)).model().bodies[0].space.knots) == short
+
+
+def test_closed_rods_of_several_laws_have_boundary_layers_at_their_joints(tmp_path):
+    laws = ", ".join(f"{{NeoHookean = {{E = {modulus}, nu = 0.3}}}}" for modulus in 6 * (100.0, 200.0))
+    (tmp_path / "ring.toml").write_text(
+        f"""
+analysis = "statics"
+[rod.ring]
+curve = {{polyline = {{points = [[0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]], closed = true, fillet = 2.0}}}}
+section = {{circle = 0.5}}
+law = [{laws}]
+"""
+    )
+    space = FileScene(str(tmp_path / "ring.toml")).model().bodies[0].space
+    assert space.rod.closed
+    assert space.continuity == 0
+    assert len(space.knots) >= 11

@@ -157,7 +157,7 @@ class RodPlan:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
             layer = chosen.layer(rod, reach, use.pressed) if use.stressed else chosen.LAYER
-            if not rod.closed and (places or layer != chosen.LAYER):
+            if places or (layer != chosen.LAYER and not rod.closed):
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:
             found["knots"] = ()
