@@ -36,8 +36,8 @@ held = "bottom"
 """
 
 
-def block(folder, at=-4.0):
-    """Write a cube below z = 0 as mesh and geometry, the latter perhaps elsewhere."""
+def block(folder, at=-4.0, hollow=False):
+    """Write a cube below z = 0 as mesh and geometry, the latter perhaps elsewhere, or with a hollow in it."""
     gmsh.initialize(["gmsh"], False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -54,6 +54,8 @@ def block(folder, at=-4.0):
         gmsh.write(str(folder / "block.msh"))
         gmsh.clear()
         occ.addBox(-2.0, -2.0, at, 4.0, 4.0, 4.0)
+        if hollow:
+            occ.cut([(3, 1)], [(3, occ.addSphere(0.0, 0.0, -2.0, 1.0))])
         occ.synchronize()
         gmsh.write(str(folder / "block.step"))
     finally:
@@ -164,3 +166,9 @@ def test_a_scene_without_ties_is_meshed_as_before(tmp_path):
     )
     scene = files.find(str(tmp_path / "bar.toml"))
     assert of_rods.mesh_of(scene.model()).shape == "hexahedron"
+
+
+def test_a_geometry_of_another_volume_is_not_the_body(tmp_path):
+    block(tmp_path, hollow=True)
+    said = refusal(tmp_path, BLOCK)
+    assert re.search(r"block.step: its volume without the rods is 59\.8\d*, that of the mesh 64; need the body", said)
