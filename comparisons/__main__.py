@@ -22,7 +22,8 @@ COMMANDS = (*STUDIES, COMPARED, "verify", "report")
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit code, other than 0 with one line on standard error."""
-    return ending.run("comparisons", lambda: _main(arguments), "the records written so far are kept")
+    program = "isorod" if arguments[:1] == [COMPARED] else "comparisons"
+    return ending.run(program, lambda: _main(arguments), "the records written so far are kept")
 
 
 def _main(arguments: Sequence[str]) -> int:

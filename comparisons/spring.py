@@ -16,7 +16,7 @@ TARGETS = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
 
 # One step finer along the axis, and one in the section, by method.
 FINER = {
-    "cylindrical": (("--elements-per-turn", 4), ("--section-points", 2), ("--section-degree", 1)),
+    "cylindrical": (("--elements-per-turn", 8), ("--section-points", 2), ("--section-degree", 1)),
     "fem": (("--layers", 12), ("--around", 4)),
 }
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from isorod import scenes
 from isorod.command import chosen, ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
@@ -19,12 +18,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(words: Sequence[str]) -> int:
-    if not words or words[0] in ("-h", "--help"):
-        print("usage: isorod mesh SCENE [FILE ...] [--option value ...]\n\n" + _SAID)
-        print(
-            "scenes: " + ", ".join(scenes.SCENES) + ", or a file NAME.toml; isorod mesh SCENE --help tells its options"
-        )
-        return 0
+    if (told := chosen.usage("mesh", words, ())) is not None:
+        return told
     scene, found, _ = chosen.choose("mesh", words, (), _more)
     paths = [Path(name) for name in found.files or [f"{scene.name}.msh"]]
     for path in paths:

@@ -29,7 +29,7 @@ def ring():
 
 def two_bodies():
     """A spring that is free to turn about z at one end, and a ring of another law; the bodies do not touch."""
-    wire = Space.paper(Spring(coils=1, section_points=3).rod(), degree=2, elements=4, quadrature="paper")
+    wire = Space.paper(Spring(helix="paper", coils=1, section_points=3).rod(), degree=2, elements=4, quadrature="paper")
     hoop = Space.paper(Ring(section_points=4).rod(), elements=8, degree=2, continuity=0)
     supports = [
         Support.end(wire, "start"),
@@ -42,7 +42,7 @@ def two_bodies():
 
 def spinning(speed=0.1):
     """A clamped spring rotating about a line askew to everything."""
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4, order=2)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4, order=2)
     supports = [Support.end(space, "start", displacement=(0.3, -0.2, 0.5)), Support([space.nodes - 1], "x")]
     spin = Spin((0.3 * speed, -0.4 * speed, speed), (1.0, 2.0, -3.0))
     return Model([Body(space, NeoHookean(5e3, 0.3), 2.0)], supports, spin)
@@ -50,7 +50,7 @@ def spinning(speed=0.1):
 
 def tendon_and_muscle():
     """A wire of two laws whose fibres run along it and act more and more with the load factor."""
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4)
     tendon = NeoHookean(90.0, 0.3)
     muscle = Muscle(30.0, 0.4, sigma_max=40.0, activation=0.8)
     supports = [Support.end(space, "start"), Support.end(space, "end", "z", (0.0, 0.0, 0.1))]
@@ -60,7 +60,7 @@ def tendon_and_muscle():
 
 def tied():
     """Loads on a spring whose end turns, held in one direction and tied in the others."""
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4)
     end = Support.end(space, "end", "y", (0.0, 0.2, 0.0), turn=(0.1, 0.2, -0.1), tied="xz")
     loads = [BodyForce((0.0, 0.0, 1e-2)), SectionLoad((0.0, 0.1, 0.2), u=0.3)]
     return Model([Body(space, NeoHookean(100.0, 0.3))], [Support.end(space, "start"), end], loads=loads)

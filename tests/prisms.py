@@ -27,7 +27,7 @@ def tip(space, solution):
 
 
 SPACES = {
-    "control points": lambda: Space.paper(Spring(coils=1, section_points=4).rod()),
-    "order 2": lambda: Space.paper(Spring(coils=1, section_points=4).rod(), order=2, degree=3),
+    "control points": lambda: Space.paper(Spring(helix="paper", coils=1, section_points=4).rod()),
+    "order 2": lambda: Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), order=2, degree=3),
     "polynomials": lambda: prism(6.0, elements=3, section_degree=3),
 }

@@ -29,13 +29,15 @@ def test_entries_are_the_sum_of_the_element_matrices(make):
 @pytest.mark.parametrize(
     "space",
     [
-        Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, degree=3),
-        Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, quadrature="2x1x2"),
+        Space.paper(Spring(helix="paper", coils=1, section_points=5).rod(), elements=4, degree=3),
+        Space.paper(Spring(helix="paper", coils=1, section_points=5).rod(), elements=4, quadrature="2x1x2"),
         pytest.param(
-            Space(Spring(coils=1, section_points=4).rod(), elements=4, order=2, section_points=32, degree=2),
+            Space(
+                Spring(helix="paper", coils=1, section_points=4).rod(), elements=4, order=2, section_points=32, degree=2
+            ),
             marks=pytest.mark.slow,
         ),
-        Space(Spring(coils=1).rod(), elements=4, section_degree=3, degree=2),
+        Space(Spring(helix="paper", coils=1).rod(), elements=4, section_degree=3, degree=2),
     ],
     ids=["cubic", "few points", "more points than are taken at a time", "polynomials"],
 )

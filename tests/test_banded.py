@@ -82,7 +82,7 @@ def test_a_singular_matrix_makes_the_solve_fail_and_the_next_one_not(dense):
 
 
 def two_springs():
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4)
     return Model([Body(space, NeoHookean(1.0, 0.3))] * 2, [Support.end(space, "start", body=b) for b in range(2)])
 
 
@@ -156,7 +156,7 @@ def test_modes_agree_with_mumps_below_and_between_eigenvalues(shift, petsc_optio
 @pytest.mark.parametrize("lumped", [False, True])
 @pytest.mark.parametrize("held", ["xyz", "z"])
 def test_the_mass_to_multiply_with_is_the_mass(lumped, held):
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4)
     model = Model([Body(space, NeoHookean(1.0, 0.3), 2.0)], [Support.end(space, "start", held)])
     assembler = Assembler(model)
     entries, operator = assembler.mass(lumped), assembler.mass_operator(lumped)

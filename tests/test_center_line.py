@@ -193,7 +193,7 @@ test_what_is_no_line_is_refused = refused(
     (lambda: nurbs(corner()), "^centre line: corner of 90 degrees at u = 1; it must be smooth"),
     (lambda: nurbs(cusp()), "^centre line: it stands still at u = 0 and has no direction there"),
     (lambda: nurbs(CURVES["geomdl"], closed=True), "^closed centre line: the end is 1.41 away from the start"),
-    (lambda: Spring(helix="odd").rod(), "^helix: got 'odd', need paper or even"),
+    (lambda: Spring(helix="odd").rod(), "^helix: got 'odd', need even or paper"),
     (lambda: Spring(helix="even", elements_per_turn=12).model(), "^elements a turn: got 12, need a m"),
 )
 

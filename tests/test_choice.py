@@ -198,7 +198,8 @@ def test_a_free_rod_moves_with_all_its_mass(integrator):
 
 def test_a_preset_fills_what_is_not_given():
     assert Spring(preset="paper") == Spring(
-        order=1, degree=3, continuity=2, elements_per_turn=8, formulation="displacement", quadrature="auto",
+        helix="paper", order=1, degree=3, continuity=2, elements_per_turn=8,
+        formulation="displacement", quadrature="auto",
         preset="paper",
     )  # fmt: skip
     assert Blade(preset="paper", degree=4).continuity == 3

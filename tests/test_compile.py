@@ -56,7 +56,7 @@ print("compiled", len(Count.names), Count.names)
 """
 SHORT = (
     "run spring --coils 1",
-    "run spring --coils 1 --nu 0.5 --formulation mixed --elements-per-turn 4",
+    "run spring --coils 1 --nu 0.5 --formulation mixed --elements-per-turn 8",
     "run blade --modes 2 --elements 4",
     "run blade --modes 2 --section-degree 3 --elements 2",
     "run biceps --end-time 2e-4 --outputs 1",

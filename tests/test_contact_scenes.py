@@ -34,7 +34,7 @@ def solved(scene, **how):
 
 @pytest.mark.parametrize("push", LOVE)
 def test_coil_takes_the_force_of_loves_spring(push):
-    _, found = solved(Coil(push=push))
+    _, found = solved(Coil(travel=push))
     # A continuum differs by the order of (d/D)^2 = 0.01: measured 0.0017.
     assert found["force"] == pytest.approx(LOVE[push], rel=0.003)
     assert found["contact_force"] == 0.0
@@ -44,7 +44,7 @@ def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
     """One active turn between two that are held: rubbing, the wires are flattened instead of sliding off sideways."""
     free, push = 175.8, 9.085  # Love's force at touch, whatever the number of turns; 0.03 % past it
     # Pressure begins and ends within an element, which is aside: 1.5, 0.7 and 0.35 % with 8, 16 and 32 of them a turn.
-    solution, found = solved(Coil(coils=1, push=push, elements_per_turn=16), load_steps=4)
+    solution, found = solved(Coil(coils=1, travel=push, elements_per_turn=16), load_steps=4)
     assert found["travels"] == pytest.approx(push * np.array([0.25, 0.5, 0.75, 1.0]))
     # Love's force is not quite linear.
     np.testing.assert_allclose(found["forces"][:3], free * np.array([0.25, 0.5, 0.75]), rtol=0.03)
@@ -57,7 +57,7 @@ def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
 
 @pytest.mark.slow
 def test_solid_coil_does_not_depend_on_the_load_steps():
-    few, many = (solved(Coil(push=45.4), load_steps=steps)[1]["force"] for steps in (10, 20))
+    few, many = (solved(Coil(travel=45.4), load_steps=steps)[1]["force"] for steps in (10, 20))
     assert few == pytest.approx(many, rel=0.02)
     assert few > 50.0 * 175.8
 
@@ -84,15 +84,15 @@ def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():
 @pytest.mark.slow
 def test_laid_seats_are_warned_of_near_incompressibility():
     with pytest.warns(UserWarning, match=r"^nu: got 0.499; end coils in laid seats .*; use ends clamped"):
-        Coil(coils=1, push=5.0, nu=0.499).model()
+        Coil(coils=1, travel=5.0, nu=0.499).model()
     with warnings.catch_warnings(action="error"):
-        Coil(coils=1, push=5.0, nu=0.49).model()
-        Coil(coils=1, push=5.0, nu=0.499, ends="clamped").model()
+        Coil(coils=1, travel=5.0, nu=0.49).model()
+        Coil(coils=1, travel=5.0, nu=0.499, ends="clamped").model()
 
 
 def test_forces_on_the_way_are_those_of_a_run_that_ends_there():
     """Seats that moved straight to where they lie were off the helix on the way: 3 % at a tenth of it."""
-    scenes = Coil(coils=1, push=5.0), Coil(coils=1, push=0.5)
+    scenes = Coil(coils=1, travel=5.0), Coil(coils=1, travel=0.5)
     far, near = (scene.measure(statics.solve(scene.model(), scene.load_steps)) for scene in scenes)
     assert far["travels"][0] == pytest.approx(near["travels"][-1])
     assert far["forces"][0] == pytest.approx(near["force"], rel=1e-4)
@@ -115,7 +115,7 @@ def test_torque_of_a_strand_is_about_its_axis():
 
 
 def test_closed_coil_is_held_by_its_plates():
-    scene = Coil(ends="closed", coils=1, push=0.5)
+    scene = Coil(ends="closed", coils=1, travel=0.5)
     solution, found = solved(scene)
     _, below, above = solution.contacts
     assert found["force"] == pytest.approx(above.force, rel=1e-9)
@@ -125,13 +125,13 @@ def test_closed_coil_is_held_by_its_plates():
     assert solution.stabilisation[0] < 1e-6
     assert found["relative_penetration"] < 1e-3
     # The active turn, and half of each closed one: measured 2.06 turns, with 16 and 32 elements a turn 1.81 and 1.83.
-    reference = ReferenceCoil(10.0, 2.0, 1.0, np.radians(10.0), scene.E, scene.nu).linear_force(scene.push)
+    reference = ReferenceCoil(10.0, 2.0, 1.0, np.radians(10.0), scene.E, scene.nu).linear_force(scene.travel)
     assert 1.0 < reference / found["force"] < 2.5
 
 
 def test_friction_holds_a_closed_coil_between_plates():
     """Every point bears friction within Coulomb's bound, plates' forces balance, and penalties end as they began."""
-    solution, found = solved(Coil(ends="closed", coils=1, push=0.5, friction=0.15))
+    solution, found = solved(Coil(ends="closed", coils=1, travel=0.5, friction=0.15))
     itself, below, above = solution.contacts
     assert below.force == pytest.approx(above.force, rel=1e-2)
     assert below.resultant[2] == pytest.approx(-above.resultant[2], rel=1e-6)
@@ -139,7 +139,7 @@ def test_friction_holds_a_closed_coil_between_plates():
         bound = 0.15 * one.pressure
         assert (np.linalg.norm(one.tractions, axis=1) <= bound * (1.0 + 1e-9)).all()
     assert found["relative_penetration"] < 1e-3
-    smooth, without = solved(Coil(ends="closed", coils=1, push=0.5))
+    smooth, without = solved(Coil(ends="closed", coils=1, travel=0.5))
     assert min(one.penalty for one in solution.contacts) >= 0.99 * min(one.penalty for one in smooth.contacts)
     assert found["force"] == pytest.approx(without["force"], rel=0.1)
 
@@ -147,8 +147,8 @@ def test_friction_holds_a_closed_coil_between_plates():
 @pytest.mark.slow
 def test_coil_touches_itself_where_loves_spring_does():
     """All coils touch at once, a thousandth before those of the inextensible wire do."""
-    _, before = solved(Coil(push=45.3))
-    _, after = solved(Coil(push=45.4), load_steps=10)
+    _, before = solved(Coil(travel=45.3))
+    _, after = solved(Coil(travel=45.4), load_steps=10)
     assert before["contact_force"] == 0.0 < after["contact_force"]
     assert 45.3 == pytest.approx(TOUCH, rel=0.005)
     assert after["relative_penetration"] < 1e-3
@@ -156,7 +156,10 @@ def test_coil_touches_itself_where_loves_spring_does():
 
 def columns(length, strain=1e-3, twist=2.5e-4):
     """Return the stiffness of a strand of that length, ends included, by pulling it and by turning it."""
-    found = [solved(Strand(length=length, strain=e, twist=g))[1] for e, g in ((strain, 0.0), (0.0, twist))]
+    found = [
+        solved(Strand(length=length, strain=e, twist_rate=float(np.degrees(g))))[1]
+        for e, g in ((strain, 0.0), (0.0, twist))
+    ]
     assert max(one["relative_penetration"] for one in found) < 1e-3
     forces = np.array([[one["force"], one["torque"]] for one in found])
     return (forces / [[strain], [twist]]).T
@@ -293,18 +296,18 @@ def test_rope_ends_where_an_elastica_does():
 
 def test_forces_on_the_way_are_those_of_equilibria_there():
     """What holds the spring until plates do has no part in them; it bore 5 %."""
-    far = solved(Coil(ends="closed", coils=1, push=1.0), load_steps=2)[1]
-    near = solved(Coil(ends="closed", coils=1, push=0.5))[1]
+    far = solved(Coil(ends="closed", coils=1, travel=1.0), load_steps=2)[1]
+    near = solved(Coil(ends="closed", coils=1, travel=0.5))[1]
     assert far["travels"] == [0.5, 1.0]
     assert far["forces"][0] == pytest.approx(near["force"], rel=1e-3)
 
 
 test_scenes_refuse = refused(
     (lambda: Coil(ends="free"), "ends: got 'free', need laid or clamped or closed"),
-    (lambda: Coil(lead=1.0), "lead: got 1 degrees, a pitch of 1.1; coils that do not lie in each other need 2"),
-    (lambda: Coil(ends="closed", lead=1.0), "lead: got 1 degrees, a pitch of 1.1; closed ends need 2.1"),
-    (lambda: Coil(push=400.0), "push: got 400, the wire is not as long"),
-    (lambda: Coil(lead=90.0), "lead: got 90 degrees, need an angle between 0 and 90"),
+    (lambda: Coil(pitch=1.1), "pitch: got 1.1; coils that do not lie in each other need more than 2"),
+    (lambda: Coil(ends="closed", pitch=1.1), "pitch: got 1.1; closed ends need more than 2.1"),
+    (lambda: Coil(travel=400.0), "travel: got 400, the wire is not as long"),
+    (lambda: Coil(pitch=0.0), "pitch: got 0, need a positive length"),
     (lambda: Coil(wire_radius=0.0), "wire radius: got 0, need a positive length"),
     (lambda: Coil(elements_per_turn=12), "elements a turn: got 12, need a multiple of 8"),
     (lambda: Strand(pitch=0.0), "pitch: got 0, need a positive length"),

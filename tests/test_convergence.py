@@ -179,7 +179,7 @@ def test_the_layers_at_a_clamped_end_get_shorter_with_the_order(p, cylinder):
 
 
 def spring_force(p, elements, order, rule, n=8):
-    space = Space.paper(Spring(coils=1).rod(), elements, p, None, rule, order, n)
+    space = Space.paper(Spring(helix="paper", coils=1).rod(), elements, p, None, rule, order, n)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))]
     return statics.solve(Model([Body(space, LAW)], ends)).reactions[1, 2]
 

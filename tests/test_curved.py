@@ -35,7 +35,7 @@ def closed():
 
 
 def spring(**options):
-    return statics.solve(Spring(coils=1, **options).model())
+    return statics.solve(Spring(helix="paper", coils=1, **options).model())
 
 
 def tapered():

@@ -64,7 +64,7 @@ def test_axes_say_quantity_and_unit(name, said):
     assert curves.label(name) == said
 
 
-SWEEP = """# isorod sweep spring --pull 1,2 --nu 0.3,0.4
+SWEEP = """# isorod sweep spring --travel 1,2 --nu 0.3,0.4
 # varied: {},nu
 {},nu,f[0],f[1],error_estimate,unknowns,status
 {},0.3,3,4,1e-3,36,solved

@@ -159,7 +159,7 @@ from isorod.material import NeoHookean
 from isorod.model import Body, Model
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-space = Space.paper(Spring(coils=1, section_points=4).rod())
+space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod())
 dynamics.solve(Model([Body(space, NeoHookean(1.0, 0.3), 1.0)]), 1e-3, outputs=1)
 unwanted = ("isorod.contact", "isorod.dynamics.explicit.contact", "slepc4py")
 print([name for name in sys.modules if name.startswith(unwanted)])

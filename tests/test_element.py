@@ -168,7 +168,7 @@ def test_single_element_has_exactly_six_zero_eigenvalues(n, p, rule, law, cylind
 
 @pytest.mark.parametrize("n", [3, 4, 8, 16])
 def test_elements_of_the_spring_have_exactly_six_zero_eigenvalues_with_the_papers_rule(n):
-    space = Space.paper(Spring(section_points=n, coils=1).rod(), quadrature="paper")
+    space = Space.paper(Spring(helix="paper", section_points=n, coils=1).rod(), quadrature="paper")
     for matrix in stiffness(space, NeoHookean(1.0, 0.3)):
         values = np.linalg.eigvalsh(matrix) / np.abs(matrix).max()
         assert np.abs(values[:6]).max() < 1e-13
@@ -177,7 +177,7 @@ def test_elements_of_the_spring_have_exactly_six_zero_eigenvalues_with_the_paper
 
 @pytest.mark.parametrize("rule", RULES)
 def test_rigid_motion_leaves_no_residual(rule):
-    space = Space.paper(Spring(section_points=5, coils=1).rod(), elements=8, degree=3, quadrature=rule)
+    space = Space.paper(Spring(helix="paper", section_points=5, coils=1).rod(), elements=8, degree=3, quadrature=rule)
     assembler = Assembler(Model([Body(space, NeoHookean(1.0, 0.3))]))
     x, residual = assembler.vector(), assembler.vector()
     Q = turn([1.0, -2.0, 3.0], 2.5)

@@ -23,7 +23,7 @@ from isorod.space import Space
 
 pyvista = pytest.importorskip("pyvista")
 
-COARSE = ("--coils", "1", "--section-points", "4", "--elements-per-turn", "4")
+COARSE = ("--coils", "1", "--section-points", "4", "--elements-per-turn", "8")
 
 
 @pytest.fixture(scope="module")

@@ -44,7 +44,7 @@ def symmetric(S):
 @pytest.mark.parametrize("law", LAWS.values(), ids=list(LAWS))
 def test_stress_is_that_of_the_last_state_and_its_derivative(law):
     """``S' = S0 + F0^-1 (A0 : D - D S0)``; the third tangent knows the second state, not the first."""
-    space = Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, degree=3)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=5).rod(), elements=4, degree=3)
     assembler = Assembler(Model([Body(space, law)]), PETSc.COMM_SELF)
     (part,), (blocks,) = assembler.parts, Pattern([assembler.parts[0].of_dofs], assembler.free).blocks
     part.extrapolate(True)
@@ -68,7 +68,7 @@ def test_stress_is_that_of_the_last_state_and_its_derivative(law):
 
 def test_pressure_changes_with_the_states():
     """Of the mixed formulation: the stress that it adds is of the present pressure, pulled back in the last state."""
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4, degree=3)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4, degree=3)
     law = NeoHookean(80.0, 0.49)
     assembler = MixedAssembler(Model([Body(space, law, formulation="mixed")]), PETSc.COMM_SELF)
     (part,), (blocks,) = assembler.parts, Pattern([assembler.parts[0].of_dofs], assembler.free).blocks

@@ -216,7 +216,7 @@ def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
     model = scene.model()
     mesh = mesh_of(model)
     one = solve(model, mesh, "statics")
-    held = [Held("start"), Held("end", (0.0, 0.0, scene.pull))]
+    held = [Held("start"), Held("end", (0.0, 0.0, scene.travel))]
     other = elements.solve(Domain.distribute(plain(mesh)), energy_of(NeoHookean(scene.E, scene.nu)), held)
     assert one.reactions == pytest.approx(other.reactions, abs=1e-6)
     assert scene.measure(one)["force"] == pytest.approx(other.reactions[1, 2], rel=1e-6)

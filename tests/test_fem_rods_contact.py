@@ -115,7 +115,7 @@ def test_crossing_rods_press_each_other_as_isorods_do(level, error):
 @pytest.mark.slow
 def test_a_clasp_is_drawn_as_isorods():
     """Finite elements with 2,550 unknowns are 4 % off, with these 17,622 by 0.4 %, as measured."""
-    scene = Clasp(pull=0.3)
+    scene = Clasp(travel=0.3)
     model = replace(scene.model(), contacts=[Contact(0, 1, 300.0)])
     one, other = solve(model, mesh_of(model, 2), "statics", load_steps=2), statics.solve(model, 2)
     assert one.reactions[:2, 2].sum() == pytest.approx(other.reactions[:2, 2].sum(), rel=0.006)

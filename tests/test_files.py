@@ -38,7 +38,7 @@ def written(tmp_path):
 
 
 def test_the_spring_of_a_file_is_the_scene():
-    scene = Spring(section_points=8, elements_per_turn=8, order=1, degree=3, quadrature="auto")
+    scene = Spring(helix="paper", section_points=8, elements_per_turn=8, order=1, degree=3, quadrature="auto")
     own = statics.solve(scene.model())
     file = FileScene(str(EXAMPLES / "spring.toml"))
     found = statics.solve(file.model(), **file.settings())

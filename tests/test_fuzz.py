@@ -41,7 +41,7 @@ SHARES = {
 
 # What keeps each scene small.
 SMALL = {
-    "spring": {"coils": 1, "elements_per_turn": 4, "section_points": 4, "degree": 2},
+    "spring": {"coils": 1, "elements_per_turn": 8, "section_points": 4, "degree": 2},
     "blade": {"elements": 2, "section_points": 16},
     "biceps": {"elements": 5, "section_points": 4, "end_elements": 0}
     | {"end_time": 5e-5, "outputs": 2, "activation": 0.1},
@@ -326,8 +326,8 @@ def test_pages_of_records_of_another_kind(count, tmp_path):
 
 
 SAMPLE = [
-    "run spring --coils=1 --elements-per-turn=4 --section-points=10000000000000000000",
-    "run spring --coils=1 --elements-per-turn=4 --quadrature=64x64x64x64",
+    "run spring --coils=1 --elements-per-turn=8 --section-points=10000000000000000000",
+    "run spring --coils=1 --elements-per-turn=8 --quadrature=64x64x64x64",
     "run spring --coils=1000000000",
     "run spring --coils=1 --elements-per-turn=100000 --section-points=4 --degree=2 --quadrature=64x64x64",
     "run blade --elements=1000000000 --degree=6",

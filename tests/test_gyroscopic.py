@@ -34,7 +34,7 @@ def scene(tmp_path):
 
 def askew():
     """A clamped spring, pulled, that turns about a line askew to everything; its end is tied across."""
-    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4, order=2)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4, order=2)
     supports = [Support.end(space, "start"), Support.end(space, "end", "z", (0.0, 0.0, 1.0), tied="x")]
     spin = Spin((0.06, -0.08, 0.2), (1.0, 2.0, -3.0))
     body, load = Body(space, NeoHookean(5e3, 0.3), 2.0), SectionLoad((0.0, 0.1, 0.0))

@@ -252,7 +252,7 @@ def test_a_state_of_another_model_is_refused():
     assert offered.matrices is matrices
 
 
-SMALL = ["--coils", "1", "--section-points", "4", "--elements-per-turn", "4"]
+SMALL = ["--coils", "1", "--section-points", "4", "--elements-per-turn", "8"]
 
 
 def test_the_command_takes_the_solution_or_rest(tmp_path, capsys):

@@ -16,7 +16,7 @@ from isorod.errors import SolveError
 from isorod.scenes import Scene
 from isorod.scenes.biceps import Biceps
 
-SMALL = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
+SMALL = {"coils": 1, "elements_per_turn": 8, "section_points": 4}
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_a_record_says_what_was_measured():
 
 
 def test_rod_prints_one_line_of_json_and_refuses_in_one(capsys):
-    small = ["--coils", "1", "--elements-per-turn", "4", "--section-points", "4"]
+    small = ["--coils", "1", "--elements-per-turn", "8", "--section-points", "4"]
     assert rod.main(["spring", *small, "--repeat", "2"]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert len(json.loads(line)["runs"]) == 2

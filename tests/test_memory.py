@@ -37,8 +37,12 @@ print(min((after - before) / before for before, after in zip(sizes, sizes[1:])))
 
 BICEPS = {"elements": 5, "section_points": 4, "end_elements": 0, "activation": 0.1}
 CASES = {
-    "statics": ("statics", "spring", {"coils": 1, "elements_per_turn": 4, "section_points": 4, "degree": 2}),
-    "mixed": ("statics", "spring", {"coils": 1, "elements_per_turn": 4, "section_points": 4, "formulation": "mixed"}),
+    "statics": (
+        "statics",
+        "spring",
+        {"coils": 1, "helix": "paper", "elements_per_turn": 4, "section_points": 4, "degree": 2},
+    ),
+    "mixed": ("statics", "spring", {"coils": 1, "elements_per_turn": 8, "section_points": 4, "formulation": "mixed"}),
     "modes": ("modal", "blade", {"elements": 2}),
     "contact": ("statics", "biceps", BICEPS | {"statics": True}),
     "dynamics": ("dynamics", "biceps", BICEPS | {"end_time": 2e-4, "outputs": 2}),

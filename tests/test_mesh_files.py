@@ -48,7 +48,7 @@ def two():
 def force(scene, law):
     """The force on the upper end of a spring, converged to 1e-4."""
     space = Space(scene.rod(), section_degree=6, degree=6, continuity=0, elements=4 * scene.coils)
-    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, scene.pull))
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, scene.travel))
     return statics.solve(Model([Body(space, law(scene.E, scene.nu))], ends)).reactions[1, 2]
 
 
@@ -61,7 +61,7 @@ def force_by_calculix(scene, level, nonlinear):
         f"*ELASTIC\n{scene.E},{scene.nu}",
         "*SOLID SECTION,ELSET=ROD_0,MATERIAL=STEEL",
         "*STEP,NLGEOM\n*STATIC,DIRECT\n1.,1." if nonlinear else "*STEP\n*STATIC",
-        f"*BOUNDARY\nROD_0_START,1,3,0.\nROD_0_END,1,2,0.\nROD_0_END,3,3,{scene.pull}",
+        f"*BOUNDARY\nROD_0_START,1,3,0.\nROD_0_END,1,2,0.\nROD_0_END,3,3,{scene.travel}",
         "*NODE PRINT,NSET=ROD_0_END,TOTALS=ONLY\nRF\n*END STEP",
     ]
     with open("job.inp", "w") as file:
@@ -81,7 +81,7 @@ def force_by_calculix(scene, level, nonlinear):
     [(1, False, LinearElastic, 2.5e-3), pytest.param(3, True, StVenantKirchhoff, 3.5e-3, marks=pytest.mark.slow)],
 )
 def test_calculix_finds_the_force_of_the_spring(coils, nonlinear, law, last, folder):
-    scene = Spring(coils=coils)
+    scene = Spring(helix="paper", coils=coils)
     wanted = force(scene, law)
     errors = [abs(force_by_calculix(scene, level, nonlinear) / wanted - 1.0) for level in (1, 2)]
     assert errors[0] < 0.04 and errors[1] < last and errors[1] < errors[0] / 10.0
@@ -207,7 +207,7 @@ def test_gmsh_reads_volumes_and_groups(folder):
 
 def test_options_of_the_scene_are_those_of_the_rod(folder, capsys):
     assert main(["spring", "short.inp", "--coils", "1", "--wire-radius", "0.5", "again.inp"]) == 0
-    rod = Spring(coils=1, wire_radius=0.5).rod()
+    rod = Spring(helix="paper", coils=1, wire_radius=0.5).rod()
     (first, second) = capsys.readouterr().out.splitlines()
     assert first.startswith("short.inp: ") and second.startswith("again.inp: ")
     assert float(re.search(r"volume ([\d.]+)", first)[1]) == pytest.approx(rod.volume(), rel=2e-2)

@@ -97,7 +97,11 @@ def test_no_pressure_goes_unseen_however_few_points_the_section_has(n, order):
 
 def test_inf_sup_constant_of_a_coil_with_kinks_in_its_parameter():
     found = [
-        inf_sup(Space.paper(Spring(coils=1).rod(), elements=e, degree=2, continuity=1, quadrature="auto", order=2))
+        inf_sup(
+            Space.paper(
+                Spring(helix="paper", coils=1).rod(), elements=e, degree=2, continuity=1, quadrature="auto", order=2
+            )
+        )
         for e in (4, 8)
     ]
     assert 0.29 < found[0] < found[1]

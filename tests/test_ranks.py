@@ -233,7 +233,7 @@ def assembly(_):
 
 def modes(_):
     """Of a free body, of two, about a state, with pressures, and in a frame that turns; vectors of single modes."""
-    space = Space.paper(Spring(section_points=4, coils=1).rod(), elements=4, degree=3)
+    space = Space.paper(Spring(helix="paper", section_points=4, coils=1).rod(), elements=4, degree=3)
     start = Support.end(space, "start")
     free, pull = Body(space, LinearElastic(200.0, 0.3), 2.0), Support.end(space, "end", displacement=(0.0, 0.0, 1.0))
     pulled = Model([Body(space, NeoHookean(200.0, 0.3), 2.0)], [start, pull])
@@ -253,7 +253,9 @@ def modes(_):
 
 def bands(_):
     """Analyses with the factors of bands that ranks share."""
-    spring = Spring(order=1, degree=3, section_points=6, elements_per_turn=8, coils=2, formulation="displacement")
+    spring = Spring(
+        helix="paper", order=1, degree=3, section_points=6, elements_per_turn=8, coils=2, formulation="displacement"
+    )
     pulled = statics.solve(spring.model())
     assert pulled.solver["pc"] == "banded"
     found = {"displacement": pulled.displacement, "reactions": pulled.reactions}

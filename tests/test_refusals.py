@@ -63,11 +63,11 @@ def test_default_rules_are_not_checked(monkeypatch):
 @pytest.mark.parametrize("pull", [1e-300, 1e-20, 1e-13, 1e-10])
 def test_displacements_that_leave_no_digits_are_refused(pull):
     with pytest.raises(SolveError, match="double precision"):
-        statics.solve(Spring(preset="paper", pull=pull).model())
+        statics.solve(Spring(preset="paper", travel=pull).model())
 
 
 def test_small_displacements_are_right():
-    force = {pull: statics.solve(Spring(preset="paper", pull=pull).model()).reactions[1, 2] for pull in (1e-3, 1e-8)}
+    force = {pull: statics.solve(Spring(preset="paper", travel=pull).model()).reactions[1, 2] for pull in (1e-3, 1e-8)}
     assert force[1e-8] / 1e-8 == pytest.approx(force[1e-3] / 1e-3, rel=1e-3)
 
 
@@ -91,7 +91,7 @@ def test_a_translation_is_no_imbalance():
 def test_loose_tolerances_are_refused(modulus):
     """Whatever forces are counted in."""
     with petsc({"snes_atol": 1e5 * modulus}), pytest.raises(SolveError, match="SNES tolerances are too loose"):
-        statics.solve(Spring(preset="paper", pull=6.0, E=modulus).model())
+        statics.solve(Spring(preset="paper", travel=6.0, E=modulus).model())
 
 
 @pytest.mark.parametrize("modulus", [1e-60, 1e-12, 1e60])

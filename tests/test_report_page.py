@@ -23,7 +23,7 @@ SCENES = {
         "coils": 3,
         "coil_radius": 6.0,
         "pitch": 2.6,
-        "pull": 2.0,
+        "travel": 2.0,
         "E": 2e4,
         "nu": 0.3,
         "section_points": 4,

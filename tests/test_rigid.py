@@ -27,7 +27,7 @@ SPACES = {
     "bar of order 3": lambda cylinder: bar(cylinder, order=3),
     "bar of finer section": lambda cylinder: bar(cylinder, section_points=12),
     "bar of 3 points": lambda cylinder: bar(cylinder, n=3),
-    "helix": lambda cylinder: Space.paper(Spring(section_points=5).rod(), elements=12, degree=3),
+    "helix": lambda cylinder: Space.paper(Spring(helix="paper", section_points=5).rod(), elements=12, degree=3),
     "ring": lambda cylinder: Space.paper(Ring(section_points=4).rod(), elements=8, order=2),
     "blade": lambda cylinder: Space.paper(Blade().rod(), elements=3),
 }

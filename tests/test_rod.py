@@ -32,7 +32,7 @@ def swept(seed=5, n=6):
 
 RODS = {
     "swept": swept,
-    "spring": lambda: Spring(section_points=5).rod(),
+    "spring": lambda: Spring(helix="paper", section_points=5).rod(),
     "ring": lambda: Ring().rod(),
     "flower": lambda: Flower().rod(),
 }
@@ -66,11 +66,11 @@ def test_ring_has_32_distinct_control_points_and_its_ends_are_one_section():
 @pytest.mark.parametrize("n", [4, 8, 16])
 def test_volume_of_the_helical_wire_is_its_section_times_its_length(n):
     length = 3 * np.hypot(2 * np.pi * 6, 2.60258)
-    assert Spring(section_points=n).rod().volume() == pytest.approx(np.pi * length, rel=1e-5)
+    assert Spring(helix="paper", section_points=n).rod().volume() == pytest.approx(np.pi * length, rel=1e-5)
 
 
 def test_helix_is_in_the_right_place():
-    rod = Spring(section_points=5).rod()
+    rod = Spring(helix="paper", section_points=5).rod()
     quarter = rod.points(np.zeros((13, 2)), np.arange(13.0))
     angle = np.pi / 2 * np.arange(13)
     expected = np.stack([6 * np.cos(angle), 6 * np.sin(angle), 2.60258 / 4 * np.arange(13)], axis=1)

@@ -34,7 +34,9 @@ def test_the_wire_says_what_it_needs(arguments):
 
 def test_operations_are_those_of_the_products_written_out():
     """Sizes of the four products of matrices across, and of the sums along."""
-    (part,) = Assembler(Spring(coils=1, section_points=6, order=1, elements_per_turn=4, degree=3).model()).parts
+    (part,) = Assembler(
+        Spring(helix="paper", coils=1, section_points=6, order=1, elements_per_turn=4, degree=3).model()
+    ).parts
     elements, along, points = part.table.weights.shape
     n, functions = part.table.section.shape[2], part.table.axial.shape[2]
     across = sum(rows * columns for rows, columns in ((3, 4), (3, 3), (9, 2), (6, 1))) * points * n * n

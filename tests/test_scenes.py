@@ -16,8 +16,8 @@ from isorod.errors import InputError
 # What makes a long run short.
 SHORT = {
     "biceps": {"end_time": 0.0005},
-    "clasp": {"pull": 0.01, "section_points": 8, "elements": 4},
-    "coil": {"coils": 1, "push": 5.0},
+    "clasp": {"travel": 0.01, "section_points": 8, "elements": 4},
+    "coil": {"coils": 1, "travel": 5.0},
     "knot": {"settling": 0.02},
     "rope": {"wrap": 2.0, "elements": 8},
     "strand": {"length": 20.0},

@@ -216,7 +216,7 @@ def test_solves_to_rounding_on_ranks(ranks, on_ranks):
 
 
 def test_critical_loads_take_the_band_and_agree_with_mumps(petsc_options):
-    rod = Spring(coils=1, section_points=4).rod()
+    rod = Spring(helix="paper", coils=1, section_points=4).rod()
     space = Space.paper(rod, elements=8, degree=3)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, -12.0))]
     model = Model([Body(space, NeoHookean(1.0, 0.3))], ends)

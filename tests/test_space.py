@@ -16,7 +16,7 @@ from isorod.scenes.spring import Spring
 from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
 from isorod.space.graded import Graded
 
-RODS = {"blade": Blade().rod(), "spring": Spring(coils=1, section_points=5).rod(), "ring": Ring().rod()}
+RODS = {"blade": Blade().rod(), "spring": Spring(helix="paper", coils=1, section_points=5).rod(), "ring": Ring().rod()}
 
 REFINEMENTS = {
     "n x 2": {"section": 2},

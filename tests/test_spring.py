@@ -74,13 +74,13 @@ def test_force_is_proportional_to_youngs_modulus():
 
 def test_force_does_not_depend_on_the_unit_of_length():
     """All lengths ten times as long: stresses stay, forces grow a hundredfold."""
-    large = force(4, 8, coil_radius=60.0, pitch=26.0258, wire_radius=10.0, pull=20.0)
+    large = force(4, 8, coil_radius=60.0, pitch=26.0258, wire_radius=10.0, travel=20.0)
     assert large == pytest.approx(100 * force(4, 8), rel=1e-8)
 
 
 def test_mirrored_spring_pulls_alike():
     """A left-handed spring, wound downwards and pulled downwards."""
-    assert force(8, 8, pitch=-2.60258, pull=-2.0) == pytest.approx(-force(8, 8), rel=1e-8)
+    assert force(8, 8, pitch=-2.60258, travel=-2.0) == pytest.approx(-force(8, 8), rel=1e-8)
 
 
 @pytest.mark.parametrize(("coils", "wire", "excess"), [(3, 1.0, 0.015), (12, 1.0, 0.007), (12, 0.5, 0.003)])
@@ -88,7 +88,7 @@ def test_small_pull_shows_the_textbook_stiffness(coils, wire, excess):
     """G d^4 / (8 D^3 n); clamped ends add to it, less with more coils, and the wire's curvature, less if thin."""
     shear = published.SPRING_E / 2.6
     textbook = shear * (2 * wire) ** 4 / (8 * 12**3 * coils)
-    stiffness = force(8, 8, pull=1e-4, degree=4, quadrature="full", coils=coils, wire_radius=wire) / 1e-4
+    stiffness = force(8, 8, travel=1e-4, degree=4, quadrature="full", coils=coils, wire_radius=wire) / 1e-4
     assert 0.5 * excess < stiffness / textbook - 1.0 < excess
 
 

@@ -204,7 +204,7 @@ def test_every_rank_has_the_whole_answer(mpirun):
     script = """
 from mpi4py import MPI
 from isorod.scenes.spring import Spring
-s = isorod.statics.solve(Spring(coils=1, section_points=4, elements_per_turn=8).model())
+s = isorod.statics.solve(Spring(helix="paper", coils=1, section_points=4, elements_per_turn=8).model())
 found = [*s.at(0, "end"), s.stress(0, 1.3, (1, 0), kind="von Mises"), *s.section_forces(0, 1.3).force]
 both = MPI.COMM_WORLD.allgather([float(one) for one in found])
 if MPI.COMM_WORLD.rank == 0:

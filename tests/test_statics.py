@@ -51,7 +51,7 @@ def test_newton_converges_quadratically(displacement, bar, petsc_options):
 def test_newton_converges_quadratically_on_the_spring(petsc_options):
     """A slender rod, whose stretch follows its bending: without extrapolation two steps would make one order."""
     petsc_options(snes_rtol=1e-15)
-    norms = statics.solve(Spring(preset="paper", pull=2.0).model()).residual_norms
+    norms = statics.solve(Spring(preset="paper", travel=2.0).model()).residual_norms
     assert norms[-1] < 1e-13 * norms[0]
     assert len(norms) <= 6
     assert_quadratic(norms[1:], norms[0])
@@ -147,7 +147,7 @@ def test_reaction_is_the_derivative_of_the_energy_by_the_displacement():
     """dW/d(pull) = force: Castigliano at finite deformation."""
 
     def energy(pull):
-        model = Spring(preset="paper", coils=1, section_points=4, pull=pull).model()
+        model = Spring(preset="paper", coils=1, section_points=4, travel=pull).model()
         solution = statics.solve(model)
         assembler = Assembler(model)
         x = assembler.vector()

@@ -135,8 +135,10 @@ FREE = {
     "slender": lambda bar: bar(60.0),
     "order 2": lambda bar: bar(6.0, order=2, elements=4),
     "polynomials": lambda bar: bar(6.0, section_degree=4, elements=4),
-    "helix": lambda bar: free_model(Spring(section_points=4).rod(), elements=12, degree=3),
-    "slender helix": lambda bar: free_model(Spring(section_points=4, wire_radius=0.1).rod(), elements=24, degree=3),
+    "helix": lambda bar: free_model(Spring(helix="paper", section_points=4).rod(), elements=12, degree=3),
+    "slender helix": lambda bar: free_model(
+        Spring(helix="paper", section_points=4, wire_radius=0.1).rod(), elements=24, degree=3
+    ),
     "ring": lambda bar: free_model(Ring(section_points=6).rod(), elements=8, degree=3),
     "flower": lambda bar: free_model(Flower().rod(), elements=4, quadrature="full"),
     "blade": lambda bar: Model(Blade(preset="paper", elements=6).model().bodies),

@@ -8,8 +8,6 @@ import sys
 import warnings
 from typing import Any
 
-import numpy as np
-
 from comparisons.contact.coil import Coil
 from isorod import options, scenes, statics
 from isorod.output import results
@@ -26,12 +24,12 @@ SPACES = (8, 8), (8, 16), (16, 8)
 def solid(section_points: int, elements: int, steps: int = 10) -> dict[str, Any]:
     """Return travel to solid and stiffness of the stack, of a space, and what they should be."""
     scene = scenes.find("coil")(coils=TURNS, section_points=section_points, elements_per_turn=elements)
-    wire = Coil(scene.coil_radius, 2.0 * scene.wire_radius, TURNS, np.radians(scene.lead), scene.E, scene.nu)
+    wire = Coil(scene.coil_radius, 2.0 * scene.wire_radius, TURNS, scene.lead, scene.E, scene.nu)
     touch, found = wire.touch(), list[dict[str, Any]]()
     travels = [touch + share * scene.wire_radius for share in PAST]
     for travel in travels:
         pushed = scenes.find("coil")(
-            coils=TURNS, section_points=section_points, elements_per_turn=elements, push=travel
+            coils=TURNS, section_points=section_points, elements_per_turn=elements, travel=travel
         )
         found.append(pushed.measure(statics.solve(pushed.model(), load_steps=steps)))
     free = wire.force(touch)

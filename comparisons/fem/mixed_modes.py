@@ -143,7 +143,7 @@ class Case:
         return modes(domain, law, self.density, self.held, degree=self.degree, about=about)
 
 
-_SPRING = Spring()
+_SPRING = Spring(helix="paper")
 
 CASES = {
     "cylinder": Case(
@@ -166,7 +166,7 @@ CASES = {
         ("start", "end"),
         Spring.E,
         7.85e-9,
-        Spring.pull,
+        Spring.travel,
         2,
     ),
 }

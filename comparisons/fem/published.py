@@ -51,8 +51,8 @@ class Spring(runs.Configuration):
 
     def solve(self, where: Domain) -> Equilibrium:
         """Return the equilibrium: lower end clamped, upper end displaced along the axis."""
-        scene = scene_of_spring.Spring()
-        held = [Held("start"), Held("end", (0.0, 0.0, scene.pull))]
+        scene = scene_of_spring.Spring(helix="paper")
+        held = [Held("start"), Held("end", (0.0, 0.0, scene.travel))]
         law = energy_of(NeoHookean(scene.E, scene.nu))
         options = statics.DIRECT if self.solver is None else self.solver
         return statics.solve(where, law, held, self.element, options, self.flags, self.matrix)

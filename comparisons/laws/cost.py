@@ -86,7 +86,7 @@ def seconds(name: str, folder: str) -> float:
 
 def main() -> int:
     """Print the table."""
-    scene = Spring().model()
+    scene = Spring(helix="paper").model()
 
     def model(law: Material) -> Model:
         return replace(scene, bodies=[replace(scene.bodies[0], material=law, density=1e-9, formulation="displacement")])

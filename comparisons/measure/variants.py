@@ -103,7 +103,7 @@ def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str
     for name, value in (dict(base) | dict(changed)).items():
         # A spring counts its elements by the turn.
         if name == "elements" and name not in names:
-            name, value = "elements_per_turn", value // scene.coils
+            name, value = "elements_per_turn", scene.per_turn * value // scene.rod().axis.elements
         # The functions of control points of a section that are its rod's own.
         if name in names:
             found += [f"--{name.replace('_', '-')}", str(value)]

@@ -78,8 +78,10 @@ def _record(found: argparse.Namespace) -> dict[str, Any]:
     values: dict[str, Any]
     result: statics.Equilibrium | modal.Modes
     if found.scene == "spring":
-        wire = Spring()
-        rest, runs = timing.repeated(lambda: statics.solve(mesh, (wire.E, wire.nu), wire.pull, *element), found.repeat)
+        wire = Spring(helix="paper")
+        rest, runs = timing.repeated(
+            lambda: statics.solve(mesh, (wire.E, wire.nu), wire.travel, *element), found.repeat
+        )
         result = rest
         values = {
             "analysis": "statics",

@@ -35,7 +35,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     about = (
         f"<p>A round wire of radius {scene['wire_radius']:g}, wound in {scene['coils']} coils of radius "
         f"{scene['coil_radius']:g} that rise {scene['pitch']:g} a turn, clamped at its lower end. The upper end, kept "
-        f"from turning, is pulled {scene['pull']:g} along the axis: how large is the force? The material is "
+        f"from turning, is pulled {scene['travel']:g} along the axis: how large is the force? The material is "
         f"neo-Hookean, E = {scene['E']:g}, ν = {scene['nu']:g}. Units are consistent ones: with mm and MPa the force "
         f"is in N. Converged force: {force:.5f}, extrapolated from three uniformly refined meshes of curved "
         f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {_order(limit)}, finest mesh "

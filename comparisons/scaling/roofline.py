@@ -44,7 +44,14 @@ def least(work: Callable[[], object]) -> float:
 def measure(name: str, fields: dict[str, int], peak: float) -> dict[str, Any]:
     """Return the record of one kind of functions; ``peak`` is that of the machine, operations a second."""
     own: Any = fields | {"continuity": fields["degree"] - 1}
-    scene = Spring(coils=COILS, elements_per_turn=wire.ELEMENTS, quadrature="auto", formulation="displacement", **own)
+    scene = Spring(
+        helix="paper",
+        coils=COILS,
+        elements_per_turn=wire.ELEMENTS,
+        quadrature="auto",
+        formulation="displacement",
+        **own,
+    )
     assembler = Assembler(scene.model())
     (part,) = assembler.parts
     (blocks,) = Pattern([part.of_dofs], assembler.free).blocks

@@ -43,7 +43,14 @@ SHORT, STEP = 2e-5, 1e-4
 def model(family: str, coils: int, moving: bool) -> Model:
     """Return the wire, clamped at both ends; pulled by the upper one, or ``moving``: with a mass, and at rest."""
     fields: Any = FAMILIES[family] | {"coils": coils, "elements_per_turn": ELEMENTS, "degree": DEGREE}
-    scene = Spring(continuity=DEGREE - 1, pull=PULL * coils, quadrature="auto", formulation="displacement", **fields)
+    scene = Spring(
+        helix="paper",
+        continuity=DEGREE - 1,
+        travel=PULL * coils,
+        quadrature="auto",
+        formulation="displacement",
+        **fields,
+    )
     found = scene.model()
     if not moving:
         return found

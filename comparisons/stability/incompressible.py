@@ -110,8 +110,8 @@ def reference(case: str, nu: float, around: int, rings: int, layers: int) -> flo
 
     template = o_grid(around, rings, 2)
     if case == SPRING:
-        domain = Domain.distribute(bricks(Spring().rod(), template, layers))
-        held = [Held("start"), Held("end", (0.0, 0.0, Spring.pull))]
+        domain = Domain.distribute(bricks(Spring(helix="paper").rod(), template, layers))
+        held = [Held("start"), Held("end", (0.0, 0.0, Spring.travel))]
         return float(mixed.solve(domain, law(nu, Spring.E / 2.6), held).reactions[1, 2])
     if case == BENT:
         domain = Domain.distribute(bricks(straight(LENGTH).sweep(circle(8)), template, layers, grading=2.0))

@@ -1,14 +1,14 @@
 """The scene that words of a command line choose, with its options and those of its analysis."""
 
 import argparse
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from isorod import files, scenes
+from isorod.command import pages
 from isorod.command.parser import Parser, add_fields, field_values
 from isorod.errors import InputError
-
-PETSC = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_type gmres, -log_view, -help ...)."
 
 # Commands that solve nothing, and take none of PETSc's options.
 _ALONE = ("show",)
@@ -43,20 +43,21 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
         If no scene is named, or an option is not known or has no value that it can have.
     """
     place, scene, parser = find(command, ours, theirs, more)
+    if "-help" in theirs:
+        # With --json standard output is the record's alone.
+        parser.print_help(sys.stderr if "--json" in ours else None)
     words = [*ours[:place], *ours[place + 1 :]]
     found = parser.known(words)
     return Chosen(scene.with_options(**field_values(found, scene)), found, words)
 
 
-def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
-    """Return whether help alone is asked for, with no scene; it is printed."""
-    if ours[:1] not in (["-h"], ["--help"]) and (ours or theirs):
-        return False
-    more = "" if command in _ALONE else " [-petsc_option value ...]"
-    print(f"usage: isorod {command} SCENE [--option value ...]{more}\n")
-    print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are), or a file NAME.toml")
-    print("('isorod new' writes one to begin with)" + ("" if command in _ALONE else f"\n{PETSC}"))
-    return True
+def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> int | None:
+    """Print a command's page where help alone is asked for, or nothing at all; return the exit code, else None."""
+    asked = ours[:1] in (["-h"], ["--help"]) or (not ours and [*theirs] == ["-help"])
+    if not asked and (ours or theirs):
+        return None
+    print(pages.page(command))
+    return 0 if asked else 2
 
 
 def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -> tuple[int, Any, Parser]:
@@ -86,7 +87,7 @@ def _is_scene(word: str) -> bool:
 
 def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
     """Return the parser of a scene's options, and of a command's own."""
-    about = None if command in _ALONE else PETSC
+    about = None if command in _ALONE else pages.PETSC
     parser = Parser(prog=f"isorod {command} {name}", description=scene.title, epilog=about, allow_abbrev=False)
     add_fields(parser, scene)
     more(parser, scene)

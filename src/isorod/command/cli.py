@@ -1,12 +1,13 @@
 """The ``isorod`` command: which of its commands the first word means."""
 
+import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NamedTuple
 
 from isorod import __version__, memory, scenes
-from isorod.command import ending, notes
+from isorod.command import ending, notes, pages
 from isorod.command.parser import Parser, split
 from isorod.errors import InputError
 
@@ -43,7 +44,13 @@ def command(arguments: Sequence[str]) -> int:
     """Do what the first word says; return the exit code."""
     notes.keep()
     ours, theirs = split(arguments)
+    if ours[:1] == ["--complete"]:
+        from isorod.command import completion
+
+        return completion.main()
     meant = COMMANDS.get(ours[0]) if ours else None
+    if theirs == ["-help"] and not (meant and meant.petsc and len(ours) > 1):
+        ours, theirs = [*ours, "--help"], []
     if theirs and not (meant and meant.petsc):
         raise InputError(f"option {theirs[0]}: PETSc options go with 'isorod run SCENE'")
     behind = next((word for word in ours if word in COMMANDS), None)
@@ -56,10 +63,7 @@ def command(arguments: Sequence[str]) -> int:
     parser = _parser()
     found = parser.known(ours)
     if found.command == "list":
-        for name in scenes.SCENES:
-            scene = scenes.find(name)
-            print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {scene.title}")
-        return 0
+        return _list()
     if found.command == "new":
         from isorod.command import new as starter
 
@@ -72,21 +76,53 @@ def command(arguments: Sequence[str]) -> int:
         from isorod.command import doctor
 
         return doctor.main()
+    if found.completion:
+        from isorod.command import completion
+
+        return completion.install()
     parser.print_help()
+    return 2
+
+
+def _list() -> int:
+    """Print the ready scenes and the examples, each with its analysis and what it is."""
+    from isorod.command import new
+
+    print("isorod run SCENE:")
+    for name in scenes.SCENES:
+        scene = scenes.find(name)
+        print(f"  {name:10s} {scenes.analyses(scene)[0]:10s} {scene.title}")
+    print("\nisorod new NAME.toml --from EXAMPLE, which a file describes:")
+    for name, (analysis, title) in new.told().items():
+        print(f"  {name:10s} {analysis:10s} {title}")
     return 0
 
 
 def _parser() -> Parser:
     """Return the parser of the commands that need no scene, which knows of the others."""
-    parser = Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
+    parser = Parser(
+        prog="isorod",
+        description="Rods as full 3-D continua through surface control points.",
+        epilog="isorod COMMAND --help tells what a command reads and writes, with an example.",
+    )
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
+    about = "let bash complete commands, scenes and options, and say how zsh does"
+    parser.add_argument("--install-completion", action="store_true", dest="completion", help=about)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     for name, one in COMMANDS.items():
         commands.add_parser(name, help=one.help, add_help=False)
-    commands.add_parser("list", help="list the scenes")
-    new = commands.add_parser("new", help="write a starter scene file")
+    others = {
+        "list": "list the scenes and the examples",
+        "new": "write a scene file to begin with",
+        "compile": "compile all functions ahead of the first run",
+        "doctor": "show versions, what is missing and how to get it",
+    }
+    raw = argparse.RawDescriptionHelpFormatter
+    made = {
+        name: commands.add_parser(name, help=said, description=pages.PAGES[name], formatter_class=raw)
+        for name, said in others.items()
+    }
+    new = made["new"]
     new.add_argument("name", nargs="?", default="my.toml", metavar="NAME.toml", help="name of the file (my.toml)")
     new.add_argument("--from", default="starter", dest="origin", metavar="EXAMPLE", help="spring, ring ... (starter)")
-    commands.add_parser("compile", help="compile all functions ahead of the first run")
-    commands.add_parser("doctor", help="show versions, what is missing and how to get it")
     return parser

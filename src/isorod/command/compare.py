@@ -1,9 +1,10 @@
-"""``isorod compare``: the comparison with finite elements, a program of its own that this one becomes."""
+"""``isorod compare``: the comparison with finite elements, by a program of its own that this one becomes."""
 
 from collections.abc import Sequence
 from importlib.util import find_spec
 
-from isorod.command import beside
+from isorod.command import beside, pages
+from isorod.command.parser import Parser
 from isorod.errors import InputError
 
 # What the comparison needs besides, and how to get it.
@@ -22,8 +23,16 @@ def main(arguments: Sequence[str], theirs: Sequence[str] = ()) -> int:
     Raises
     ------
     InputError
-        If something that it needs is not installed, with how to get it.
+        If an option is not known, or something that it needs is not installed, with how to get it.
     """
+    if not arguments or {"-h", "--help"} & {*arguments}:
+        print(pages.page("compare"))
+        return 0 if arguments else 2
+    parser = Parser(prog="isorod compare", allow_abbrev=False)
+    parser.add_argument("scene")
+    parser.add_argument("--level", choices=("quick", "full"))
+    parser.add_argument("--results")
+    parser.known(arguments)
     if not beside.is_there("comparisons"):
         raise InputError(
             "compare: the comparisons are not installed: pip install 'isorod[compare]', or run in a checkout"

@@ -14,9 +14,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Write the matrices of a scene with our options and PETSc's; return the exit code."""
     import numpy as np
 
-    if chosen.usage("matrices", ours, theirs):
-        return 0
-    scene, found, _ = chosen.choose("matrices", ours, theirs, _more)
+    if (told := chosen.usage("matrices", ours, theirs)) is not None:
+        return told
+    scene, found, _ = chosen.choose("matrices", ours, theirs, more)
     if scene.analysis == "geometry":
         raise InputError("matrices: this scene is geometry only, which has none; 'isorod list' names others")
     with np.errstate(all="ignore"), options.petsc_errors():
@@ -34,7 +34,8 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     return 0
 
 
-def _more(parser: Parser, scene: Any) -> None:
+def more(parser: Parser, scene: Any) -> None:
+    """Add options of the scene's analysis, and of the files."""
     if {"statics", "modal"} & {*scenes.analyses(scene)}:
         chosen.with_load_steps(parser, scene)
     parser.add_argument(

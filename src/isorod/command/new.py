@@ -1,6 +1,7 @@
 """``isorod new``: a scene file to begin with."""
 
 import os
+import tomllib
 from pathlib import Path
 
 from isorod import files
@@ -12,6 +13,16 @@ _FOLDER = Path(files.__file__).parent / "examples"
 STARTER = "starter"
 
 EXAMPLES = tuple(sorted(file.stem for file in _FOLDER.glob("*.toml")))
+
+
+def told() -> dict[str, tuple[str, str]]:
+    """Return the analysis and the title of each example."""
+    result = {}
+    for name in EXAMPLES:
+        content = tomllib.loads((_FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+        analysis = content["analysis"]
+        result[name] = analysis if isinstance(analysis, str) else next(iter(analysis)), content.get("title", "")
+    return result
 
 
 def main(name: str, origin: str) -> int:

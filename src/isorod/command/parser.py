@@ -2,9 +2,11 @@
 
 import argparse
 import difflib
+import math
 import re
 import types
 import typing
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -58,6 +60,16 @@ class Parser(argparse.ArgumentParser):
             self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
         return found
 
+    @property
+    def options(self) -> list[str]:
+        """All options that the help tells, with two dashes."""
+        told = (action for action in self._actions if action.help is not argparse.SUPPRESS)
+        return [name for action in told for name in action.option_strings if name.startswith("--")]
+
+    def choices(self, word: str) -> list[str]:
+        """Return the values that an option can have, if these are few."""
+        return [*(self._option_string_actions[word].choices or ())]
+
     def takes_value(self, word: str) -> bool:
         """Return whether a word is an option whose value is the next one."""
         action = self._option_string_actions.get(word)
@@ -83,6 +95,26 @@ def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:
             parser.add_argument(flag, dest=field.name, action="store_true", help=field.metadata["help"])
             continue
         parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
+        if "was" in field.metadata:
+            factor = 180.0 / math.pi if field.metadata.get("radians") else 1.0
+            hidden: Any = {"default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
+            parser.add_argument(
+                field.metadata["was"], dest=field.name, type=kind, action=_Former, now=flag, factor=factor, **hidden
+            )
+
+
+class _Former(argparse.Action):
+    """An option by its former name: its value is taken, with a warning that says what to type."""
+
+    def __init__(self, *arguments: Any, now: str, factor: float, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self._now, self._factor = now, factor
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Keep the value under the present name."""
+        value = values if self._factor == 1.0 else values * self._factor
+        warnings.warn(f"{option_string}: say {self._now}={value:.12g}", FutureWarning, stacklevel=2)
+        setattr(namespace, self.dest, value)
 
 
 def field_values(found: argparse.Namespace, scene: Any) -> dict[str, Any]:

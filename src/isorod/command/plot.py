@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from isorod.command import drawing
+from isorod.command import drawing, pages
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import animation, picture, reading
@@ -34,7 +34,7 @@ _SEEN = 0.12
 
 def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Draw a result; return the exit code."""
-    found = _parser().known(ours)
+    found = parser().known(ours)
     if sum(one is not None for one in (found.png, found.gif)) > 1:
         raise InputError("--png and --gif: give one of them")
     result = reading.find(found.place, found.run)
@@ -56,26 +56,30 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     return 0
 
 
-def _parser() -> Parser:
-    parser = Parser(
-        prog="isorod plot", description="Plot the results of isorod run SCENE --output DIR.", allow_abbrev=False
+def parser() -> Parser:
+    """Return the parser of the command's options."""
+    result = Parser(
+        prog="isorod plot",
+        description=pages.PAGES["plot"],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
-    parser.add_argument("place", metavar="DIR", help="a results folder, or a .vtu, .pvd or .csv file of it")
-    parser.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
-    parser.add_argument("--colour", metavar="FIELD", help="field of the files, such as displacement (von_mises)")
-    parser.add_argument("--scale", metavar="float", help="deformation scale factor, or auto (1, of modes auto)")
-    parser.add_argument("--mode", type=int, metavar="int", help="which mode, from 1 (the first)")
-    parser.add_argument("--time", type=float, metavar="float", help="time, or load factor, of what is drawn (the last)")
-    parser.add_argument("--gif", metavar="FILE", help="write an animation of all times or load steps, or of a mode")
-    parser.add_argument(
+    result.add_argument("place", metavar="DIR", help="a results folder, or a .vtu, .pvd or .csv file of it")
+    result.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    result.add_argument("--colour", metavar="FIELD", help="field of the files, such as displacement (von_mises)")
+    result.add_argument("--scale", metavar="float", help="deformation scale factor, or auto (1, of modes auto)")
+    result.add_argument("--mode", type=int, metavar="int", help="which mode, from 1 (the first)")
+    result.add_argument("--time", type=float, metavar="float", help="time, or load factor, of what is drawn (the last)")
+    result.add_argument("--gif", metavar="FILE", help="write an animation of all times or load steps, or of a mode")
+    result.add_argument(
         "--curve",
         nargs="?",
         const="",
         metavar="FILE.csv",
         help="draw curves against time, load or mode instead: those of the run, or of a file",
     )
-    drawing.add_options(parser)
-    return parser
+    drawing.add_options(result)
+    return result
 
 
 def _chosen(result: reading.Result, found: argparse.Namespace) -> tuple[reading.Step, ...]:

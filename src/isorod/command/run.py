@@ -20,9 +20,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     from isorod.command import printing
 
-    if chosen.usage("run", ours, theirs):
-        return 0
-    scene, found, _ = chosen.choose("run", ours, theirs, _more)
+    if (told := chosen.usage("run", ours, theirs)) is not None:
+        return told
+    scene, found, _ = chosen.choose("run", ours, theirs, more)
     if found.output is not None:
         from isorod.output import results, vtk
 
@@ -42,7 +42,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     return ending.fail("isorod", "; ".join(problems)) if problems else 0
 
 
-def _more(parser: Parser, scene: Any) -> None:
+def more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analyses, and of what becomes of the result."""
     chosen.with_analysis(parser, scene)
     analyses = scenes.analyses(scene)

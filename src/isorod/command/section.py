@@ -28,9 +28,9 @@ _ORDER = (
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Print the properties of a section of a scene's rod; return the exit code."""
-    if chosen.usage("section", ours, theirs):
-        return 0
-    scene, found, _ = chosen.choose("section", ours, theirs, _more)
+    if (told := chosen.usage("section", ours, theirs)) is not None:
+        return told
+    scene, found, _ = chosen.choose("section", ours, theirs, more)
     if found.output is not None and Path(found.output).suffix != ".csv":
         raise InputError(f"--output: got {found.output}, need a file that ends in .csv")
     from isorod.output import results
@@ -62,7 +62,7 @@ _KEPT = (
 ).split()
 
 
-def _more(parser: Parser, scene: Any) -> None:
+def more(parser: Parser, scene: Any) -> None:
     """Add which section is meant, and what becomes of it."""
     parser.add_argument("--rod", metavar="NAME", help="rod of the scene: its name in a file, or its number (the first)")
     parser.add_argument("--u", default="start", metavar="U", help="axis parameter, start or end (start)")

@@ -10,9 +10,9 @@ from isorod.command.parser import Parser
 
 def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Show the rods of a scene in a window, or write a picture of them; return the exit code."""
-    if chosen.usage("show", ours, theirs):
-        return 0
-    scene, found, _ = chosen.choose("show", ours, theirs, _more)
+    if (told := chosen.usage("show", ours, theirs)) is not None:
+        return told
+    scene, found, _ = chosen.choose("show", ours, theirs, more)
     window = drawing.prepare("show", found)
     from isorod.output import picture, shape, solids
 
@@ -39,6 +39,6 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     return 0
 
 
-def _more(parser: Parser, scene: Any) -> None:
+def more(parser: Parser, scene: Any) -> None:
     """Add the options of a picture."""
     drawing.add_options(parser)

@@ -14,13 +14,13 @@ from time import perf_counter
 from typing import Any
 
 from isorod import options, scenes
-from isorod.command import chosen, ending, grid, notes
+from isorod.command import chosen, ending, grid, notes, pages
 from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
 from isorod.output.words import duration
 
 _HOW = (
-    "Options have several values as from:to:count, evenly spaced (--pull 0:10:21), or a,b,c (--nu 0.3,0.4); every "
+    "Options have several values as from:to:count, evenly spaced (--travel 0:10:21), or a,b,c (--nu 0.3,0.4); every "
     "combination is solved, the values of the last option fastest."
 )
 
@@ -35,10 +35,10 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Run a sweep with our options and PETSc's; return the exit code: 2 where points could not be solved."""
     import numpy as np
 
-    if chosen.usage("sweep", ours, theirs):
-        return 0
+    if (told := chosen.usage("sweep", ours, theirs)) is not None:
+        return told
     if {"-h", "--help"} & {*ours}:
-        chosen.find("sweep", ours, theirs, _more)[2].print_help()
+        chosen.find("sweep", ours, theirs, more)[2].print_help()
         return 0
     words = _without_old(ours)
     points = grid.read(words, _VALUED)
@@ -69,9 +69,9 @@ def _without_old(ours: Sequence[str]) -> list[str]:
     return kept
 
 
-def _more(parser: Parser, scene: Any) -> None:
+def more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analysis, and of the sweep."""
-    parser.epilog = f"{_HOW} {chosen.PETSC}"
+    parser.epilog = f"{_HOW} {pages.PETSC}"
     chosen.with_analysis(parser, scene)
     if {"statics", "modal", "buckling"} & {*scenes.analyses(scene)}:
         parser.add_argument(
@@ -86,7 +86,7 @@ def _more(parser: Parser, scene: Any) -> None:
 def _understood(points: Sequence[grid.Point], theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
     """Return scene and options of the first point, having made sure that each value is one of its option's kind."""
     first = points[0]
-    place, scene, parser = chosen.find("sweep", first.words, theirs, _more)
+    place, scene, parser = chosen.find("sweep", first.words, theirs, more)
     for point in points:
         # All values are among those of what differs in one of them.
         if len(point.values.items() - first.values.items()) <= 1:
@@ -181,7 +181,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
         warnings.simplefilter("always")
         try:
             with options.petsc_errors():
-                scene, found, _ = chosen.choose("sweep", point.words, theirs, _more)
+                scene, found, _ = chosen.choose("sweep", point.words, theirs, more)
                 estimated = scene.analysis != "dynamics" and not found.no_estimate
                 about |= {"units": dict(scene.units), "estimated": estimated, "status": sheet.SOLVED}
                 settings = chosen.settings(scene, found)

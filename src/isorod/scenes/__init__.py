@@ -36,10 +36,11 @@ GEOMETRY_UNITS = {
 }
 
 
-def option(default: Any, text: str, **more: str) -> Any:
+def option(default: Any, text: str, **more: Any) -> Any:
     """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit.
 
-    ``more`` may have a ``flag`` in the place of the field's name, and a ``metavar``.
+    ``more`` may have a ``flag`` in the place of the field's name, a ``metavar``, and in ``was`` the option's former
+    name, which is taken with a warning; ``radians`` where that was an angle in radians, and degrees are taken now.
     """
     return dataclasses.field(default=default, metadata={"help": text, **more})
 
@@ -96,12 +97,19 @@ class Scene(Checked):
         return {"options": {field.name: getattr(self, field.name) for field in _fields(self)}}
 
     @property
+    def _usual(self) -> Mapping[str, Any]:
+        """What fields are that are not given, where these are not their defaults."""
+        return {}
+
+    @property
     def described(self) -> str:
         """Which options are not as they are by default, in words."""
+        given = {field.name.replace("_", " "): getattr(self, field.name) for field in _fields(self)}
+        usual = (self._usual.get(field.name, field.default) for field in _fields(self))
         changed = [
-            f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
-            for field in _fields(self)
-            if getattr(self, field.name) != field.default
+            f"{name} {value:.12g}" if isinstance(value, float) else f"{name} {value}"
+            for (name, value), default in zip(given.items(), usual, strict=True)
+            if value != default
         ]
         return ", ".join(changed) or "options as they are by default"
 
@@ -156,7 +164,7 @@ class Scene(Checked):
         if along == "elements":
             changed[along] = elements
         elif getattr(scene, along) is None:
-            changed[along] = elements // scene.coils
+            changed[along] = scene.per_turn * elements // scene.rod().axis.elements
         else:
             changed[along] = getattr(scene, along) * elements // scene.model().bodies[0].space.elements
         return dataclasses.replace(scene, **changed)
@@ -184,6 +192,10 @@ class Preset(Scene):
     def suits(self) -> Mapping[str, Any]:
         """What is taken without a preset: ``SUITS``, where the other fields do not say otherwise."""
         return self.SUITS
+
+    @property
+    def _usual(self) -> Mapping[str, Any]:
+        return {} if self.preset else self.suits
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -37,7 +37,7 @@ class Clasp(Scene):
 
     radius: float = option(1.0, "radius of the rods [length]")
     bend: float = option(4.0, "radius of their centre lines [length], more than twice that of the rods")
-    pull: float = option(0.5, "what the ends of the two are drawn apart by [length]")
+    travel: float = option(0.5, "what the ends of the two are drawn apart by [length]", was="--pull")
     E: float = option(1000.0, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
     friction: float = option(0.0, "coefficient of friction")
@@ -67,7 +67,7 @@ class Clasp(Scene):
         for k, rod in enumerate(self.rods()):
             space = self.space_of(rod)
             bodies.append(isorod.Body(space, law))
-            moved = (0.0, 0.0, self.pull if k == 0 else 0.0)
+            moved = (0.0, 0.0, self.travel if k == 0 else 0.0)
             supports += [isorod.Support.end(space, end, displacement=moved, body=k) for end in ("start", "end")]
         return isorod.Model(bodies, supports, contacts=[isorod.Contact(0, 1, friction=self.friction)])
 

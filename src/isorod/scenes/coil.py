@@ -15,7 +15,7 @@ from isorod.geometry.fitting import evaluate
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
 
-LENGTHS = "coil_radius", "wire_radius"
+LENGTHS = "coil_radius", "wire_radius", "pitch"
 ENDS = "laid", "clamped", "closed"
 
 # The tip of a closed end is farther from the next turn than it would be if it touched, by this share of the wire.
@@ -59,13 +59,15 @@ class Coil(Scene):
     }
     load_steps: ClassVar[int] = 10
 
-    coils: int = option(5, "number of turns")
+    coils: float = option(5, "number of turns, not necessarily whole, between those at the ends")
     coil_radius: float = option(10.0, "radius of the helix, to the wire's centre [length]")
-    lead: float = option(10.0, "lead angle of the wire [degrees]")
+    pitch: float = option(11.079, "rise per turn [length]")
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(210e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
-    push: float | None = option(None, "what the spring is shortened by [length] (45.4; 20 between plates)")
+    travel: float | None = option(
+        None, "what the spring is shortened by [length] (45.4; 20 between plates)", was="--push"
+    )
     ends: str = option(
         "laid", "laid (in seats that lie down with the coils), clamped (end faces as they are), closed (between plates)"
     )
@@ -79,28 +81,30 @@ class Coil(Scene):
     @property
     def way(self) -> float:
         """What the spring is shortened by [length]: to solid, or, between plates, half as far."""
-        if self.push is not None:
-            return self.push
+        if self.travel is not None:
+            return self.travel
         return 20.0 if self.ends == "closed" else 45.4
 
     @property
     def height(self) -> float:
         """Of the helix at rest, between the wire's centre at both ends [length]."""
-        return 2.0 * np.pi * self.coil_radius * float(np.tan(np.radians(self.lead))) * self.coils
+        return self.pitch * self.coils
+
+    @property
+    def lead(self) -> float:
+        """Angle between the wire and the planes across the axis [radians]."""
+        return float(np.arctan2(self.pitch, 2.0 * np.pi * self.coil_radius))
 
     def rod(self) -> Rod:
         """Return the wire as first built, a quartic spline that climbs evenly."""
         for name in LENGTHS:
             positive(name.replace("_", " "), getattr(self, name))
-        if not 0.0 < self.lead < 90.0:
-            raise InputError(f"lead: got {self.lead:g} degrees, need an angle between 0 and 90")
-        pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
+        pitch, room = self.pitch, 2.0 * (1.0 + _CLEAR) * self.wire_radius
         if self.ends == "closed" and not pitch > room:
-            raise InputError(f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; closed ends need {room:.3g}")
+            raise InputError(f"pitch: got {pitch:g}; closed ends need more than {room:.3g}")
         if (self.coils > 1 or self.ends == "laid") and not pitch > 2.0 * self.wire_radius:
             raise InputError(
-                f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; coils that do not lie in each other need "
-                f"{2.0 * self.wire_radius:g}"
+                f"pitch: got {pitch:g}; coils that do not lie in each other need more than {2.0 * self.wire_radius:g}"
             )
         turns = self.coils + (0 if self.ends == "clamped" else 2)
         line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, turns)
@@ -109,16 +113,18 @@ class Coil(Scene):
     def _closed(self, pitch: float) -> CenterLine:
         """Return the centre line with one more turn at either end, flat until it has to leave the tip room."""
         line, radius = helix(self.coil_radius, 0.0, self.coils + 2), self.coil_radius
-        axis, rise = line.axis, pitch / HELIX_ELEMENTS
-        flat = axis.breaks[-1] / (self.coils + 2) * (1.0 - 2.0 * (1.0 + _CLEAR) * self.wire_radius / pitch)
+        axis, each = line.axis, line.axis.breaks[-1] / (self.coils + 2)
+        flat = each * (1.0 - 2.0 * (1.0 + _CLEAR) * self.wire_radius / pitch)
         # Flat control points make the spline flat, and those that rise evenly make it rise so.
-        heights = rise * (np.clip(bspline.greville(axis.knots, axis.degree), flat, axis.breaks[-1] - flat) - flat)
+        heights = (
+            pitch / each * (np.clip(bspline.greville(axis.knots, axis.degree), flat, axis.breaks[-1] - flat) - flat)
+        )
         centers = line.centers.copy()
         centers[:, 2] = heights
 
         def frames(u: Array) -> Array:
-            angle = 2.0 * np.pi / HELIX_ELEMENTS * u
-            slope = np.arctan(evaluate(axis, heights, u)[1] * HELIX_ELEMENTS / (2.0 * np.pi * radius))
+            angle = 2.0 * np.pi / each * u
+            slope = np.arctan(evaluate(axis, heights, u)[1] * each / (2.0 * np.pi * radius))
             cos, sin, flat, up = np.cos(angle), np.sin(angle), np.cos(slope), np.sin(slope)
             radial = np.stack([cos, sin, 0.0 * u], axis=1)
             return np.stack([radial, np.stack([-up * sin, up * cos, -flat], axis=1)], axis=2)
@@ -126,7 +132,7 @@ class Coil(Scene):
         return CenterLine(axis, centers, frames=frames)
 
     def model(self) -> "isorod.Model":
-        """Return the model: neo-Hookean, both ends held or between plates, one moved to the other by ``push``."""
+        """Return the model: neo-Hookean, both ends held or between plates, one moved to the other by ``travel``."""
         rod = self.rod()
         each = self.elements_per_turn
         if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
@@ -178,9 +184,9 @@ class Coil(Scene):
         rod, down = space.rod, share * self.way / self.coils
         sine = (self.height - share * self.way) / self._length
         if not abs(sine) < 1.0:
-            raise InputError(f"push: got {self.way:g}, the wire is not as long")
-        wider = np.cos(np.arcsin(sine)) / np.cos(np.radians(self.lead))
-        laid = helix(self.coil_radius * wider, self.height / self.coils - down, self.coils + 2)
+            raise InputError(f"travel: got {self.way:g}, the wire is not as long")
+        wider = np.cos(np.arcsin(sine)) / np.cos(self.lead)
+        laid = helix(self.coil_radius * wider, self.pitch - down, self.coils + 2)
         there = laid.sweep(section.circle(self.section_points, self.wire_radius))
         change = rod.axis.transfer(space.axis, there.control_points - rod.control_points)
         moved = space.basis.positions(change).reshape(-1, 3)
@@ -190,7 +196,7 @@ class Coil(Scene):
     @property
     def _length(self) -> float:
         """Of the wire."""
-        return self.height / float(np.sin(np.radians(self.lead)))
+        return self.height / float(np.sin(self.lead))
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the force that pushes the end, now and on the way, and the force of the coils on each other."""

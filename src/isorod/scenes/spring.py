@@ -12,10 +12,8 @@ from isorod.geometry.center_line import HELIX_ELEMENTS, helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
 
-ARCS_PER_TURN = 4
-
 # Elements a turn of the centre lines there are.
-_PER_TURN = {"paper": ARCS_PER_TURN, "even": HELIX_ELEMENTS}
+_PER_TURN = {"even": HELIX_ELEMENTS, "paper": 4}
 
 
 @dataclass(frozen=True)
@@ -25,23 +23,23 @@ class Spring(Preset):
     analysis: ClassVar[str] = "statics"
     units: ClassVar[dict[str, str]] = {"force": "(unit of E x length^2; mm and MPa give N)"}
 
-    coils: int = option(3, "number of turns")
+    coils: float = option(3, "number of turns, not necessarily whole")
     coil_radius: float = option(6.0, "radius of the helix, to the wire's centre [length]")
     pitch: float = option(2.60258, "rise per turn [length]")
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(2.014e4, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio, up to 0.5")
-    helix: str = option(
-        "paper", "centre line: paper (4 circular arcs a turn, which climb unevenly), or even (degree 4 or more)"
+    helix: str | None = option(
+        None, "centre line: even, or paper (4 circular arcs a turn, which climb unevenly) (even; preset paper: paper)"
     )
-    pull: float = option(2.0, "displacement of the upper end along the axis [length]")
+    travel: float = option(2.0, "what the spring is lengthened by [length]", was="--pull")
     section_points: int = option(8, "control points round the wire, at least 3")
-    elements_per_turn: int | None = option(None, "elements a turn, a multiple of 4, of an even helix 8 (chosen)")
+    elements_per_turn: int | None = option(None, "elements a turn, a multiple of 8, of the paper's helix 4 (chosen)")
     order: int | None = option(
         None, "polyharmonic order K of functions of the control points, 1 to 6 (polynomials; paper: 1)"
     )
     section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
-    degree: int | None = option(None, "degree along the axis, 2 to 6 (5)")
+    degree: int | None = option(None, "degree along the axis, 4 to 6, of the paper's helix 2 to 6 (5)")
     continuity: int | None = option(None, "continuity at inserted knots, below degree (degree - 3; paper: degree - 1)")
     formulation: str | None = option(
         None, "displacement, or mixed: displacement and pressure (mixed from nu = 0.49 on)"
@@ -52,6 +50,7 @@ class Spring(Preset):
     preset: str | None = preset("order 1 (K = 1), degree 3, 8 elements a turn, displacements alone, quadrature auto")
 
     PAPER: ClassVar[Mapping[str, Any]] = {
+        "helix": "paper",
         "order": 1,
         "degree": 3,
         "elements_per_turn": 8,
@@ -59,35 +58,42 @@ class Spring(Preset):
         "quadrature": "auto",
     }
 
-    def rod(self) -> Rod:
-        """Return the wire as first built: four quadratic arcs a turn, or a quartic spline that climbs evenly.
+    SUITS: ClassVar[Mapping[str, Any]] = {"helix": "even"}
 
-        The lead angle of the paper's arcs wobbles from 3.10 to 4.38 degrees round 3.95.
-        """
+    @property
+    def per_turn(self) -> int:
+        """Elements a turn of the wire as first built."""
         if self.helix not in _PER_TURN:
             raise InputError(f"helix: got {self.helix!r}, need {' or '.join(_PER_TURN)}")
-        arcs = ARCS_PER_TURN if self.helix == "paper" else None
+        return _PER_TURN[self.helix]
+
+    def rod(self) -> Rod:
+        """Return the wire as first built: a quartic spline that climbs evenly, or the paper's four arcs a turn.
+
+        The lead angle of these arcs wobbles from 3.10 to 4.38 degrees round 3.95.
+        """
+        arcs = None if self.per_turn == HELIX_ELEMENTS else self.per_turn
         line = helix(self.coil_radius, self.pitch, self.coils, arcs)
         outline = section.circle(self.section_points, self.wire_radius)
         return line.sweep(outline)
 
     def model(self) -> "isorod.Model":
-        """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``.
+        """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, travel)``.
 
         Warns where neighbouring coils overlap.
         """
         rod = self.rod()
-        own, each = _PER_TURN[self.helix], self.elements_per_turn
+        own, each = self.per_turn, self.elements_per_turn
         if each is not None and (each < own or each % own):
             raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
-        space = self.space_of(rod, elements=None if each is None else self.coils * each)
+        space = self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
         if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
             warnings.warn(
                 f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: "
                 "neighbouring coils overlap and nothing keeps them apart",
                 stacklevel=2,
             )
-        pulled = isorod.Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
+        pulled = isorod.Support.end(space, "end", displacement=(0.0, 0.0, self.travel))
         body = isorod.Body(space, isorod.NeoHookean(self.E, self.nu), formulation=self.formulation)
         return isorod.Model([body], [isorod.Support.end(space, "start"), pulled])
 
