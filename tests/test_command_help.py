@@ -55,7 +55,7 @@ def test_all_scenes_and_examples_are_listed_with_their_analyses(capsys):
     ],
 )
 def test_a_former_name_is_taken_with_a_warning_that_says_the_present_one(words, former, now, value):
-    scene = scenes.find(words.split()[0])
+    scene = scenes.find(words.split()[0])()
     parser = Parser(prog="isorod")
     add_fields(parser, scene)
     with pytest.warns(FutureWarning, match=f"{former.split('=')[0]}: say {now}"):
