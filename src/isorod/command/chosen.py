@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from isorod import files, scenes
-from isorod.command import pages
+from isorod.command import notes, pages
 from isorod.command.parser import Parser, add_fields, field_values
 from isorod.errors import InputError
 
@@ -48,6 +48,7 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
         parser.print_help(sys.stderr if "--json" in ours else None)
     words = [*ours[:place], *ours[place + 1 :]]
     found = parser.known(words)
+    notes.name(scene.named)
     return Chosen(scene.with_options(**field_values(found, scene)), found, words)
 
 

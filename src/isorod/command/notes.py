@@ -2,19 +2,31 @@
 
 import sys
 import warnings
+from collections.abc import Callable
 
 _NOTES: list[str] = []
+
+# Puts a file's own names in the place of numbers.
+_NAMED: list[Callable[[str], str]] = []
 
 
 def keep() -> None:
     """Keep warnings from now on, none so far."""
     warnings.showwarning = _keep
     _NOTES.clear()
+    _NAMED.clear()
+
+
+def name(named: Callable[[str], str]) -> None:
+    """Say what there is to warn of in the names that a scene has."""
+    _NAMED.append(named)
 
 
 def show() -> None:
     """Say what there is to warn of, a line each."""
     for text in _NOTES:
+        for named in _NAMED:
+            text = named(text)
         print(f"isorod: warning: {text}", file=sys.stderr)
 
 

@@ -108,17 +108,17 @@ def _frames(
     if found.mode is not None and not modes:
         raise InputError(f"--mode: {result.name} has no modes; there are {', '.join(_fields(meshes[-1]))}")
     motion = "displacement"
-    words = [result.name] * len(steps)
+    words = [result.title] * len(steps)
     if modes:
         number = 1 if found.mode is None else found.mode
         if not 1 <= number <= len(modes):
             raise InputError(f"--mode: got {number}, need 1 to {len(modes)}")
         motion = f"mode_{number}"
-        words = [f"{result.name}\nmode {number}{_frequency(result, number)}"] * len(steps)
+        words = [f"{result.title}\nmode {number}{_frequency(result, number)}"] * len(steps)
     elif len(result.steps) > 1:
         what = "load factor" if result.analysis == "statics" else "time"
         digits = animation.written([step.time for step in result.steps])
-        words = [f"{result.name}\n{what} {step.time:{digits}}" for step in steps]
+        words = [f"{result.title}\n{what} {step.time:{digits}}" for step in steps]
     if modes and found.gif and motion.replace("mode", "quarter") in meshes[-1][0].point_data:
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)
@@ -228,7 +228,7 @@ def _curves(result: reading.Result, found: argparse.Namespace) -> int:
     if path is None:
         raise InputError(f"{found.place}: this run of {result.name} wrote no curves (.csv)")
     window = drawing.prepare("plot", found, curves=True)
-    curves.draw(curves.read(path), result.name, found.size, None if window else Path(found.png))
+    curves.draw(curves.read(path), result.title, found.size, None if window else Path(found.png))
     if not window:
         print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
     return 0

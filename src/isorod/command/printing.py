@@ -20,6 +20,9 @@ _MOST, _FEW = 12, 3
 # Shapes that are so near to what was written, as a share of the radius, are as written.
 _ROUNDING = 1e-9
 
+# So small a part of the largest of several numbers is rounding.
+_NOISE = 1e-10
+
 
 @contextmanager
 def apart() -> Iterator[None]:
@@ -81,9 +84,12 @@ def _answer(
         if name not in record:
             continue
         value = np.asarray(record[name])
+        if name == "frequencies" and "rigid" in record:
+            value = value[record["rigid"] :]
+            unit += f", besides {_count(record['rigid'], 'rigid-body mode')}" if record["rigid"] else ""
         # What is over time has as many rows as there are outputs.
         moving = "times" in record and value.shape[:1] == np.shape(record["times"])
-        text = ", ".join(f"{item:.6g}" for item in np.ravel(value[-1] if moving else value)[:_MOST])
+        text = _numbers(value[-1] if moving else value)
         if value.size > _MOST and not moving:
             text += f" and {value.size - _MOST} more"
         if moving and value.ndim == 1:
@@ -119,7 +125,7 @@ def _answer(
             how = f"{alone} recovered strains"
         yield "error", f"about {percent(record['error_estimate'])}{also}, {how}"
     if record.get("time_error") is not None:
-        yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"
+        yield "error in time", f"about {percent(record['time_error'])} of the largest displacement, by the time step"
 
 
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
@@ -154,6 +160,13 @@ def _buckling(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]
     yield "about", record["about"]
 
 
+def _numbers(values: Any, digits: int = 6) -> str:
+    """Return the first of several numbers, those of them that are rounding beside the largest as 0."""
+    flat = np.ravel(values)
+    noise = _NOISE * np.abs(flat).max(initial=0.0) if flat.size > 1 else 0.0
+    return ", ".join(f"{0.0 if abs(item) < noise else item:.{digits}g}" for item in flat[:_MOST])
+
+
 def _place(place: Mapping[str, float]) -> str:
     """Return where a largest value is."""
     return f", the largest: at u = {place['u']:.4g}, angle {place['angle']:.4g}, radius {place['radius']:.4g}"
@@ -162,14 +175,14 @@ def _place(place: Mapping[str, float]) -> str:
 def _contact(one: Mapping[str, Any]) -> str:
     """Return how a contact presses, and how well its patch is seen."""
     return (
-        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} radii, "
-        f"{one['points_across']:.2g} points wide"
+        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth "
+        f"{percent(one['relative_penetration'])} of the radius, {one['points_across']:.2g} points wide"
     )
 
 
 def _tie(one: Mapping[str, Any]) -> str:
     """Return what a tie carries, and how far apart its surfaces are and move."""
-    force, moment = (", ".join(f"{item:.4g}" for item in one[name]) for name in ("force", "moment"))
+    force, moment = (_numbers(one[name], 4) for name in ("force", "moment"))
     slip = f", slip {one['slip']:.3g}" if one["slip"] else ""
     return f"force {force}; moment {moment}; gap {one['gap']:.2g}, jump {one['jump']:.2g}{slip}"
 
@@ -185,7 +198,7 @@ def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
         part = max(what, key=lambda name: worst[name])
         rods = scene.rod_names()
         which = f" of {rods[found.index(worst)]}" if len(rods) > 1 else ""
-        yield "deviation", f"{worst[part]:.2g} at most, {worst['relative']:.2g} of the radius: {what[part]}{which}"
+        yield "deviation", f"{worst[part]:.2g} at most, {percent(worst['relative'])} of the radius: {what[part]}{which}"
 
 
 def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -5,13 +5,16 @@ import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from isorod import memory, options, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output.words import CELLS
+
+if TYPE_CHECKING:
+    from isorod.arrays import Array
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
@@ -172,7 +175,34 @@ def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scen
             return folder.add(place, record, [], [])
         # The scene of a file has names for supports.
         curves = {scene.named(name): values for name, values in solution.curves().items()}
+        curves |= _measured(scene, solution, record)
         model = solution.model
         # What a rank has of a body distributed over several is none that a file could show.
         solids = [] if any(solid.comm.size > 1 for solid in model.solids) else model.solids
         return folder.add(place, record, model.bodies, folder.frames(solution), curves, found.cells, solids)
+
+
+def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, Array]":
+    """Return what a scene measures as curves: at each output of a motion, at each load step kept, not known at rest."""
+    import numpy as np
+
+    if "times" in record:
+        rows = {name: np.asarray(record[name]) for name in scene.units if name in record}
+        rows = {name: found for name, found in rows.items() if found.shape[:1] == np.shape(record["times"])}
+    elif scene.analysis == "statics" and scene.along:
+        with warnings.catch_warnings():
+            # Said of the last one.
+            warnings.simplefilter("ignore")
+            each = [scene.measure(one, scene.along) for _, one in solution.frames() if hasattr(one, "reactions")]
+        found = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
+        rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in found.items()}
+    else:
+        rows = {}
+    curves: dict[str, Array] = {}
+    for name, values in rows.items():
+        several = values.reshape(len(values), -1).T
+        parts = "xyz" if len(several) == 3 else [str(k + 1) for k in range(len(several))]
+        unit = f" ({scene.units[name].strip('()')})" if scene.units.get(name) else ""
+        names = [f"{name}{unit}"] if values.ndim == 1 else [f"{name}[{k}]{unit}" for k in parts]
+        curves |= dict(zip(names, several, strict=True))
+    return curves

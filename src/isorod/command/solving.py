@@ -159,7 +159,7 @@ def warn_of_embedded(scene: Any, solution: Any) -> None:
             f"and held at that end alone: this makes an error of about {100.0 * share:.2g} %; end it where it leaves "
             f"the other{cure.format(*part.wholly or ())}"
         )
-        warnings.warn(scene.named(said), stacklevel=2)
+        warnings.warn(said, stacklevel=2)
 
 
 def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:

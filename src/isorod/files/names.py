@@ -107,16 +107,16 @@ class Names:
             k = int(match[2])
             return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
 
-        return re.sub(r"\b(support|load|contact|tie|body|solid) (\d+)\b(?!: )", name, text)
+        return re.sub(r"\b(support|load|contact|tie|body|solid) (\d+)\b", name, text)
 
     def located(self, problem: InputError | SolveError, at: Place, keys: Mapping[str, Place]) -> Exception:
         """Return an error of the model or its analysis as one of the file: of what it names, or of a place."""
-        said = self.named(str(problem))
+        said = str(problem)
         if said.startswith(f"{at.document.name}:"):
-            return type(problem)(said)
+            return type(problem)(self.named(said))
         first = re.match(r"(support|load|contact|tie) (\d+): ", said)
         several = [*self._numbered[first[1]].values()] if first else []
         if first and int(first[2]) < len(several):
             one = several[int(first[2])]
-            return type(problem)(one.place.about(said[first.end() :], one.keys))
-        return type(problem)(at.about(said, keys))
+            return type(problem)(one.place.about(self.named(said[first.end() :]), one.keys))
+        return type(problem)(at.about(self.named(said), keys))

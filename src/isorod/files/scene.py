@@ -124,6 +124,7 @@ class FileScene(Scene):
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._names.check(top)
         self.units: dict[str, str] = {}
+        self.along: list[str] = []
         self.stresses: list[str] = []
         self._measures = dict(self._asked())
 
@@ -224,6 +225,8 @@ class FileScene(Scene):
                 raise at.error('explicit steps do not tell what ties carry; integrator = "implicit" does')
             if asked.form is schema.MEASURES["stress"]:
                 self.stresses.append(name)
+            if asked.form in (schema.MEASURES[word] for word in schema.ALONG):
+                self.along.append(name)
             yield name, partial(asked.make, **self._names.of(asked))
         if self.analysis == "modal":
             self.units["frequencies"] = "(cycles per unit of time)"
@@ -340,14 +343,15 @@ class FileScene(Scene):
             raise
         return model
 
-    def measure(self, solution: Any) -> dict[str, object]:
-        """Return what the file asks for; without, the force of each support, or the frequencies.
+    def measure(self, solution: Any, names: Sequence[str] | None = None) -> dict[str, object]:
+        """Return what the file asks for, or those of these names; without, the force of each support, or frequencies.
 
         Of largest values ``places`` has where they are, by their names; of a motion a list, an output each.
         """
         from isorod.output.largest import Peak
 
-        found: dict[str, Any] = {name: ask(solution=solution) for name, ask in self._measures.items()}
+        asked = self._measures if names is None else {name: self._measures[name] for name in names}
+        found: dict[str, Any] = {name: ask(solution=solution) for name, ask in asked.items()}
         places = {}
         for name, value in found.items():
             several = isinstance(value, list)

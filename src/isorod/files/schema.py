@@ -133,6 +133,9 @@ MEASURES = {
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
+# Those that the state of any load step tells.
+ALONG = ("reaction", "displacement", "stress", "section_force", "energy")
+
 # What a record has besides what is measured.
 RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "

@@ -16,6 +16,9 @@ from isorod.output.results import check_folder, write_beside
 # Share of the largest of a quantity below which a column is but rounding.
 _ROUNDING = 1e-9
 
+# Relative errors of balances that are smaller are nothing to look at.
+_BALANCED = 1e-6
+
 # What says in the table of a sweep what is varied, and columns that are no answers.
 _VARIED, _NO_ANSWERS = "# varied: ", ("error_estimate", "unknowns", "status")
 
@@ -120,6 +123,7 @@ def panels(columns: dict[str, Array]) -> list[Panel]:
     for name, size in sizes.items():
         largest[label(name)] = max(size, largest.get(label(name), 0.0))
     seen = [name for name, size in sizes.items() if size > _ROUNDING * largest[label(name)]]
+    seen = [name for name in seen if not name.endswith(" error") or sizes[name] > _BALANCED]
     for name in seen:
         force = name.replace("displacement", "force")
         if force != name and force in seen and np.ptp(columns[name]) > 0.0 and first != "time":
@@ -135,7 +139,7 @@ def label(name: str) -> str:
     """Return what an axis of a column says: the quantity and its unit."""
     for pattern, quantity, unit in _QUANTITIES:
         if re.search(pattern, name):
-            return f"{quantity} ({unit})" if unit else quantity or name
+            return f"{quantity} ({unit})" if unit else quantity or re.sub(r"\[\w+\]", "", name)
     # Of a sweep there are numbers in brackets, and values of what else is varied.
     return re.split(r"\[|, ", name)[0]
 
@@ -191,7 +195,7 @@ def draw(columns: dict[str, Array], title: str, size: tuple[int, int], path: Pat
             if separate:
                 axis.xaxis.get_major_locator().set_params(integer=True)
             if len(panel.curves) > 1 or panel.curves[0][1] not in panel.beside:
-                axis.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+                axis.legend(fontsize="x-small", loc="best", framealpha=0.8)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
         if path is None:

@@ -41,6 +41,11 @@ class Result(NamedTuple):
     curves: Path | None
 
     @property
+    def title(self) -> str:
+        """What pictures say of it: the title of its file, or its name."""
+        return str(dict(self.record.get("options", {})).get("title", self.name))
+
+    @property
     def analysis(self) -> str | None:
         """The analysis, where that is known."""
         return self.record.get("analysis")

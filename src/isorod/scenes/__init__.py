@@ -54,6 +54,8 @@ class Scene(Checked):
         What it is called, and what it is in a line.
     stresses
         The names of those results that are stresses.
+    along
+        The names of those that each load step of statics has as well.
     load_steps
         Initial number of equal load steps of statics.
     content
@@ -63,6 +65,7 @@ class Scene(Checked):
     name: Any = ""
     title: Any = ""
     stresses: Sequence[str] = ()
+    along: Sequence[str] = ()
     content: Any = None
     load_steps: ClassVar[int] = 1
 

@@ -216,7 +216,10 @@ class Equilibrium(State, WithSolids, Animated):
                 displacement=step.displacement,
                 reactions=step.reactions,
                 pressures=step.pressures,
+                # These are of the last one alone.
                 contacts=(),
+                moments=np.full_like(self.moments, np.nan),
+                ties=(),
             )
             for step in self.path[:-1]
             if step.displacement is not None
