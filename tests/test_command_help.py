@@ -107,3 +107,13 @@ def test_a_comparison_says_its_own_options(capsys):
     assert capsys.readouterr().err == (
         "isorod: option --leve is not known; did you mean --level? (see isorod compare --help)\n"
     )
+
+
+def test_warnings_have_the_names_of_the_file(tmp_path, capsys):
+    """One brick's width of contact on a ring of eight points is warned of, by the names of contact and rod."""
+    assert cli.main(["new", str(tmp_path / "ring.toml"), "--from", "press"]) == 0
+    assert cli.main(["run", str(tmp_path / "ring.toml"), "--no-estimate"]) == 0
+    out, err = capsys.readouterr()
+    assert "isorod: warning: contact floor: contact patch under-resolved: " in err
+    assert "on rod ring at u = " in err
+    assert "body" not in out + err

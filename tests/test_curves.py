@@ -1,5 +1,6 @@
 """Curves of runs as pictures: ``isorod plot --curve``."""
 
+import json
 import re
 import sys
 
@@ -108,15 +109,15 @@ def no_display(monkeypatch):
 
 def test_a_curve_is_where_its_numbers_are(tmp_path, capsys):
     """One panel: the marks of a straight line rise from lower left to upper right, at equal distances."""
-    file = write(tmp_path / "line.csv", {"time": [0.0, 1.0, 2.0, 3.0], "kinetic": [0.0, 1.0, 2.0, 3.0]})
+    file = write(tmp_path / "line.csv", {"time": [0.0, 1.0, 2.0, 3.0], "height": [0.0, 1.0, 2.0, 3.0]})
     png = tmp_path / "line.png"
     assert cli.main(["plot", str(file), "--png", str(png), "--size", "500x400"]) == 0
     assert capsys.readouterr().out == f"{png}: 500 x 400 pixels\n"
     with Image.open(png) as image:
         assert image.size == (500, 400)
         pixels = np.asarray(image.convert("RGB")).astype(int)
-    # Matplotlib's first colour, but for the legend.
-    rows, places = np.nonzero((np.abs(pixels - [31, 119, 180]) < 30).all(axis=2)[:, :400])
+    # Matplotlib's first colour; what the axis says needs no legend.
+    rows, places = np.nonzero((np.abs(pixels - [31, 119, 180]) < 30).all(axis=2))
     assert np.ptp(places) > 250 and np.ptp(rows) > 250
     assert np.corrcoef(rows, places)[0, 1] < -0.999
 
@@ -132,6 +133,38 @@ def test_curves_of_a_run_and_of_a_file(tmp_path):
     )
     with Image.open(files[0]) as one, Image.open(files[1]) as other:
         assert np.array_equal(np.asarray(one), np.asarray(other))
+
+
+MEASURED = """
+title = "bar"
+rod.bar = {curve = {straight = 4.0}, section = {circle = 1.0}, law = {NeoHookean = {E = 1.0, nu = 0.3}}, density = 1.0}
+support.foot.end = "start"
+load.push = {end = "end", force = [0.001, 0.0, 0.0]}
+measure.tip = {displacement = "bar", unit = "mm"}
+measure.root = {section_force = "bar", component = "bending_2", u = 0.0}
+measure.held = {moment = "foot"}
+"""
+
+
+@pytest.mark.parametrize(
+    "analysis",
+    ["statics.load_steps = 3", 'dynamics = {end_time = 1.0, outputs = 4, integrator = "implicit", time_step = 0.25}'],
+)
+def test_what_is_measured_is_a_curve_that_ends_where_the_record_does(analysis, tmp_path, capsys):
+    """At rest nothing is measured in statics; moments of supports are those of the last step alone."""
+    text = MEASURED if "statics" in analysis else MEASURED.partition("measure.held")[0]
+    (tmp_path / "bar.toml").write_text(f"{text}\nanalysis.{analysis}\n")
+    assert cli.main(["run", str(tmp_path / "bar.toml"), "--json", "--output", str(tmp_path / "out")]) == 0
+    record = json.loads(capsys.readouterr().out.splitlines()[-1])
+    (file,) = (tmp_path / "out").glob("*.csv")
+    found = curves.read(file)
+    own = {name: values for name, values in found.items() if name.startswith(("tip", "root", "held"))}
+    assert [*own] == ["tip[x] (mm)", "tip[y] (mm)", "tip[z] (mm)", "root"]
+    last = np.reshape(record["tip"], (-1, 3))[-1], np.ravel(record["root"])[-1]
+    np.testing.assert_allclose([values[-1] for values in own.values()], [*last[0], last[1]], rtol=1e-12)
+    assert np.isnan(own["root"][0]) == ("statics" in analysis)
+    if "statics" in analysis:
+        np.testing.assert_allclose(own["root"][1:] / own["root"][-1], [1 / 3, 2 / 3, 1.0], rtol=1e-3)
 
 
 def test_without_matplotlib_the_error_says_how_to_get_it_and_pyvista_is_not_missed(tmp_path, monkeypatch, capsys):
