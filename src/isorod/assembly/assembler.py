@@ -80,7 +80,7 @@ class Assembler(Parts):
             return []
         from isorod.assembly.pressing import Pressing
 
-        self.note("following pressure")
+        self.note("following loads")
         return [Pressing(share, [load for load in loads if load.body == share.which]) for share in self.shares]
 
     def _loads(self, local: Array) -> Array:
@@ -94,8 +94,8 @@ class Assembler(Parts):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is: that of friction is not."""
-        return self.contact is None or self.contact.friction is None
+        """Whether the tangent is: that of friction is not, nor that of moments on bodies that turn."""
+        return (self.contact is None or self.contact.friction is None) and self.model.has_potential
 
     @cached_property
     def _constant(self) -> bool:

@@ -1,4 +1,7 @@
-"""Pressure that follows a surface: ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du``, ``x`` where it is now."""
+"""Loads that depend on the state: pressure that follows a surface, and moments (`isorod.assembly.twisting`).
+
+Of pressure ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du``, ``x`` where the surface is now.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,7 +10,8 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.split import Share
-from isorod.model.load import Pressure
+from isorod.assembly.twisting import Twisting
+from isorod.model.load import Pressure, SectionLoad
 
 # Of the cross product of two vectors.
 _CROSS = np.zeros((3, 3, 3))
@@ -30,23 +34,28 @@ class Surface(NamedTuple):
 
 
 class Pressing:
-    """The following pressures on the elements of one body that a rank assembles.
+    """The loads that depend on the state, on the elements of one body that a rank assembles.
 
     Parameters
     ----------
     share
         Which elements they are.
     loads
-        Pressures on that body.
+        Pressures that follow, and moments, on that body.
     """
 
-    def __init__(self, share: Share, loads: Sequence[Pressure]) -> None:
+    def __init__(self, share: Share, loads: Sequence[Pressure | SectionLoad]) -> None:
         space = share.body.space
         nodes = space.element_nodes[share.first : share.last]
         shape = (*share.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)
+        moments = [Twisting(share, load) for load in loads if isinstance(load, SectionLoad)]
+        self._twisting = bool(moments)
+        self._moments = [one for one in moments if one.element >= 0]
         self._surfaces = []
         for load in loads:
+            if isinstance(load, SectionLoad):
+                continue
             xi, u, weights = load.points(space)
             values, gradients = space.basis.functions(xi)
             own = u[share.first : share.last]
@@ -73,15 +82,23 @@ class Pressing:
         for s in self._surfaces:
             pull = s.weights[..., None] * np.cross(*self._tangents(s, nodal))
             result += np.einsum("etj,qn,etqa->ejna", s.axial, s.values, pull, optimize=True)
+        for one in self._moments:
+            result[one.element] += one.forces(self._places(one, nodal)).reshape(nodal.shape[1:])
         return result
 
+    def _places(self, one: Twisting, nodal: Array) -> Array:
+        """Return where the nodes of the element of a moment are."""
+        return (self._positions[one.element] + nodal[one.element]).reshape(-1, 3)
+
     def stiffness(self, nodal: Array) -> Array:
-        """Return the derivatives of the forces, made symmetric, shape ``(E, l n 3, l n 3)``.
+        """Return the derivatives of the forces, of pressures alone made symmetric, shape ``(E, l n 3, l n 3)``.
 
         They are symmetric but for terms along the edges of the surface at free ends, which Newton's method does
         without.
         """
         result = self.derivatives(nodal)
+        if self._twisting:
+            return result
         return 0.5 * (result + np.swapaxes(result, 1, 2))
 
     def derivatives(self, nodal: Array) -> Array:
@@ -95,4 +112,6 @@ class Pressing:
             whole = np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.axial, by_around, optimize=True)
             whole += np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.slopes, by_along, optimize=True)
             result += whole.reshape(result.shape)
+        for one in self._moments:
+            result[one.element] += one.derivatives(self._places(one, nodal))
         return result

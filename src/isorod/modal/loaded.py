@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.model.load import Pressure
 from isorod.model.model import Model
 from isorod.statics import analysis, stability
 from isorod.statics.analysis import Equilibrium
@@ -14,7 +15,7 @@ from isorod.statics.analysis import Equilibrium
 
 def burdens(model: Model) -> str:
     """Return in words what takes a model away from its state of rest; empty where nothing does."""
-    following = [load for load in model.following if load.pressure]
+    following = [load for load in model.following if not isinstance(load, Pressure) or load.pressure]
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
@@ -88,7 +89,14 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
             raise InputError(
                 f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
-    for load in model.following:
+    for k, load in enumerate(model.loads):
+        if load not in model.following:
+            continue
+        if not isinstance(load, Pressure):
+            raise InputError(
+                f"load {k}: a moment that stays the same in space has no potential, nor its tangent real modes for "
+                f"certain; give a couple of forces, or a support that turns, {advice}"
+            )
         if not stability.pressed_by_potential(model, load):
             raise InputError(
                 f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "

@@ -1,4 +1,4 @@
-"""Loads, proportional to the load factor: dead loads, and pressure that may follow the surface."""
+"""Loads, proportional to the load factor: dead loads, moments, and pressure that may follow the surface."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -9,6 +9,7 @@ from isorod.arrays import Array
 from isorod.errors import Checked, InputError, finite
 from isorod.geometry.quadrature import axis_points, circle_points
 from isorod.space.space import Space
+from isorod.space.trace import Trace, section_trace
 
 
 class Load(Protocol):
@@ -24,10 +25,14 @@ class Load(Protocol):
 
 @dataclass(frozen=True)
 class SectionLoad(Checked):
-    """A force spread uniformly over a cross-section: ``t = force / A`` on the section's reference area ``A``.
+    """Force and moment spread over a cross-section: ``t = force / A + w x r``, of reference areas.
 
-    Its nodal forces are ``f_jl = R_j(u) (force / A) int S_l dA``; the potential is
-    ``-force . (mean displacement of the section)``.
+    ``r`` is the place from the section's middle and ``J w = moment``, ``J = int (r.r 1 - r r^T) dA``: a distributing
+    coupling, which leaves the section free to deform; bending and the torsion of a round bar have just these stresses.
+    The force stays as it is, its potential ``-force . (mean displacement)``.  The moment too stays the same vector in
+    space however the section turns: ``r`` is where the section is now, so that its work is ``moment . w`` of the mean
+    angular velocity ``J^-1 int r x v dA``.  A moment has a potential only while the section turns about one axis.  On
+    bodies all of whose laws are of small strains ``r`` is that at rest.
 
     Parameters
     ----------
@@ -40,37 +45,92 @@ class SectionLoad(Checked):
         Index of the body in the model.
     space
         The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
+    moment
+        Total moment at load factor 1 about the middle of the section, force times length, shape ``(3,)``.
+
+    Raises
+    ------
+    InputError
+        If there is neither force nor moment, or a number is not finite.
     """
 
-    force: tuple[float, float, float]
+    force: tuple[float, float, float] | None = None
     u: float | None = None
     body: int = 0
     space: Space | None = field(default=None, repr=False, compare=False)
+    moment: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        finite("section load: force", self.force, "finite components")
+        if self.force is None and self.moment is None:
+            raise InputError("section load: got neither force nor moment, need one of them, or both")
+        for name in ("force", "moment"):
+            given = getattr(self, name)
+            finite(f"section load: {name}", () if given is None else given, "finite components")
 
     @classmethod
-    def end(cls, space: Space, which: str, force: tuple[float, float, float], body: int = 0) -> "SectionLoad":
-        """Return a load on the whole ``"start"`` or ``"end"`` face."""
-        return cls(force, float(space.axis.breaks[space.end(which)]), body, space)
+    def end(
+        cls,
+        space: Space,
+        which: str,
+        force: tuple[float, float, float] | None = None,
+        body: int = 0,
+        moment: tuple[float, float, float] | None = None,
+    ) -> "SectionLoad":
+        """Return a load on the whole ``"start"`` or ``"end"`` face.
+
+        Parameters
+        ----------
+        space
+            The body's space.
+        which
+            ``"start"`` or ``"end"``.
+        force
+            Total force at load factor 1, shape ``(3,)``, spread evenly.
+        body
+            Index of the body in the model.
+        moment
+            Total moment at load factor 1 about the middle of the face, force times length, shape ``(3,)``: the same in
+            space however the face turns, spread as bending and torsion have it (`SectionLoad`).
+
+        Raises
+        ------
+        InputError
+            If there is neither, or the end is none.
+        """
+        return cls(force, float(space.axis.breaks[space.end(which)]), body, space, moment)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it has a moment."""
+        return self.moment is not None and any(self.moment)
+
+    def trace(self, space: Space) -> Trace:
+        """Return the functions on the section."""
+        try:
+            return section_trace(space, float(space.axis.breaks[-1] if self.u is None else self.u))
+        except InputError as problem:
+            raise InputError(f"section load: {problem}") from None
+
+    def steady(self, space: Space) -> Array:
+        """Return the nodal forces of the force alone, shape ``(nodes, 3)``."""
+        trace = self.trace(space)
+        result = np.zeros((space.nodes, 3))
+        if self.force is not None:
+            share = trace.weights @ trace.values / trace.weights.sum()
+            result[trace.nodes[0]] = share[:, None] * np.array(self.force)
+        return result
 
     def nodal(self, space: Space) -> Array:
-        """Return the nodal forces, shape ``(nodes, 3)``."""
-        low, high = space.axis.breaks[[0, -1]]
-        u = high if self.u is None else self.u
-        if not low <= u <= high:
-            raise InputError(f"section load: got u = {u}, need an axis parameter from {low:g} to {high:g}")
-        xi, area = space.section_rule(space.rule)
-        _, jacobian = space.rod.grid(xi, [u])
-        area = area * np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
-        share = area @ space.basis.functions(xi)[0] / area.sum()
-        first, values, _ = space.axis.local([u])
-        layers = (first[0] + np.arange(values.shape[1])) % space.layers
-        result = np.zeros((space.layers, space.layer_nodes, 3))
-        result[layers] = values[0][:, None, None] * share[:, None] * np.array(self.force)
-        return result.reshape(-1, 3)
+        """Return the nodal forces where the section is at rest, shape ``(nodes, 3)``."""
+        result = self.steady(space)
+        if self.moment is not None:
+            trace = self.trace(space)
+            arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
+            spread = (trace.weights[:, None] * arms).T @ arms
+            turn = np.linalg.solve(spread.trace() * np.eye(3) - spread, self.moment)
+            result[trace.nodes[0]] += trace.values.T @ (trace.weights[:, None] * np.cross(turn, arms))
+        return result
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from isorod.arrays import Array, Index
 from isorod.errors import Checked, InputError
 from isorod.model.body import Body
-from isorod.model.load import Load, Pressure, Spin
+from isorod.model.load import Load, Pressure, SectionLoad, Spin
 from isorod.model.numbering import number
 from isorod.model.support import Support, SupportMotion
 from isorod.space.space import Space
@@ -188,19 +188,31 @@ class Model(Checked):
 
     @cached_property
     def external(self) -> Array:
-        """Nodal forces of the loads at load factor 1 but of those in ``following``, shape ``(dofs,)``."""
+        """Nodal forces of the loads at load factor 1 that depend on no state, shape ``(dofs,)``."""
         result = np.zeros((int(self.first_node[-1]), 3))
         for load in self.loads:
-            if load in self.following:
-                continue
             first, last = self.first_node[load.body : load.body + 2]
-            result[first:last] += load.nodal(self.bodies[load.body].space)
+            space = self.bodies[load.body].space
+            if load not in self.following:
+                result[first:last] += load.nodal(space)
+            elif isinstance(load, SectionLoad):
+                result[first:last] += load.steady(space)
         return result.ravel()
 
+    @cached_property
+    def following(self) -> list[Pressure | SectionLoad]:
+        """The loads that depend on the state: pressures that follow, and moments but on bodies of small strains."""
+        return [
+            load
+            for load in self.loads
+            if (isinstance(load, Pressure) and load.follows)
+            or (isinstance(load, SectionLoad) and load.turns and not self.bodies[load.body].linear)
+        ]
+
     @property
-    def following(self) -> list[Pressure]:
-        """The loads that follow the surface."""
-        return [load for load in self.loads if isinstance(load, Pressure) and load.follows]
+    def has_potential(self) -> bool:
+        """Whether no load is a moment that depends on the state, whose tangent is not symmetric."""
+        return not any(isinstance(load, SectionLoad) for load in self.following)
 
     @property
     def dofs(self) -> int:

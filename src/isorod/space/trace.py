@@ -26,6 +26,9 @@ _NEW = 1e-7
 # Gauss points in a slice of the disk or along an element, at most.
 _MOST_POINTS = 64
 
+# Functions along the axis of this size are rounding at a place where they vanish.
+_ZERO = 1e-14
+
 # Two lengths along a rod are the same to this share of it.
 _ROUNDED = 1e-6
 
@@ -88,6 +91,56 @@ def end_trace(space: Space, which: str, finer: int = 1, own: bool = False) -> Tr
     nodes = layer * space.layer_nodes + np.arange(space.layer_nodes)
     values = space.basis.functions(xi)[0]
     return Trace(position[0], normal / size[:, None], area * size, np.tile(nodes, (len(xi), 1)), values, nodes)
+
+
+def section_trace(space: Space, u: float) -> Trace:
+    """Return the functions on the cross-section at an axis parameter, by the elements' own rule, normals forwards.
+
+    Raises
+    ------
+    InputError
+        If there is no such section.
+    """
+    xi, area = space.section_rule(space.rule)
+    position, jacobian = space.rod.grid(xi, [_on_axis(space, u)])
+    normal = np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1])
+    size = np.linalg.norm(normal, axis=1)
+    return Trace(position[0], normal / size[:, None], area * size, *_across(space, xi, u))
+
+
+def ring_trace(space: Space, u: float) -> Trace:
+    """Return the functions on the line round the outer surface at an axis parameter; weights are lengths.
+
+    Raises
+    ------
+    InputError
+        If there is no such section.
+    """
+    rule = space.basis.full(space.axis.degree)
+    xi, angle = circle_points(space.points_around, rule.angular, space.rod.rings[-1], space.turn)
+    position, jacobian = space.rod.grid(xi, [_on_axis(space, u)])
+    around = jacobian[0, ..., 1] * xi[:, :1] - jacobian[0, ..., 0] * xi[:, 1:]
+    normal = np.cross(around, jacobian[0, ..., 2])
+    size = np.linalg.norm(normal, axis=1)
+    weights = angle * np.linalg.norm(around, axis=1)
+    return Trace(position[0], normal / size[:, None], weights, *_across(space, xi, u))
+
+
+def _on_axis(space: Space, u: float) -> float:
+    low, high = space.axis.breaks[[0, -1]]
+    if not low <= u <= high:
+        raise InputError(f"got u = {u:g}, need an axis parameter from {low:g} to {high:g}")
+    return u
+
+
+def _across(space: Space, xi: Array, u: float) -> tuple[Index, Array, Index]:
+    """Return nodes ``(q, m)``, values and all the nodes whose functions do not vanish in a section at some points."""
+    first, axial, _ = space.axis.local([u])
+    acting = np.flatnonzero(np.abs(axial[0]) > _ZERO)
+    layers = (first[0] + acting) % space.layers
+    nodes = (layers[:, None] * space.layer_nodes + np.arange(space.layer_nodes)).ravel()
+    values = np.einsum("j,qn->qjn", axial[0, acting], space.basis.functions(xi)[0]).reshape(len(xi), -1)
+    return np.tile(nodes, (len(xi), 1)), values, nodes
 
 
 def lateral_trace(
