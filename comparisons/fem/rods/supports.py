@@ -12,7 +12,8 @@ from isorod.fenics import compat
 from isorod.fenics.loads import Held
 from isorod.files.solid import OfBody
 from isorod.model.model import Model
-from isorod.model.support import Support, SupportMotion
+from isorod.model.motion import SupportMotion
+from isorod.model.support import Support
 from isorod.space.space import Space
 from meshes.mesh import Array, Index
 

@@ -187,7 +187,7 @@ class Assembler(Parts):
             local = self._state(x, factor)
             forces = self._forces(local, factor)
             self._store(forces, out)
-            own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
+            own = float(np.sum(forces[self._supported] ** 2) + np.sum((factor * self._loads(local)) ** 2))
             if self.coupling is not None:
                 solids = self._solid_forces(x, factor)
                 self.coupling.add(solids, out)

@@ -1,6 +1,6 @@
-"""Bonds of ties that slide: forces and tangent of a potential of the slip, on the degrees of freedom of all bodies."""
+"""Bonds of ties that slide, and springs to ground: forces and tangent of a potential, on all degrees of freedom."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from scipy.sparse import bsr_array, csr_array
 
 from isorod.arrays import Array, Index
+from isorod.assembly.averages import Mean
 from isorod.model.bond import BondLaw
 
 
@@ -60,6 +61,65 @@ class Bond(NamedTuple):
             (self.weights * secant)[:, None, None] * across + (self.weights * (tangent - secant))[:, None, None] * along
         )
 
+    def change(self, moved: Array, way: Array) -> Array:
+        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
+        tractions = np.einsum("qab,qb->qa", self.stiffness(moved), self.jump @ way.reshape(-1, 3))
+        return np.asarray(self.jump.T @ tractions).ravel()
+
+    @property
+    def linear(self) -> bool:
+        """Whether its stiffness is the same in all states."""
+        return self.law.linear
+
+    def pieces(self, first: int, last: int) -> "Iterator[_Piece]":
+        """Yield its points by the nodes whose functions do not vanish there, given this rank's range of nodes."""
+        sets, of = np.unique(self.nodes, axis=0, return_inverse=True)
+        order = np.argsort(of.ravel(), kind="stable")
+        for own, points in zip(sets, np.split(order, np.cumsum(np.bincount(of.ravel()))[:-1]), strict=True):
+            yield _Piece(self, points, own, self.values[points], (own >= first) & (own < last))
+
+
+class Spring(NamedTuple):
+    """Springs between mean motions and the ground (`isorod.model.mean.MeanSupport`).
+
+    Attributes
+    ----------
+    mean
+        The mean motions.
+    stiffness : (k,)
+        Of the spring on each.
+    """
+
+    mean: Mean
+    stiffness: Array
+
+    @classmethod
+    def of(cls, mean: Mean) -> "Spring":
+        """Return the springs of a support."""
+        assert mean.stiffness is not None
+        return cls(mean, mean.stiffness)
+
+    @property
+    def linear(self) -> bool:
+        """Whether its stiffness is the same in all states."""
+        return True
+
+    def forces(self, moved: Array) -> Array:
+        """Return the forces ``(dofs,)`` on all degrees of freedom: the derivative of the energy."""
+        return self.mean.pushed(self.stiffness * self.mean.moved(moved), moved.size // 3).ravel()
+
+    def energy(self, moved: Array) -> float:
+        """Return the energy."""
+        return 0.5 * float(self.stiffness @ self.mean.moved(moved) ** 2)
+
+    def change(self, moved: Array, way: Array) -> Array:
+        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
+        return self.forces(way)
+
+    def pieces(self, first: int, last: int) -> "Iterator[_Springs]":
+        """Yield the whole, given this rank's range of nodes."""
+        yield _Springs(self, self.mean.nodes, (self.mean.nodes >= first) & (self.mean.nodes < last))
+
 
 class _Piece(NamedTuple):
     """Points of a bond at which the same functions do not vanish.
@@ -70,6 +130,8 @@ class _Piece(NamedTuple):
         The bond.
     points
         Their numbers among its points, ``(p,)``.
+    nodes : (m,)
+        Nodes of the functions.
     values : (p, m)
         The functions.
     mine : (m,)
@@ -78,8 +140,29 @@ class _Piece(NamedTuple):
 
     bond: Bond
     points: Index
+    nodes: Index
     values: Array
     mine: NDArray[np.bool_]
+
+    def blocks(self, moved: Array) -> Array:
+        """Return the tangent at displacements of all degrees of freedom, blocks ``(pairs, 3, 3)`` of nodes."""
+        stiffness = self.bond.stiffness(moved)[self.points].reshape(-1, 9)
+        products = self.values[:, self.mine].T @ (stiffness.T[:, :, None] * self.values)
+        return np.moveaxis(products, 0, 2).reshape(-1, 3, 3)
+
+
+class _Springs(NamedTuple):
+    """Springs, as a `_Piece`."""
+
+    spring: Spring
+    nodes: Index
+    mine: NDArray[np.bool_]
+
+    def blocks(self, moved: Array) -> Array:
+        """Return the tangent, blocks ``(pairs, 3, 3)`` of nodes."""
+        rows = self.spring.mean.rows
+        found = np.einsum("k,kma,knb->mnab", self.spring.stiffness, rows[:, self.mine], rows, optimize=True)
+        return found.reshape(-1, 3, 3)
 
 
 class Bonds:
@@ -102,19 +185,14 @@ class Bonds:
         Whether it is the same in all states.
     """
 
-    def __init__(self, bonds: Sequence[Bond], nodes: int, comm: PETSc.Comm) -> None:
+    def __init__(self, bonds: Sequence[Bond | Spring], nodes: int, comm: PETSc.Comm) -> None:
         self._bonds, self._nodes = bonds, nodes
-        self.linear = all(one.law.linear for one in bonds)
+        self.linear = all(one.linear for one in bonds)
         rank, size = comm.getRank(), comm.getSize()
         first, last = nodes * rank // size, nodes * (rank + 1) // size
-        self._pieces, places = [], [np.empty(0, dtype=np.int64)]
-        for bond in bonds:
-            sets, of = np.unique(bond.nodes, axis=0, return_inverse=True)
-            order = np.argsort(of.ravel(), kind="stable")
-            for own, points in zip(sets, np.split(order, np.cumsum(np.bincount(of.ravel()))[:-1]), strict=True):
-                mine = (own >= first) & (own < last)
-                self._pieces.append(_Piece(bond, points, bond.values[points], mine))
-                places.append(((own[mine] - first)[:, None] * nodes + own).ravel())
+        self._pieces = [piece for bond in bonds for piece in bond.pieces(first, last)]
+        places = [np.empty(0, dtype=np.int64)]
+        places += [((one.nodes[one.mine] - first)[:, None] * nodes + one.nodes).ravel() for one in self._pieces]
         # Pairs of nodes, row by row, and of each entry of each piece which one it is.
         self._pairs, self._which = np.unique(np.concatenate(places), return_inverse=True)
         sizes = ((3 * (last - first), 3 * nodes),) * 2
@@ -133,12 +211,7 @@ class Bonds:
 
     def set(self, moved: Array, share: float = 1.0) -> None:
         """Let the matrix be ``share`` times the tangent at displacements of all degrees of freedom ``(dofs,)``."""
-        stiffness = {id(one): share * one.stiffness(moved) for one in self._bonds}
-        found = [np.empty((0, 3, 3))]
-        for one in self._pieces:
-            own, every = stiffness[id(one.bond)][one.points], one.values
-            products = every[:, one.mine].T @ (own.reshape(-1, 9).T[:, :, None] * every)
-            found.append(np.moveaxis(products, 0, 2).reshape(-1, 3, 3))
+        found = [np.empty((0, 3, 3)), *(share * one.blocks(moved) for one in self._pieces)]
         entries = np.concatenate(found).reshape(-1, 9)
         count = self._pairs.size
         sums = [np.bincount(self._which.ravel(), one, count) for one in entries.T]
@@ -152,11 +225,7 @@ class Bonds:
 
     def change(self, moved: Array, way: Array) -> Array:
         """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
-        result = np.zeros(moved.size)
-        for one in self._bonds:
-            tractions = np.einsum("qab,qb->qa", one.stiffness(moved), one.jump @ way.reshape(-1, 3))
-            result += np.asarray(one.jump.T @ tractions).ravel()
-        return result
+        return np.asarray(sum(one.change(moved, way) for one in self._bonds))
 
     def energy(self, moved: Array) -> float:
         """Return the energy of all."""

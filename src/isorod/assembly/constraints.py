@@ -1,7 +1,8 @@
-"""Linear constraints of ties: what each degree of freedom of a tied surface is made of.
+"""Linear constraints of ties and mean supports: what each degree of freedom of a surface is made of.
 
 Of a tie, ``integral of t_i (u_slave - u_master) = 0`` over the slave's surface, for the traces ``t_i`` of its own
-functions that no support holds, is solved for the slave's coefficients (`isorod.model.tie.Tie`).
+functions that no support holds, is solved for the slave's coefficients (`isorod.model.tie.Tie`).  So are the mean
+motions that are held (`isorod.model.mean.MeanSupport`).
 """
 
 from graphlib import CycleError, TopologicalSorter
@@ -10,23 +11,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
-from scipy.sparse import csr_array, diags, vstack
+from scipy.sparse import block_diag, csr_array, diags, hstack, vstack
 
 from isorod.arrays import Array, Index
 from isorod.assembly import faces
+from isorod.assembly.averages import Mean, mean_of
 from isorod.assembly.bonds import Bond
 from isorod.assembly.faces import Passed
-from isorod.assembly.multipliers import Multipliers, passed_on_along, passed_on_near
+from isorod.assembly.multipliers import (
+    Multipliers,
+    of_component,
+    passed_on_along,
+    passed_on_near,
+    projection,
+    tested,
+)
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
 from isorod.space.trace import Rows, Trace, breaks_on, end_trace, lateral_trace, rows_at
-
-# Coefficients of this share of the largest are rounding: they decay exponentially along the surface.
-_DROPPED = 1e-13
-
-# Condition of the slave's functions on its surface from which they count as dependent.
-_SINGULAR = 1e10
 
 # A degree of freedom of the slave whose part in the multipliers is smaller than this share of others' counts for none.
 _DEPENDENT = 1e-8
@@ -72,7 +75,7 @@ class Tied(NamedTuple):
 
 
 class Constraints:
-    """The ties of a model.
+    """The ties and mean supports of a model.
 
     Attributes
     ----------
@@ -88,6 +91,12 @@ class Constraints:
         Rank of each degree of freedom of each solid.
     ties, order
         Each tie as it is on the nodes, and an order in which none is the master of what comes later.
+    means
+        Each mean support as it is on the nodes, by its number.
+    averaged
+        The slaves of these.
+    offsets, given : (s, h), (h,)
+        What the slaves have of each of the mean motions that are held, and the values of these at load factor 1.
 
     Raises
     ------
@@ -117,12 +126,37 @@ class Constraints:
                 self.ties.append(self._tied(tie))
             except InputError as problem:
                 raise InputError(f"tie {k}: {problem}") from None
-        found = np.concatenate([np.empty(0, dtype=np.int64), *(tied.slaves for tied in self.ties)])
+        self.means = {k: mean_of(model, one) for k, one in model.means.items()}
+        known = [(tied.slaves, tied.rows, np.zeros((tied.slaves.size, 0))) for tied in self.ties]
+        for k, one in self.means.items():
+            if one.held:
+                try:
+                    known.append(self._averaged(one))
+                except InputError as problem:
+                    raise InputError(f"support {k}: {problem}") from None
+        found = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
         order = np.argsort(found)
         self.slaves = found[order]
-        rows = [csr_array((0, 3 * self._nodes)), *(tied.rows for tied in self.ties)]
+        rows = csr_array(vstack([csr_array((0, 3 * self._nodes)), *(rows for _, rows, _ in known)], format="csr"))
+        self.averaged = found[sum(tied.slaves.size for tied in self.ties) :]
         self.order = self._ordered()
-        self.rows = self._resolved(csr_array(vstack(rows, format="csr"))[order])
+        # What is given stands behind the degrees of freedom.
+        whole = csr_array(hstack([rows, block_diag([np.zeros((0, 0)), *(one for _, _, one in known)])], format="csr"))
+        whole = self._resolved(whole[order])
+        self.rows, self.offsets = whole[:, : 3 * self._nodes], whole[:, 3 * self._nodes :].toarray()
+        self.given = np.concatenate([np.empty(0), *(one.values for k, one in model.means.items() if self.means[k].held)])
+
+    def _averaged(self, mean: Mean) -> tuple[Index, csr_array, Array]:
+        """Return the slaves of mean motions, their rows, and what they have of the values of these."""
+        # Rotations and displacements have sizes of their own.
+        sizes = np.linalg.norm(mean.rows, axis=(1, 2))
+        slaves, rows, values = self._solved(mean.on_dofs(1.0 / sizes, 3 * self._nodes), mean.nodes)
+        if slaves.size < sizes.size:
+            raise InputError(
+                "other supports or ties hold the section already, or some of its mean motions; leave one of them out"
+            )
+        self._taken[slaves] = True
+        return slaves, rows, values / sizes
 
     def _nodes_of(self, surface: Surface) -> tuple[int, int]:
         """Return the first node of a surface's body, and the one after its last."""
@@ -162,7 +196,7 @@ class Constraints:
         found, rows = (
             self._welded(tie, trace, own, jump, candidates, passed, multipliers)
             if tie.kind == "weld"
-            else self._condensed(_tested(tie.kind, trace, own[:, candidates]), jump, candidates)
+            else self._condensed(tested(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
         if not found.size:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
@@ -200,13 +234,13 @@ class Constraints:
                 if mine.size < candidates.size:
                     chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
                 mass = np.asarray(own[:, mine].T @ chosen)
-                found = _projection(jump, mine, chosen, mass)
+                found = projection(jump, mine, chosen, mass)
                 if passed is not None and mine.size == candidates.size:
                     found, mass = passed.corrected(found, mass), mass + passed.shown
                 known[key] = found, Multipliers(csr_array(chosen / trace.weights[:, None]), mass)
             if mine.size:
                 slaves.append(3 * mine + a)
-                rows.append(_of_component(known[key][0], a))
+                rows.append(of_component(known[key][0], a))
                 multipliers[a] = known[key][1]
         nothing = np.empty(0, dtype=np.int64), csr_array((0, 3 * self._nodes))
         return (np.concatenate(slaves), csr_array(vstack(rows, format="csr"))) if slaves else nothing
@@ -221,9 +255,15 @@ class Constraints:
 
     def _condensed(self, tests: Array, jump: csr_array, candidates: Index) -> tuple[Index, csr_array]:
         """Return slaves and their rows where multipliers are vectors ``(k, q, 3)``, weights included."""
-        on_dofs = [_of_component(csr_array(csr_array(tests[:, :, a]) @ jump), a) for a in range(3)]
-        whole = csr_array(on_dofs[0] + on_dofs[1] + on_dofs[2])
-        free = (3 * candidates[:, None] + np.arange(3)).ravel()
+        on_dofs = [of_component(csr_array(csr_array(tests[:, :, a]) @ jump), a) for a in range(3)]
+        return self._solved(csr_array(on_dofs[0] + on_dofs[1] + on_dofs[2]), candidates)[:2]
+
+    def _solved(self, whole: csr_array, nodes: Index) -> tuple[Index, csr_array, Array]:
+        """Return degrees of freedom of some nodes that equations ``whole u = value`` ``(k, dofs)`` determine.
+
+        With them, what they are of others, and of the values ``(slaves, k)``.
+        """
+        free = (3 * nodes[:, None] + np.arange(3)).ravel()
         free = free[~self._taken[free]]
         # Of as many multipliers as there are slaves for, those that these know.
         basis, triangle, order = qr(whole[:, free].toarray(), mode="economic", pivoting=True)
@@ -237,7 +277,8 @@ class Constraints:
         rest = csr_array(equations @ csr_array(diags(drop)))
         columns = np.unique(rest.indices)
         found = csr_array(np.linalg.solve(left, -rest[:, columns].toarray()))
-        return slaves, csr_array((found.data, columns[found.indices], found.indptr), shape=(count, whole.shape[1]))
+        rows = csr_array((found.data, columns[found.indices], found.indptr), shape=(count, whole.shape[1]))
+        return slaves, rows, np.linalg.solve(left, basis[:, :count].T)
 
     def _met(self, tie: Tie) -> tuple[Trace, Rows]:
         """Return the slave's functions, at points close enough for the master's, and those of the master there."""
@@ -322,46 +363,3 @@ def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | No
 def _size(trace: Trace) -> float:
     """Return the radius of a circle of a surface's area."""
     return float(np.sqrt(trace.weights.sum() / np.pi))
-
-
-def _projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_array:
-    """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
-    left = mass.T
-    # What is left when the functions that are solved for are taken out of the jump.
-    drop = np.ones(jump.shape[1])
-    drop[mine] = 0.0
-    others = csr_array(jump @ csr_array(diags(drop)))
-    columns = np.unique(others.indices)
-    right = np.asarray((others[:, columns].T @ tests).T)
-    # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
-    scale = 1.0 / np.linalg.norm(left, axis=0)
-    rows = 1.0 / np.linalg.norm(left * scale, axis=1)
-    scaled = left * scale * rows[:, None]
-    if not np.linalg.cond(scaled) < _SINGULAR:
-        raise InputError(
-            "the slave's functions are not independent on its surface; take the whole surface, or the other as slave"
-        )
-    found = scale[:, None] * np.linalg.solve(scaled, rows[:, None] * right)
-    found[np.abs(found) < _DROPPED * np.abs(found).max(initial=0.0)] = 0.0
-    small = csr_array(found)
-    return csr_array((small.data, columns[small.indices], small.indptr), shape=(mine.size, jump.shape[1]))
-
-
-def _of_component(rows: csr_array, a: int) -> csr_array:
-    """Return rows on nodes as rows on degrees of freedom, of one component."""
-    return csr_array((rows.data, 3 * rows.indices + a, rows.indptr), shape=(rows.shape[0], 3 * rows.shape[1]))
-
-
-def _tested(kind: str, trace: Trace, own: csr_array) -> Array:
-    """Return the multipliers of a tie that is no weld, as vectors times weights, shape ``(k, q, 3)``.
-
-    ``own`` ``(q, m)`` are the slave's independent functions: they act along the normal, where it slides.  Else they are
-    rigid motions.
-    """
-    weights = trace.weights[:, None]
-    if kind == "slide":
-        return np.asarray((weights * own.toarray()).T[:, :, None] * trace.normals)
-    arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
-    shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
-    turns = np.cross(np.eye(3)[:, None], arms[None] / np.abs(arms).max())
-    return np.concatenate([shifts, turns]) * weights

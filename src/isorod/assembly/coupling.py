@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array
 
 from isorod.arrays import Array, Index
-from isorod.assembly.bonds import Bonds
+from isorod.assembly.bonds import Bond, Bonds, Spring
 from isorod.assembly.condensed import Condensed, groups
 from isorod.assembly.constraints import Constraints
 from isorod.model.model import Model
@@ -102,7 +102,8 @@ class Coupling:
         whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
         place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
         self._whole = whole = csr_array(whole + place @ dependent)
-        bonds = [tied.bond for tied in constraints.ties if tied.bond is not None]
+        bonds: list[Bond | Spring] = [tied.bond for tied in constraints.ties if tied.bond is not None]
+        bonds += [Spring.of(one) for one in constraints.means.values() if not one.held]
         # What linear ones add is always the same.
         self._kept: tuple[Condensed | None, Array] = None, np.empty(0)
         self.bonds = Bonds(bonds, of_dofs.size // 3, comm) if bonds else None
@@ -161,7 +162,8 @@ class Coupling:
         result = factor * self.constraints.values
         own = self._model.prescribed(factor)
         result[: own.size] = own
-        result[self.constraints.slaves] = self.constraints.rows @ result
+        constraints = self.constraints
+        result[constraints.slaves] = constraints.rows @ result + constraints.offsets @ (factor * constraints.given)
         return result
 
     def passed_on(self, forces: Array) -> Array:

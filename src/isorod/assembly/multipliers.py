@@ -11,11 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, diags
 from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
+from isorod.errors import InputError
 from isorod.space.space import Space
+from isorod.space.trace import Trace
+
+# Coefficients of this share of the largest are rounding: they decay exponentially along the surface.
+_DROPPED = 1e-13
+
+# Condition of the slave's functions on its surface from which they count as dependent.
+_SINGULAR = 1e10
 
 
 class Multipliers(NamedTuple):
@@ -94,3 +102,46 @@ def passed_on_near(points: Array, weights: Array, traces: csr_array, free: NDArr
     middle = square @ (weights[:, None] * points) / (square @ weights)[:, None]
     to = cKDTree(middle[rest]).query(middle[held])[1]
     return csr_array((np.ones(held.size), (np.arange(held.size), to)), shape=(held.size, rest.size))
+
+
+def projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_array:
+    """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
+    left = mass.T
+    # What is left when the functions that are solved for are taken out of the jump.
+    drop = np.ones(jump.shape[1])
+    drop[mine] = 0.0
+    others = csr_array(jump @ csr_array(diags(drop)))
+    columns = np.unique(others.indices)
+    right = np.asarray((others[:, columns].T @ tests).T)
+    # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
+    scale = 1.0 / np.linalg.norm(left, axis=0)
+    rows = 1.0 / np.linalg.norm(left * scale, axis=1)
+    scaled = left * scale * rows[:, None]
+    if not np.linalg.cond(scaled) < _SINGULAR:
+        raise InputError(
+            "the slave's functions are not independent on its surface; take the whole surface, or the other as slave"
+        )
+    found = scale[:, None] * np.linalg.solve(scaled, rows[:, None] * right)
+    found[np.abs(found) < _DROPPED * np.abs(found).max(initial=0.0)] = 0.0
+    small = csr_array(found)
+    return csr_array((small.data, columns[small.indices], small.indptr), shape=(mine.size, jump.shape[1]))
+
+
+def of_component(rows: csr_array, a: int) -> csr_array:
+    """Return rows on nodes as rows on degrees of freedom, of one component."""
+    return csr_array((rows.data, 3 * rows.indices + a, rows.indptr), shape=(rows.shape[0], 3 * rows.shape[1]))
+
+
+def tested(kind: str, trace: Trace, own: csr_array) -> Array:
+    """Return the multipliers of a tie that is no weld, as vectors times weights, shape ``(k, q, 3)``.
+
+    ``own`` ``(q, m)`` are the slave's independent functions: they act along the normal, where it slides.  Else they are
+    rigid motions.
+    """
+    weights = trace.weights[:, None]
+    if kind == "slide":
+        return np.asarray((weights * own.toarray()).T[:, :, None] * trace.normals)
+    arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
+    shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
+    turns = np.cross(np.eye(3)[:, None], arms[None] / np.abs(arms).max())
+    return np.concatenate([shifts, turns]) * weights

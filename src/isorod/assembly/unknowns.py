@@ -64,7 +64,7 @@ class Unknowns:
         model = self.model
         self.free, self.unknowns = model.free, model.unknowns
         self.first = 3 * model.first_node
-        self.block = 3 if model.whole_nodes and not (model.ties or model.solids) else 1
+        self.block = 3 if model.whole_nodes and not model.coupled else 1
 
     def _split(self) -> None:
         """Take this rank's elements and rows."""
@@ -83,7 +83,7 @@ class Unknowns:
         self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
 
     def _coupled(self) -> "Coupling | None":
-        if not (self.model.ties or self.model.solids):
+        if not self.model.coupled:
             return None
         from isorod.assembly.coupling import Coupling
 
@@ -139,6 +139,16 @@ class Unknowns:
         if self.comm.getSize() > 1:
             forces = np.where(self._owned[self._exchange.numbers], forces, 0.0)
         return self.local(forces)
+
+    @cached_property
+    def _supported(self) -> Index:
+        """The slots of what supports bind, by themselves or in the mean."""
+        bound = self._exchange.bound[1]
+        if not self.model.means:
+            return bound
+        assert self.coupling is not None
+        moved, slots = self._exchange.moved
+        return np.append(bound, slots[np.isin(moved, self.coupling.constraints.averaged)])
 
     def _bound(self, local: Array) -> Array:
         """Return the sums over all ranks of what is in `Model.bound`, on every rank."""

@@ -89,6 +89,7 @@ def refuse(model: Model) -> None:
     ):
         if there:
             raise InputError(f"buckling: not known with {what}; statics counts negative eigenvalues, and follows paths")
+    model.refuse_hold("buckling")
     loaded.refuse(model, "or leave that load out")
     if not loaded.burdens(model):
         raise InputError("buckling: nothing loads the model; add a load, or a support that moves")

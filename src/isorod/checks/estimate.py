@@ -15,9 +15,8 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import correction, stresses
+from isorod.checks import correction, reactions, stresses
 from isorod.checks.finer import Finer
-from isorod.checks.reactions import support_forces, support_moments
 from isorod.model.model import Model
 from isorod.output import held
 
@@ -139,7 +138,8 @@ def _equilibrium(
         sizes, gained, first = correction.corrected(assembler, x, matrix, ksp)
         found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
-        carried = assembler.reactions(x, 1.0)
+        after = reactions.carried(assembler, x, 1.0)
+        carried = after.bound
         noise = assembler.reaction_noise(x, 1.0)
     finally:
         ksp.destroy()
@@ -162,14 +162,14 @@ def _equilibrium(
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
     if supported is not None:
-        known.append(_supported(finer.model, supported, found, carried, _ROUNDS * float(np.abs(noise).sum())))
+        known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum())))
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
 
 
 def _supported(
-    model: Model, before: tuple[Array, Array], displacement: Array, carried: Array, rounding: float
+    model: Model, before: tuple[Array, Array], carried: reactions.Carried, rounding: float
 ) -> float:
     """Return the change of the supports' forces and moments, relative to the largest of each.
 
@@ -179,12 +179,12 @@ def _supported(
     ----------
     before
         Force and moment of each support, as they were.
-    displacement, carried
-        All degrees of freedom, and forces on those that are `Model.bound`, as they are on a finer space.
+    carried
+        What supports exert on a finer space.
     rounding
         Changes of force of less are none.
     """
-    after = support_forces(model, carried), support_moments(model, displacement, carried)
+    after = carried.reactions, carried.moments
     force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in after)
     width = max(held.width(model, b) for b in range(len(model.bodies)))
     force = max(force, rounding, _LITTLE * max(float(np.abs(model.external).sum()), moment / width))

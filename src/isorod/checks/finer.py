@@ -20,6 +20,7 @@ from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.model import Model
+from isorod.model.mean import MeanSupport
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded
@@ -77,8 +78,11 @@ class Finer:
             return None
         spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
-        supports = []
+        supports: list[Support | MeanSupport] = []
         for one in model.supports:
+            if isinstance(one, MeanSupport):
+                supports.append(replace(one, space=None))
+                continue
             moved = _support(one, model.bodies[one.body].space, spaces[one.body], across[one.body])
             if moved is None:
                 return None

@@ -103,6 +103,13 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
     held = [np.zeros((0, 6))]
     for b, one in bodies.items():
         held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], one))
+    for support in model.means.values():
+        if support.body in bodies:
+            nodes, rows = support.rows(model.bodies[support.body].space)
+            # Of rotations what moves on the section.
+            sizes = np.append(np.ones(len(support.ways)), np.full(len(support.axes), support.radius(model.bodies[support.body].space)))
+            moved = bodies[support.body].reshape(-1, 3, 6)[nodes]
+            held.append(sizes[:, None] * np.einsum("kna,nam->km", rows, moved))
     for solid, one in zip(solids, own, strict=True):
         held += solid.comm.allgather(one[solid.held[0] - 3 * solid.owned[0]] @ inverse)
     return Motions(bodies, np.concatenate(held), center, inverse)

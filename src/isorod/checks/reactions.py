@@ -1,11 +1,13 @@
 """Forces and moments of the supports, and whether they mean anything: they must balance, and exceed rounding."""
 
 import warnings
+from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly import averages
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.material.along_rod import Laws
@@ -17,6 +19,9 @@ TOLERANCE = 1e-3
 
 # Displacements below this share of the size leave fewer than three digits of a slender rod's strains.
 _VANISHES = 1e-11
+
+# Loads balance each other to this share.
+_BALANCED = 1e-6
 
 # A support force counts as one if it is this many times what rounding alone makes there, or more than this share of the
 # forces inside: Newton's iterations leave rounding of all that is added up there.
@@ -65,7 +70,8 @@ def check_balance(
     # No sum over n entries is larger than sqrt(n) times their norm.
     if np.sqrt(model.unknowns) * out_of_balance <= tolerance * load:
         return
-    gap = float(np.linalg.norm(assembler.imbalance(x, 1.0)))
+    # What is held in the mean has no node that is.
+    gap = float(np.linalg.norm(assembler.imbalance(x, 1.0) - reactions[list(model.means)].sum(axis=0)))
     # Contact is held against the rounding of the largest stiffness alone (`isorod.statics.convergence`).
     lost = assembler.contact is not None and out_of_balance > max(tolerance * load, gap)
     if gap <= tolerance * load and not lost:
@@ -89,6 +95,61 @@ def check_balance(
             "model is too slender or too stiff for them in double precision"
         )
     warnings.warn(f"support reactions are at round-off level: {largest:.2g}, accurate to {gap:.2g}", stacklevel=3)
+
+
+def refuse_hold(assembler: Assembler, x: PETSc.Vec, reactions: Array, moments: Array) -> None:
+    """Raise `SolveError` where a support that is to hold rigid motions alone carries loads."""
+    model = assembler.model
+    for k, one in model.means.items():
+        force, moment = float(np.linalg.norm(reactions[k])), float(np.linalg.norm(moments[k]))
+        if one.free and max(force, moment / model.size) > _BALANCED * assembler.carried(x):
+            raise SolveError(
+                f"support {k}: the loads do not balance each other, and what holds rigid motions alone would carry "
+                f"force {force:.3g} and moment {moment:.3g}; balance them, or take a support that says where"
+            )
+
+
+class Carried(NamedTuple):
+    """What supports exert on a model.
+
+    Attributes
+    ----------
+    bound
+        Forces on the degrees of freedom `Model.bound`.
+    reactions, moments
+        Force of each, and moment about the mean of its nodes, or of its section, as these are now, ``(supports, 3)``.
+    work
+        Sum of their forces times the displacements, and moments times the turns, that they prescribe.
+    """
+
+    bound: Array
+    reactions: Array
+    moments: Array
+    work: float
+
+
+def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
+    """Return what supports exert in a state, those of mean motions and springs too."""
+    model, displacement = assembler.model, assembler.displacement(x, factor)
+    forces = assembler.reactions(x, factor)
+    reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
+    work, own = float(forces @ model.driven[model.bound]), averages.carried_at(assembler, x, factor)
+    if own:
+        places = _places(model, displacement)
+    for k, amounts in own.items():
+        mean = averages.mean_of(model, model.means[k])
+        nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_carrier[:, None]
+        reactions[k] = (carriers * nodal).sum(axis=0)
+        shares = averages.shares(model, model.means[k])
+        moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
+        work += float(amounts @ model.means[k].values)
+    return Carried(forces, reactions, moments, work)
+
+
+def _places(model: Model, displacement: Array) -> Array:
+    """Return where nodes are, at rest of bodies that have a law of small strains, in which their stress balances."""
+    moved = (Laws.of(body.laws).objective * model.nodal(displacement, b) for b, body in enumerate(model.bodies))
+    return np.concatenate([body.space.positions + change for body, change in zip(model.bodies, moved, strict=True)])
 
 
 def support_forces(model: Model, forces: Array) -> Array:
@@ -129,8 +190,7 @@ def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
     owner = np.full((model.dofs // 3, 3), -1)
     owner.ravel()[model.bound] = model.support_of
     is_carrier = model.is_carrier
-    moved = (Laws.of(body.laws).objective * model.nodal(displacement, b) for b, body in enumerate(model.bodies))
-    places = np.concatenate([body.space.positions + change for body, change in zip(model.bodies, moved, strict=True)])
+    places = _places(model, displacement)
     result = np.zeros((max(len(model.supports), 1), 3))
     for k in range(len(model.supports)):
         mine = (owner == k).any(axis=1)

@@ -265,6 +265,10 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(f"{name}: got {value:g}, need {what}, not negative")
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
+    model.refuse_hold("motions")
+    for k, one in model.means.items():
+        if np.any(one.displacement):
+            raise InputError(f"support {k}: a mean motion is not displaced in dynamics; hold it, or use loads")
     for k, motion in enumerate(model.motions):
         if motion.tied.any():
             raise InputError(f"support {k}: tied components are not supported in dynamics")
@@ -284,6 +288,9 @@ def _check_loads(model: Model, integrator: str) -> None:
     """Raise `InputError` if the model has loads that the steps do not know."""
     if model.loads and integrator == "explicit":
         raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
+    if model.means and integrator == "explicit":
+        k = next(iter(model.means))
+        raise InputError(f"support {k}: explicit steps know no mean motions and springs; use integrator 'implicit'")
     if model.solids and integrator == "explicit":
         raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
 

@@ -167,7 +167,11 @@ class FileScene(Scene):
             stressed=self.analysis == "statics",
             buckles=self.analysis == "buckling",
             explicit=self._explicit,
-            loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
+            loaded=[
+                float(u)
+                for one in (*supports, *loads)
+                if isinstance(u := one.arguments.get("u", one.arguments.get("at")), float | int)
+            ],
             tied=self._names.tied(number),
             bonded=self._names.bonded(number),
             pressed=any(one.form is schema.LOADS["pressure"] for one in loads),

@@ -64,7 +64,7 @@ SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
 
 def _on_rod(target: str, main: str | None = None) -> Form:
-    return Form(target, main, kinds={"body": ROD}, keys={"body": "rod", "which": "end"}, left=("space",))
+    return Form(target, main, kinds={"body": ROD}, keys={"body": "rod", "which": "end", "at": "place"}, left=("space",))
 
 
 def _support(target: str) -> Form:
@@ -77,6 +77,10 @@ def _support(target: str) -> Form:
 SUPPORTS = {
     "end": _support("isorod.model.support:Support.end"),
     "patch": _support("isorod.model.support:Support.patch"),
+    "section": _on_rod("isorod.model.mean:MeanSupport.section", main="u"),
+    "bearing": _on_rod("isorod.model.mean:MeanSupport.bearing", main="u"),
+    "spring": _on_rod("isorod.model.mean:MeanSupport.spring"),
+    "rigid": _on_rod("isorod.model.mean:MeanSupport.rigid", main="rod"),
 }
 LOADS = {
     "end": _on_rod("isorod.model.load:SectionLoad.end"),

@@ -105,7 +105,8 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
 
 
 def refuse_massless(model: Model) -> None:
-    """Raise `InputError` for a body without mass."""
+    """Raise `InputError` for a body without mass, or one whose rigid motions are held for statics alone."""
+    model.refuse_hold("modes")
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(

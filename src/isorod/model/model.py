@@ -13,8 +13,10 @@ from isorod.arrays import Array, Index
 from isorod.errors import Checked, InputError
 from isorod.model.body import Body
 from isorod.model.load import Load, Pressure, SectionLoad, Spin
+from isorod.model.mean import MeanSupport
+from isorod.model.motion import SupportMotion
 from isorod.model.numbering import number
-from isorod.model.support import Support, SupportMotion
+from isorod.model.support import Support
 from isorod.space.space import Space
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ class Model(Checked):
     """
 
     bodies: Sequence[Body]
-    supports: Sequence[Support] = ()
+    supports: Sequence[Support | MeanSupport] = ()
     spin: Spin | None = None
     contacts: "Sequence[Contact]" = ()
     loads: Sequence[Load] = ()
@@ -88,6 +90,13 @@ class Model(Checked):
         self._set(first_node=first_node, motions=tuple(motions), **numbering._asdict())
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load)
+        for k, one in self.means.items():
+            others = [j for j, other in enumerate(self.supports) if j != k and other.body == one.body]
+            if one.free and others:
+                raise InputError(
+                    f"support {k}: rigid motions alone are held where nothing else holds the rod, and support "
+                    f"{others[0]} does; leave one of the two out"
+                )
         for k, tie in enumerate(self.ties):
             tie.check(k, len(self.bodies), len(self.solids))
         if self.ties and self.contacts:
@@ -114,7 +123,7 @@ class Model(Checked):
         spin = "" if self.spin is None else ", spin"
         return f"Model({parts}{spin}; {self.dofs} degrees of freedom, {self.unknowns} unknowns)"
 
-    def _space(self, what: str, one: Support | Load) -> Space:
+    def _space(self, what: str, one: Support | MeanSupport | Load) -> Space:
         """Return the space of the body that a support or a load names."""
         if not 0 <= one.body < len(self.bodies):
             raise InputError(f"{what}: body {one.body} is not one of the {len(self.bodies)} bodies")
@@ -180,6 +189,22 @@ class Model(Checked):
         """Load factors at which supports begin or cease to move, and 1, in order."""
         ends = {end for motion in self.motions for end in motion.during}
         return sorted((ends | {1.0}) - {0.0})
+
+    @cached_property
+    def means(self) -> dict[int, MeanSupport]:
+        """The supports of mean motions, by their numbers."""
+        return {k: one for k, one in enumerate(self.supports) if isinstance(one, MeanSupport)}
+
+    @property
+    def coupled(self) -> bool:
+        """Whether unknowns depend on each other, or on those of finite element bodies."""
+        return bool(self.ties or self.solids or self.means)
+
+    def refuse_hold(self, what: str) -> None:
+        """Raise `InputError` for a support of rigid motions alone, of which ``what`` knows others."""
+        for k, one in self.means.items():
+            if one.free:
+                raise InputError(f"support {k}: to hold rigid motions alone is for statics; in {what} leave it out")
 
     @cached_property
     def values(self) -> Array:

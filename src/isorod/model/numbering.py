@@ -11,7 +11,7 @@ import numpy as np
 
 from isorod.arrays import Index
 from isorod.errors import InputError
-from isorod.model.support import SupportMotion
+from isorod.model.motion import SupportMotion
 
 # Load factors at which the displacements of two supports on one degree of freedom are compared.
 _SAMPLES = (1.0, 0.73, 0.37, 0.11)

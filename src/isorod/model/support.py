@@ -1,16 +1,17 @@
 """Supports: Dirichlet boundary conditions and prescribed motions."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError
+from isorod.model.mean import MeanSupport, mean_of
+from isorod.model.motion import SupportMotion
 from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
-from isorod.tensors import cross, rotation, turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,10 @@ class Support(Checked):
         center: tuple[float, float, float] | None = None,
         tied: str = "",
         during: tuple[float, float] = (0.0, 1.0),
-    ) -> "Support":
-        """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
+        mean: str = "",
+        axis: tuple[float, float, float] | None = None,
+    ) -> "Support | MeanSupport":
+        """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held, or their mean alone.
 
         With a ``turn`` the face moves as a rigid body: at factor ``f`` its point ``x`` is displaced by
         ``R(f turn) (x - c) - (x - c) + f displacement``.  In the components ``tied`` the face turns too, but is free to
@@ -96,12 +99,20 @@ class Support(Checked):
             The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
         during
             Load factors between which it moves (`Support`).
+        mean, axis
+            The face stays free to deform, and what is held is its mean displacement, in the ``components``, and of
+            ``"fixed"`` its mean rotation, of a ``"hinge"`` that but about its ``axis``, of a ``"fork"`` that about the
+            normal alone, of a ``"pin"`` none.
 
         Raises
         ------
         InputError
-            If the rod is closed, or the end is none.
+            If the rod is closed, the end is none, or a mean motion is to turn, is tied or has an axis that is none.
         """
+        if mean or axis is not None:
+            if np.any(turn) or center is not None or tied or tuple(during) != (0.0, 1.0):
+                raise InputError("mean: a face held in the mean is displaced alone; leave out rotation, tied and during")
+            return mean_of(space, float(space.axis.breaks[space.end(which)]), mean, components, displacement, axis, body)
         nodes = np.arange(space.nodes).reshape(space.layers, -1)[space.end(which)]
         rest = {"components": components, "body": body, "tied": tied, "during": during}
         return cls._rigid(nodes, space, displacement, turn, center, **rest)
@@ -219,45 +230,4 @@ class Support(Checked):
         result += arms[:, None]
         if tied.any():
             result[tied] -= arms[np.argmax(space.is_carrier[nodes])]
-        return result
-
-
-class SupportMotion(NamedTuple):
-    """What one support does with degrees of freedom ``dofs`` ``(m,)``.
-
-    At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
-    ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
-    more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
-    ``0, 1/s, ..., 1``, straight between them.
-    """
-
-    dofs: Index
-    path: Array
-    arms: Array
-    turn: Array
-    tied: NDArray[np.bool_]
-    during: tuple[float, float] = (0.0, 1.0)
-
-    def driven(self) -> Array:
-        """Return how fast, a share of the way, displacements are prescribed at the end of it, shape ``(m,)``.
-
-        Nodal forces times this are forces times displacements and moments times turns.
-        """
-        rates = (len(self.path) - 1) * (self.path[-1] - self.path[-2])
-        if not self.turn.any():
-            return rates
-        spin = cross(self.turn) @ rotation(self.turn)
-        return np.asarray(rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
-
-    def at(self, factor: float) -> Array:
-        """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""
-        begin, end = self.during
-        if (begin, end) != (0.0, 1.0):
-            factor = min(1.0, max(0.0, (factor - begin) / (end - begin)))
-        legs = len(self.path) - 1
-        leg = max(0, min(int(factor * legs), legs - 1))
-        result = self.path[leg] + (factor * legs - leg) * (self.path[leg + 1] - self.path[leg])
-        if self.turn.any():
-            rows = turning(factor * self.turn)[self.dofs % 3]
-            result = result + np.einsum("ma,ma->m", rows, self.arms)
         return result

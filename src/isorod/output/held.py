@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 
 # Points of the centre line between knots that its length is measured with.
@@ -72,7 +73,7 @@ def _held(model: Model, number: int) -> list[tuple[float, float]]:
     degree, knots = space.axis.degree, space.axis.knots
     found = []
     for one in model.supports:
-        if one.body != number or not len(one.nodes):
+        if one.body != number or isinstance(one, MeanSupport) or not len(one.nodes):
             continue
         layers = np.unique(np.asarray(one.nodes) // space.layer_nodes)
         # Where functions of these layers are largest.

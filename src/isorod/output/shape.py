@@ -14,6 +14,7 @@ from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.contact import Cylinder, Obstacle, Plane, Sphere
 from isorod.model.load import SectionLoad
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 from isorod.output import picture
 from isorod.output.solids import mesh_of, told
@@ -217,6 +218,12 @@ def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str
     """Add what holds, moves and loads the bodies; yield its name, its colour and points where it is."""
     for support in model.supports:
         space = model.bodies[support.body].space
+        if isinstance(support, MeanSupport):
+            nodes, share = support.middle(space)
+            place = (share @ space.positions[nodes])[None]
+            plotter.add_points(place, color=_HELD, point_size=15, render_points_as_spheres=True)
+            yield "held mean", _HELD, place
+            continue
         nodes = np.asarray(support.nodes)
         held = nodes[space.is_carrier[nodes]]
         layers = np.unique(nodes // space.layer_nodes)

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
-from isorod.checks.reactions import by_name, check_balance, support_displacements, support_forces, support_moments
+from isorod.checks.reactions import by_name, carried, check_balance, refuse_hold, support_displacements
 from isorod.checks.tie_result import TieResult, results
 from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
@@ -350,12 +350,12 @@ def _solve(
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
-        forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
-        reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
+        _, reactions, moments, work = carried(assembler, solver.x, 1.0)
         rtol = solver.snes.getTolerances()[0]
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
+        refuse_hold(assembler, solver.x, reactions, moments)
         overlap.warn_in_the_end(model, displacement, overlapped)
         small.warn_of_large(model, displacement[None], [assembler.solids(solver.x, 1.0)])
         rules = hourglass.better_rules(model)
@@ -367,8 +367,8 @@ def _solve(
         stability.warn_of(negative)
         ties: list[TieResult] = []
         if assembler.coupling is not None:
-            carried = assembler.system_forces(solver.x, 1.0), assembler.system_displacement(solver.x, 1.0)
-            ties = results(model, assembler.coupling, *carried)
+            everywhere = assembler.system_forces(solver.x, 1.0), assembler.system_displacement(solver.x, 1.0)
+            ties = results(model, assembler.coupling, *everywhere)
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         return Equilibrium(
@@ -376,7 +376,7 @@ def _solve(
             displacement=displacement,
             reactions=reactions,
             moments=moments,
-            work=float(forces @ model.driven[model.bound]),
+            work=work,
             load_steps=len(path.steps),
             cuts=solver.cuts,
             newton_iterations=solver.iterations,

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.checks.reactions import support_forces
+from isorod.checks.reactions import carried
 
 
 class Step(NamedTuple):
@@ -47,7 +47,7 @@ class Path:
         assembler = self._assembler
         step = Step(factor, np.empty((0, 3)))
         if self._keep or assembler.contact is not None:
-            forces = support_forces(assembler.model, assembler.reactions(x, factor))
+            forces = carried(assembler, x, factor).reactions
             step = Step(factor, forces, 0.0 if assembler.contact is None else assembler.contact.push())
         if self._keep:
             state = assembler.displacement(x, factor).copy(), assembler.pressures(x)

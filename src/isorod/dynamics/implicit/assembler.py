@@ -114,7 +114,7 @@ class StepAssembler(Assembler):
         return StepPart(share, self._exchange)
 
     def _coupled(self) -> "StepCoupling | None":
-        if not (self.model.ties or self.model.solids):
+        if not self.model.coupled:
             return None
         from isorod.dynamics.implicit.coupling import StepCoupling
 

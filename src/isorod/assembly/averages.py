@@ -1,0 +1,100 @@
+"""Supports of mean motions (`isorod.model.mean.MeanSupport`) on a model's nodes, and what they exert."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from isorod.arrays import Array, Index
+from isorod.model.mean import MeanSupport
+from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+    from isorod.assembly.assembler import Assembler
+    from isorod.assembly.constraints import Constraints
+
+
+class Mean(NamedTuple):
+    """A support of mean motions.
+
+    Attributes
+    ----------
+    nodes : (n,)
+        Those that take part.
+    rows : (k, n, 3)
+        What the mean motions are of their displacements.
+    stiffness : (k,)
+        Of springs that act on them; None where they are held.
+    """
+
+    nodes: Index
+    rows: Array
+    stiffness: Array | None
+
+    @property
+    def held(self) -> bool:
+        """Whether they are held, and no springs act on them."""
+        return self.stiffness is None
+
+    def on_dofs(self, scale: Array, dofs: int) -> csr_array:
+        """Return the rows, each times a scale, on all degrees of freedom."""
+        own = (3 * self.nodes[:, None] + np.arange(3)).ravel()
+        count = len(self.rows)
+        values = (scale[:, None, None] * self.rows).ravel()
+        return csr_array((values, np.tile(own, count), own.size * np.arange(count + 1)), shape=(count, dofs))
+
+    def moved(self, displacement: Array) -> Array:
+        """Return the mean motions ``(k,)`` of displacements of all degrees of freedom."""
+        return np.asarray(np.einsum("kna,na->k", self.rows, displacement.reshape(-1, 3)[self.nodes]))
+
+    def pushed(self, carried: Array, count: int) -> Array:
+        """Return the forces on all of so many nodes, of forces and moments ``(k,)``."""
+        result = np.zeros((count, 3))
+        result[self.nodes] = np.einsum("k,kna->na", carried, self.rows)
+        return result
+
+
+def mean_of(model: Model, support: MeanSupport) -> Mean:
+    """Return a support on the nodes of its model."""
+    nodes, rows = support.rows(model.bodies[support.body].space)
+    return Mean(int(model.first_node[support.body]) + nodes, rows, support.stiffness)
+
+
+def shares(model: Model, support: MeanSupport) -> Array:
+    """Return what the middle of a support's section is of all nodes, ``(nodes,)``."""
+    nodes, values = support.middle(model.bodies[support.body].space)
+    result = np.zeros(model.dofs // 3)
+    result[int(model.first_node[support.body]) + nodes] = values
+    return result
+
+
+def carried(constraints: "Constraints", forces: Array, displacement: Array) -> dict[int, Array]:
+    """Return force and moment ``(k,)`` of each of the supports of mean motions on the model, by its number.
+
+    Parameters
+    ----------
+    forces
+        Internal and inertial less external forces on all degrees of freedom.
+    displacement
+        Of all degrees of freedom.
+    """
+    # So much work it takes to move what is held by one.
+    all_held, first, found = constraints.offsets.T @ forces[constraints.slaves], 0, {}
+    for k, one in constraints.means.items():
+        if one.stiffness is not None:
+            found[k] = -one.stiffness * one.moved(displacement)
+            continue
+        found[k] = all_held[first : first + len(one.rows)]
+        first += len(one.rows)
+    return found
+
+
+def carried_at(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> dict[int, Array]:
+    """Return what `carried` does of an equilibrium."""
+    if not assembler.model.means:
+        return {}
+    assert assembler.coupling is not None
+    everywhere = assembler.system_forces(x, factor), assembler.system_displacement(x, factor)
+    return carried(assembler.coupling.constraints, *everywhere)

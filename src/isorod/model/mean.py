@@ -1,0 +1,252 @@
+"""Supports of mean motions: of a section, or of the line round it, which stay free to deform; and springs to ground.
+
+The mean displacement of a section is ``int u dA / A`` and its mean rotation ``J^-1 int r x u dA``, ``r`` the place from
+the section's middle at rest and ``J = int (r.r 1 - r r^T) dA``.  What holds them is spread over the section as bending
+and the torsion of a round bar have it: a distributing coupling.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.errors import Checked, InputError, finite
+from isorod.model.motion import SupportMotion
+from isorod.space.space import Space
+from isorod.space.trace import Trace, ring_trace, section_trace
+
+# An axis of a hinge is a principal one of the section to this share.
+_PRINCIPAL = 1e-6
+
+MEANS = ("pin", "fork", "hinge", "fixed")
+
+
+@dataclass(frozen=True, eq=False)
+class MeanSupport(Checked):
+    """A support of mean motions of a section.
+
+    Attributes
+    ----------
+    u
+        Axis parameter of the section.
+    ways, axes
+        Unit vectors ``(k, 3)`` along which its mean displacement is held, and ``(m, 3)`` about which its mean rotation.
+    displacement
+        Mean displacement at load factor 1 along the ``ways``, shape ``(3,)``, units of length.
+    stiffness
+        Of springs in the place of what is held, one each of ``ways`` and ``axes``: force per length, and moment per
+        radian.
+    body
+        Index of the body in the model.
+    ring
+        Whether the means are those of the line round the section.
+    free
+        Whether it holds rigid motions alone, of a body whose loads balance: it must carry nothing.
+    space
+        The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
+    """
+
+    u: float
+    ways: Array
+    axes: Array
+    displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    stiffness: Array | None = None
+    body: int = 0
+    ring: bool = False
+    free: bool = False
+    space: Space | None = field(default=None, repr=False)
+
+    @classmethod
+    def section(
+        cls,
+        space: Space,
+        u: float,
+        mean: str = "pin",
+        components: str = "xyz",
+        displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        axis: tuple[float, float, float] | None = None,
+        body: int = 0,
+    ) -> "MeanSupport":
+        """Return a support of the mean motion of a cross-section, which stays free to deform.
+
+        Parameters
+        ----------
+        u
+            Axis parameter of the section.
+        mean, axis
+            What is held beside the mean displacement: of a ``"pin"`` nothing, of a ``"fork"`` the mean rotation about
+            the normal of the section, of a ``"hinge"`` that but about its ``axis``, of ``"fixed"`` all of it.
+        components
+            Letters of ``"xyz"``: which of the mean displacement are held.
+        displacement
+            Of the mean at load factor 1, shape ``(3,)``, units of length.
+        body
+            Index of the body in the model.
+
+        Raises
+        ------
+        InputError
+            If there is no such section, or an axis is none.
+        """
+        return mean_of(space, u, mean, components, displacement, axis, body)
+
+    @classmethod
+    def bearing(cls, space: Space, u: float, body: int = 0) -> "MeanSupport":
+        """Return a bearing: the ring round the section stays, in the mean, where it is across the centre line.
+
+        It slides along the line's tangent at rest, and turns freely.
+
+        Parameters
+        ----------
+        u
+            Axis parameter of the ring.
+        body
+            Index of the body in the model.
+
+        Raises
+        ------
+        InputError
+            If there is no such section.
+        """
+        section_trace(space, u)
+        along = space.rod.grid(np.zeros((1, 2)), [u])[1][0, 0, :, 2]
+        return cls(u, _across(along), np.zeros((0, 3)), body=body, ring=True, space=space)
+
+    @classmethod
+    def spring(
+        cls,
+        space: Space,
+        at: str | float,
+        stiffness: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        rotational: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        body: int = 0,
+    ) -> "MeanSupport":
+        """Return springs from a section's mean displacement and rotation to the ground, without force at rest.
+
+        Rotations count as small: a section that turns by ``a`` has the moment ``rotational sin(a)``.
+
+        Parameters
+        ----------
+        at
+            ``"start"``, ``"end"``, or the axis parameter of the section.
+        stiffness
+            Along x, y and z, force per length, not negative.
+        rotational
+            About x, y and z, moment per radian, not negative.
+        body
+            Index of the body in the model.
+
+        Raises
+        ------
+        InputError
+            If there is no such section, a stiffness is negative or all are zero.
+        """
+        u = float(space.axis.breaks[space.end(at)]) if isinstance(at, str) else at
+        section_trace(space, u)
+        whole = np.append(stiffness, rotational)
+        if not (np.isfinite(whole).all() and (whole >= 0.0).all() and whole.any()):
+            raise InputError(f"stiffness: got {(*stiffness, *rotational)}, need numbers, none negative and not all zero")
+        ways, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
+        return cls(u, ways, axes, stiffness=whole[whole > 0.0], body=body, space=space)
+
+    @classmethod
+    def rigid(cls, space: Space, body: int = 0) -> "MeanSupport":
+        """Return a support that holds a rod's rigid motions alone (3-2-1), for loads that balance each other.
+
+        They are held by the mean motion of one section; an equilibrium in which it carries anything is refused.
+        """
+        return cls(float(space.axis.breaks[0]), np.eye(3), np.eye(3), body=body, free=True, space=space)
+
+    @property
+    def turn(self) -> Array:
+        """Rotation vector at load factor 1: it does not turn."""
+        return np.zeros(3)
+
+    def motion(self, space: Space, first_node: int) -> SupportMotion:
+        """Return what it does with single degrees of freedom: nothing."""
+        nothing = np.empty(0, dtype=np.int64)
+        return SupportMotion(nothing, np.zeros((2, 0)), np.zeros((0, 3)), self.turn, nothing.astype(bool))
+
+    @property
+    def values(self) -> Array:
+        """What is held, at load factor 1, shape ``(k + m,)``."""
+        return np.append(self.ways @ np.array(self.displacement), np.zeros(len(self.axes)))
+
+    def _trace(self, space: Space) -> Trace:
+        return ring_trace(space, self.u) if self.ring else section_trace(space, self.u)
+
+    def middle(self, space: Space) -> tuple[Index, Array]:
+        """Return nodes, and what the middle of the section is of them ``(n,)``."""
+        trace = self._trace(space)
+        return trace.nodes[0], trace.weights @ trace.values / trace.weights.sum()
+
+    def rows(self, space: Space) -> tuple[Index, Array]:
+        """Return nodes ``(n,)`` and what the mean motions are of their displacements, shape ``(k + m, n, 3)``.
+
+        What is dual to them is force along the ``ways``, and moment about the ``axes``.
+        """
+        trace = self._trace(space)
+        shifts = np.broadcast_to(self.ways[:, None] / trace.weights.sum(), (len(self.ways), len(trace.points), 3))
+        arms, inverse = _arms(trace)
+        turns = np.cross((self.axes @ inverse)[:, None], arms)
+        moved = trace.weights[:, None] * np.concatenate([shifts, turns])
+        return trace.nodes[0], np.einsum("qn,kqa->kna", trace.values, moved)
+
+    def radius(self, space: Space) -> float:
+        """Return the radius of gyration of the section, units of length."""
+        trace = section_trace(space, self.u)
+        return float(np.sqrt(trace.weights @ np.sum(_arms(trace)[0] ** 2, axis=1) / trace.weights.sum()))
+
+
+def mean_of(
+    space: Space,
+    u: float,
+    mean: str,
+    components: str,
+    displacement: tuple[float, float, float],
+    axis: tuple[float, float, float] | None,
+    body: int,
+) -> MeanSupport:
+    """Return the support of the mean motion of a section (`MeanSupport.section`)."""
+    if mean not in MEANS:
+        raise InputError(f"mean: got {mean!r}, need one of {', '.join(MEANS)}")
+    if set(components) - set("xyz"):
+        raise InputError(f"components: got {components!r}, need some of 'xyz'")
+    if (mean == "hinge") != (axis is not None):
+        raise InputError("axis: a hinge has one, and nothing else does")
+    ways = np.eye(3)[[letter in components for letter in "xyz"]]
+    axes = np.eye(3) if mean == "fixed" else np.zeros((0, 3))
+    if mean == "fork":
+        trace = section_trace(space, u)
+        normal = trace.weights @ trace.normals
+        axes = (normal / np.linalg.norm(normal))[None]
+    if axis is not None:
+        axes = _across(np.array(axis, dtype=float))
+        arms = _arms(section_trace(space, u))[1]
+        if np.abs(axes @ arms @ np.cross(*axes)).max() > _PRINCIPAL * np.abs(arms).max():
+            raise InputError(
+                f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely; take "
+                "one of these"
+            )
+    if not len(ways) and not len(axes):
+        raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
+    return MeanSupport(u, ways, axes, displacement, None, body, space=space)
+
+
+def _arms(trace: Trace) -> tuple[Array, Array]:
+    """Return places from the middle of a section ``(q, 3)``, and ``J^-1``."""
+    arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
+    spread = (trace.weights[:, None] * arms).T @ arms
+    return arms, np.linalg.inv(spread.trace() * np.eye(3) - spread)
+
+
+def _across(axis: Array) -> Array:
+    """Return two unit vectors ``(2, 3)`` across an axis."""
+    finite("axis", axis, "finite components")
+    size = np.linalg.norm(axis)
+    if not size > 0.0:
+        raise InputError("axis: got no direction, need a vector that is not zero")
+    first = np.eye(3)[np.argmin(np.abs(axis))]
+    first = first - (first @ axis) * axis / size**2
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis / size, first)])

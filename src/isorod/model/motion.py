@@ -1,0 +1,50 @@
+"""What a support does with degrees of freedom, by the load factor."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isorod.arrays import Array, Index
+from isorod.tensors import cross, rotation, turning
+
+
+class SupportMotion(NamedTuple):
+    """What one support does with degrees of freedom ``dofs`` ``(m,)``.
+
+    At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
+    ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
+    more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
+    ``0, 1/s, ..., 1``, straight between them.
+    """
+
+    dofs: Index
+    path: Array
+    arms: Array
+    turn: Array
+    tied: NDArray[np.bool_]
+    during: tuple[float, float] = (0.0, 1.0)
+
+    def driven(self) -> Array:
+        """Return how fast, a share of the way, displacements are prescribed at the end of it, shape ``(m,)``.
+
+        Nodal forces times this are forces times displacements and moments times turns.
+        """
+        rates = (len(self.path) - 1) * (self.path[-1] - self.path[-2])
+        if not self.turn.any():
+            return rates
+        spin = cross(self.turn) @ rotation(self.turn)
+        return np.asarray(rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
+
+    def at(self, factor: float) -> Array:
+        """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""
+        begin, end = self.during
+        if (begin, end) != (0.0, 1.0):
+            factor = min(1.0, max(0.0, (factor - begin) / (end - begin)))
+        legs = len(self.path) - 1
+        leg = max(0, min(int(factor * legs), legs - 1))
+        result = self.path[leg] + (factor * legs - leg) * (self.path[leg + 1] - self.path[leg])
+        if self.turn.any():
+            rows = turning(factor * self.turn)[self.dofs % 3]
+            result = result + np.einsum("ma,ma->m", rows, self.arms)
+        return result
