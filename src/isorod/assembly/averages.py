@@ -91,6 +91,15 @@ def carried(constraints: "Constraints", forces: Array, displacement: Array) -> d
     return found
 
 
+def forces_of(model: Model, amounts: dict[int, Array]) -> Array:
+    """Return the resultant force of each support of mean motions, zero of others, ``(supports, 3)``."""
+    result = np.zeros((max(len(model.supports), 1), 3))
+    for k, one in amounts.items():
+        ways = model.means[k].ways
+        result[k] = one[: len(ways)] @ ways
+    return result
+
+
 def carried_at(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> dict[int, Array]:
     """Return what `carried` does of an equilibrium."""
     if not assembler.model.means:

@@ -134,12 +134,11 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
     forces = assembler.reactions(x, factor)
     reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
     work, own = float(forces @ model.driven[model.bound]), averages.carried_at(assembler, x, factor)
-    if own:
-        places = _places(model, displacement)
+    reactions += averages.forces_of(model, own)
+    places = _places(model, displacement) if own else displacement
     for k, amounts in own.items():
         mean = averages.mean_of(model, model.means[k])
         nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_carrier[:, None]
-        reactions[k] = (carriers * nodal).sum(axis=0)
         shares = averages.shares(model, model.means[k])
         moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
         work += float(amounts @ model.means[k].values)

@@ -228,6 +228,7 @@ def mean_of(
                 f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely; take "
                 "one of these"
             )
+    section_trace(space, u)
     if not len(ways) and not len(axes):
         raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
     return MeanSupport(u, ways, axes, displacement, None, body, space=space)

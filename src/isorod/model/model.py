@@ -90,6 +90,8 @@ class Model(Checked):
         self._set(first_node=first_node, motions=tuple(motions), **numbering._asdict())
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load)
+            if isinstance(load, SectionLoad) and load.turns and self._is_held(load):
+                raise InputError(f"load {k}: the section is held: a moment on it does nothing; leave it out")
         for k, one in self.means.items():
             others = [j for j, other in enumerate(self.supports) if j != k and other.body == one.body]
             if one.free and others:
@@ -131,6 +133,19 @@ class Model(Checked):
         if made_for is not None and not made_for.matches(space):
             raise InputError(f"{what}: made for another space than that of body {one.body}; take that body's")
         return space
+
+    def _is_held(self, load: SectionLoad) -> bool:
+        """Return whether supports hold all nodes of a load's section, or its mean rotation about the moment."""
+        nodes = load.trace(self.bodies[load.body].space).nodes[0]
+        if (self.free[3 * (self.first_node[load.body] + nodes)[:, None] + np.arange(3)] < 0).all():
+            return True
+        u = self.bodies[load.body].space.axis.breaks[-1] if load.u is None else load.u
+        for one in self.means.values():
+            if one.body == load.body and one.u == u and one.stiffness is None and not one.ring:
+                rest = np.array(load.moment) - one.axes.T @ (one.axes @ np.array(load.moment))
+                if np.linalg.norm(rest) < 1e-9 * np.linalg.norm(load.moment):
+                    return True
+        return False
 
     def in_displacements(self) -> "Model":
         """Return the model for what knows no pressures (`Body.in_displacements`)."""

@@ -20,6 +20,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.averages import carried, forces_of
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.gradients import add_stress
 from isorod.assembly.part import ROUNDING, Part
@@ -234,6 +235,15 @@ class StepAssembler(Assembler):
         """Return the forces that supports carry during a step, on all degrees of freedom."""
         assert self.coupling is not None
         return self.coupling.passed_on(self.system_forces(x, factor))
+
+    def averages(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return the forces of supports of mean motions during a step, ``(supports, 3)``."""
+        if not self.model.means:
+            return np.zeros((1, 3))
+        assert self.coupling is not None
+        middle = self.coupling.middle(self.system_displacement(x, factor))
+        found = carried(self.coupling.constraints, self.system_forces(x, factor), middle)
+        return forces_of(self.model, found)
 
     def met(self, everywhere: Array) -> Array:
         """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""

@@ -66,9 +66,12 @@ class StepCoupling(Coupling):
         """Return nothing: steps ask for the ``amount``."""
         return 0.0
 
-    def _seen(self, moved: Array) -> Array:
+    def middle(self, change: Array) -> Array:
         """Return the mean of both states, of the change between them."""
-        return self._start + self._share * moved
+        return self._start + self._share * change
+
+    def _seen(self, moved: Array) -> Array:
+        return self.middle(moved)
 
     def bonded(self, displacement: Array) -> tuple[Array | float, float]:
         """Return the forces of bonds in a state on all degrees of freedom, and their energy."""

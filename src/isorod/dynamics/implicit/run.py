@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.assembly import averages
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks.tie_result import results
 from isorod.dynamics import run
@@ -252,6 +253,7 @@ class Run(run.Run):
         else:
             carried = self.assembler.carried_forces(self.newton.x, level)
             state.impulse[:] += dt * carried[self.system.model.bound]
+            state.sums[PUSHED:FOLLOWED] += dt * self.assembler.averages(self.newton.x, level).sum(axis=0)
             loads = solids.loads(solids.displacement + 0.5 * moved)
             state.sums[FOLLOWED] += float(loads @ moved)
             state.sums[PUSHED:FOLLOWED] += dt * resultant(loads + np.where(solids.held, carried[rods:], 0.0))
@@ -297,7 +299,10 @@ class Run(run.Run):
         held = self.assembler.onto_masters(exerted)
         coupling = self.assembler.coupling
         ties = [] if coupling is None else results(model, coupling, exerted, displacement)
-        return self._seen(velocity[: model.dofs], held[model.held], contact) | {
+        seen = self._seen(velocity[: model.dofs], held[model.held], contact)
+        if coupling is not None:
+            seen["reactions"] += averages.forces_of(model, averages.carried(coupling.constraints, exerted, displacement))
+        return seen | {
             "tie_forces": np.array([one.force for one in ties]).reshape(-1, 3),
             "tie_moments": np.array([one.moment for one in ties]).reshape(-1, 3),
             "kinetic": 0.5 * float(velocity @ momenta),
