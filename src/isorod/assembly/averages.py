@@ -62,6 +62,18 @@ def mean_of(model: Model, support: MeanSupport) -> Mean:
     return Mean(int(model.first_node[support.body]) + nodes, rows, support.stiffness)
 
 
+def apart(means: dict[int, Mean]) -> list[list[int]]:
+    """Return the numbers of supports in sets that have no node in common."""
+    sets: list[tuple[list[int], set[int]]] = []
+    for k, one in means.items():
+        nodes = set(one.nodes.tolist())
+        meeting = [each for each in sets if not nodes.isdisjoint(each[1])]
+        sets = [each for each in sets if nodes.isdisjoint(each[1])]
+        joined = [j for numbers, _ in meeting for j in numbers]
+        sets.append(([*joined, k], nodes.union(*(own for _, own in meeting))))
+    return [numbers for numbers, _ in sets]
+
+
 def shares(model: Model, support: MeanSupport) -> Array:
     """Return what the middle of a support's section is of all nodes, ``(nodes,)``."""
     nodes, values = support.middle(model.bodies[support.body].space)
@@ -81,13 +93,14 @@ def carried(constraints: "Constraints", forces: Array, displacement: Array) -> d
         Of all degrees of freedom.
     """
     # So much work it takes to move what is held by one.
-    all_held, first, found = constraints.offsets.T @ forces[constraints.slaves], 0, {}
+    held, first, found = constraints.offsets.T @ forces[constraints.slaves], 0, {}
+    for k in constraints.held_means:
+        count = len(constraints.means[k].rows)
+        found[k] = held[first : first + count]
+        first += count
     for k, one in constraints.means.items():
         if one.stiffness is not None:
             found[k] = -one.stiffness * one.moved(displacement)
-            continue
-        found[k] = all_held[first : first + len(one.rows)]
-        first += len(one.rows)
     return found
 
 

@@ -6,6 +6,7 @@ motions that are held (`isorod.model.mean.MeanSupport`).
 """
 
 from graphlib import CycleError, TopologicalSorter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.sparse import block_diag, csr_array, diags, hstack, vstack
 
 from isorod.arrays import Array, Index
 from isorod.assembly import faces
-from isorod.assembly.averages import Mean, mean_of
+from isorod.assembly.averages import apart, mean_of
 from isorod.assembly.bonds import Bond
 from isorod.assembly.faces import Passed
 from isorod.assembly.multipliers import (
@@ -93,8 +94,8 @@ class Constraints:
         Each tie as it is on the nodes, and an order in which none is the master of what comes later.
     means
         Each mean support as it is on the nodes, by its number.
-    averaged
-        The slaves of these.
+    averaged, held_means
+        The slaves of these, and the numbers of those that are held, in the order in which their motions stand.
     offsets, given : (s, h), (h,)
         What the slaves have of each of the mean motions that are held, and the values of these at load factor 1.
 
@@ -128,12 +129,8 @@ class Constraints:
                 raise InputError(f"tie {k}: {problem}") from None
         self.means = {k: mean_of(model, one) for k, one in model.means.items()}
         known = [(tied.slaves, tied.rows, np.zeros((tied.slaves.size, 0))) for tied in self.ties]
-        for k, one in self.means.items():
-            if one.held:
-                try:
-                    known.append(self._averaged(one))
-                except InputError as problem:
-                    raise InputError(f"support {k}: {problem}") from None
+        sets = apart({k: one for k, one in self.means.items() if one.held})
+        known += [self._averaged(several) for several in sets]
         found = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
         order = np.argsort(found)
         self.slaves = found[order]
@@ -144,19 +141,25 @@ class Constraints:
         whole = csr_array(hstack([rows, block_diag([np.zeros((0, 0)), *(one for _, _, one in known)])], format="csr"))
         whole = self._resolved(whole[order])
         self.rows, self.offsets = whole[:, : 3 * self._nodes], whole[:, 3 * self._nodes :].toarray()
-        self.given = np.concatenate([np.empty(0), *(one.values for k, one in model.means.items() if self.means[k].held)])
+        self.held_means = [k for several in sets for k in several]
+        self.given = np.concatenate([np.empty(0), *(model.means[k].values for k in self.held_means)])
 
-    def _averaged(self, mean: Mean) -> tuple[Index, csr_array, Array]:
-        """Return the slaves of mean motions, their rows, and what they have of the values of these."""
+    def _averaged(self, several: Sequence[int]) -> tuple[Index, csr_array, Array]:
+        """Return the slaves of the mean motions of supports, their rows, and what they have of the values of these."""
+        known = [self.means[k] for k in several]
+        nodes = np.unique(np.concatenate([one.nodes for one in known]))
         # Rotations and displacements have sizes of their own.
-        sizes = np.linalg.norm(mean.rows, axis=(1, 2))
-        slaves, rows, values = self._solved(mean.on_dofs(1.0 / sizes, 3 * self._nodes), mean.nodes)
-        if slaves.size < sizes.size:
-            raise InputError(
-                "other supports or ties hold the section already, or some of its mean motions; leave one of them out"
-            )
+        sizes = [np.linalg.norm(one.rows, axis=(1, 2)) for one in known]
+        whole = [one.on_dofs(1.0 / size, 3 * self._nodes) for one, size in zip(known, sizes, strict=True)]
+        for last in range(1, len(known) + 1):
+            slaves, rows, values = self._solved(csr_array(vstack(whole[:last], format="csr")), nodes)
+            if slaves.size < sum(map(len, sizes[:last])):
+                raise InputError(
+                    f"support {several[last - 1]}: other supports or ties hold the section already, or some of its "
+                    "mean motions; leave one of them out"
+                )
         self._taken[slaves] = True
-        return slaves, rows, values / sizes
+        return slaves, rows, values / np.concatenate(sizes)
 
     def _nodes_of(self, surface: Surface) -> tuple[int, int]:
         """Return the first node of a surface's body, and the one after its last."""
@@ -335,9 +338,11 @@ class Constraints:
         """Return the slaves' rows with slaves of other ties replaced by what these are of others."""
         keep = np.ones(rows.shape[1])
         keep[self.slaves] = 0.0
-        while (inner := csr_array(rows[:, self.slaves])).count_nonzero():
+        for _ in range(len(self.ties) + len(self.means) + 1):
+            if not (inner := csr_array(rows[:, self.slaves])).count_nonzero():
+                return rows
             rows = csr_array(rows @ csr_array(diags(keep)) + inner @ rows)
-        return rows
+        raise InputError("a tie and a mean support are on the same section, each the master of the other; move one")
 
 
 def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | None = None) -> Trace:

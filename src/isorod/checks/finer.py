@@ -20,6 +20,7 @@ from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.model import Model
+from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.support import Support
 from isorod.space import choice
@@ -87,11 +88,11 @@ class Finer:
             if moved is None:
                 return None
             supports.append(moved)
-        loads: list[Any] = [replace(load, space=None) if hasattr(load, "space") else load for load in model.loads]  # type: ignore[type-var]
         with warnings.catch_warnings():
             # They were said of the model itself.
             warnings.simplefilter("ignore")
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
+            loads = [_load(load, bodies) for load in model.loads]
             left = max(map(_left, (body.space for body in model.bodies), spaces))
             return cls(
                 model,
@@ -230,6 +231,13 @@ def _body(body: Body, space: Space) -> Body:
         return finer if rings > 1 else [row[0] for row in finer]
 
     return Body(space, on_elements(body.laws), on_elements(body.densities), body.formulation)
+
+
+def _load(load: Any, bodies: Sequence[Body]) -> Any:
+    """Return a load on finer bodies."""
+    if isinstance(load, Weight):
+        return replace(load, of=bodies[load.body])
+    return replace(load, space=None) if hasattr(load, "space") else load
 
 
 def _support(support: Support, space: Space, fine: Space, across: Array) -> Support | None:

@@ -77,6 +77,8 @@ def check_balance(
     if gap <= tolerance * load and not lost:
         return
     rounding = np.linalg.norm(support_forces(model, assembler.reaction_noise(x, 1.0)), axis=1)
+    # What is held in the mean has the rounding of a residual.
+    rounding[list(model.means)] += np.sqrt(model.unknowns) * out_of_balance
     counts = (np.linalg.norm(reactions, axis=1) > _SIGNIFICANT * rounding).any()
     if counts and max(largest, gap, out_of_balance) > _NOTHING * assembler.inside(x, 1.0):
         if lost:

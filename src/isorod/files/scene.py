@@ -122,6 +122,11 @@ class FileScene(Scene):
         self._spin = None
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
+        self._gravity = None
+        if "gravity" in self.content:
+            self._gravity = call(top / "gravity", schema.GRAVITY, (top / "gravity").table(self.content["gravity"]))
+            for plan in self._names.solids.values():
+                plan.gravity = self._gravity.arguments["acceleration"]
         self._names.check(top)
         self.units: dict[str, str] = {}
         self.along: list[str] = []
@@ -331,6 +336,8 @@ class FileScene(Scene):
 
         supports = [placed(one) for one in self._names.supports.values()]
         loads = [placed(one) for one in self._names.loads.values()]
+        if self._gravity is not None:
+            loads += [self._gravity.make(of=body, body=b) for b, body in enumerate(bodies)]
         contacts, welds = (
             [meeting(one) for one in several.values()] for several in (self._names.contacts, self._names.ties)
         )
@@ -341,7 +348,7 @@ class FileScene(Scene):
             # What is wrong with a load is found when its forces are.
             model.external  # noqa: B018
         except InputError:
-            for one, load in zip(self._names.loads.values(), loads, strict=True):
+            for one, load in zip(self._names.loads.values(), loads, strict=False):
                 with one.place.locating(one.keys):
                     load.nodal(bodies[load.body].space)
             raise

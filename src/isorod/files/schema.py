@@ -87,6 +87,8 @@ LOADS = {
     "section": _on_rod("isorod.model.load:SectionLoad", main="u"),
     "pressure": _on_rod("isorod.model.load:Pressure"),
     "body_force": _on_rod("isorod.model.load:BodyForce"),
+    "per_length": _on_rod("isorod.model.load:LineLoad"),
+    "at": _on_rod("isorod.model.load:PointLoad"),
 }
 
 
@@ -98,6 +100,7 @@ def _on_group(name: str, **more: Any) -> Form:
 SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS, "geometry": GEOMETRY})
 HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
+GRAVITY = Form("isorod.model.load:Weight", left=("of", "body"))
 SPIN = Form("isorod.model.load:Spin")
 OBSTACLES = {
     "Plane": Form("isorod.model.contact:Plane"),

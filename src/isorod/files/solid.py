@@ -156,6 +156,8 @@ class SolidPlan:
     ----------
     grid
         Its mesh.
+    gravity
+        The acceleration that acts on it, if any.
 
     Raises
     ------
@@ -167,6 +169,7 @@ class SolidPlan:
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place = place
+        self.gravity: tuple[float, float, float] | None = None
         own = {key: one for key, one in table.items() if key not in self.KEYS}
         known = (*schema.SOLID.parameters, *self.KEYS)
         for key in own:
@@ -209,6 +212,12 @@ class SolidPlan:
         """Return what is said of the body of that name."""
         held = [one.make(**self._group(one)) for one in self._held]
         loads = [one.make(**self._group(one)) for one in self._loads]
+        if self.gravity is not None:
+            density = self._solid.make()[2]
+            if not density > 0.0:
+                raise self.place.error("density: gravity acts on a body that has one")
+            x, y, z = self.gravity
+            loads.append(body_force((density * x, density * y, density * z)))
         return OfBody(name, self.place, self.grid, held, loads, self._solid.arguments.get("geometry"))
 
     def body(self) -> "tuple[Solid, Groups]":

@@ -2,7 +2,8 @@
 
 from isorod.model.body import Body
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere
-from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
+from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Spin, Weight
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
@@ -15,8 +16,11 @@ __all__ = [
     "Cylinder",
     "EndFace",
     "LateralSurface",
+    "LineLoad",
+    "MeanSupport",
     "Model",
     "Plane",
+    "PointLoad",
     "Pressure",
     "SectionLoad",
     "SolidSurface",
@@ -25,4 +29,5 @@ __all__ = [
     "Support",
     "Tie",
     "TriangleMesh",
+    "Weight",
 ]

@@ -8,8 +8,13 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError, finite
 from isorod.geometry.quadrature import axis_points, circle_points
+from isorod.model.body import Body
 from isorod.space.space import Space
 from isorod.space.trace import Trace, section_trace
+
+
+# Gauss points along an element for a line load, in those of its functions: the speed of a curved line is no polynomial.
+_ALONG = 2
 
 
 class Load(Protocol):
@@ -219,6 +224,130 @@ class BodyForce(Checked):
         volumes = np.einsum("etj,etq,qn->ejn", table.axial, table.weights, table.section[:, 2])
         total = np.bincount(space.element_nodes.ravel(), volumes.ravel(), space.nodes)
         return total[:, None] * np.array(self.density)
+
+
+@dataclass(frozen=True)
+class LineLoad(Checked):
+    """A force per length of the centre line at rest, uniform over each section: ``f_jl = q int R_j dA / A ds``.
+
+    Parameters
+    ----------
+    per_length
+        Force per length at load factor 1, shape ``(3,)``.
+    body
+        Index of the body in the model.
+    """
+
+    per_length: tuple[float, float, float]
+    body: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        finite("line load: per_length", self.per_length, "finite components")
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces, shape ``(nodes, 3)``."""
+        rod, axis = space.rod, space.axis
+        u, weights = axis_points(axis, _ALONG * (axis.degree + 1))
+        xi, area = space.section_rule(space.rule)
+        _, jacobian = rod.grid(xi, u.ravel())
+        areas = area * np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1)
+        means = areas @ space.basis.functions(xi)[0] / areas.sum(axis=1)[:, None]
+        speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u.ravel())[1][:, 0, :, 2], axis=-1).reshape(u.shape)
+        axial = axis.local(u.ravel())[1].reshape(*u.shape, -1)
+        shares = np.einsum("et,etj,etn->ejn", weights * speed, axial, means.reshape(*u.shape, -1), optimize=True)
+        total = np.bincount(space.element_nodes.ravel(), shares.ravel(), space.nodes)
+        return total[:, None] * np.array(self.per_length)
+
+
+@dataclass(frozen=True)
+class PointLoad(Checked):
+    """A force at a place of the lateral surface: what the functions there make of it, ``f_jl = R_j S_l force``.
+
+    The space smears it over about an arc between control points and an element; under a point force displacement and
+    stress have no limit as the space grows finer.
+
+    Parameters
+    ----------
+    u
+        Axis parameter.
+    force
+        At load factor 1, shape ``(3,)``.
+    angle
+        Round the section, degrees of the disk.
+    surface
+        ``"outer"``, or ``"inner"``: that of the hole of a rod that has one.
+    body
+        Index of the body in the model.
+    """
+
+    u: float
+    force: tuple[float, float, float]
+    angle: float = 0.0
+    surface: str = "outer"
+    body: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        finite("point load: force", (self.angle, *self.force), "finite components")
+        if self.surface not in ("outer", "inner"):
+            raise InputError(f"point load: got surface {self.surface!r}, need 'outer' or 'inner'")
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces, shape ``(nodes, 3)``."""
+        radius = space.rod.rings[0 if self.surface == "inner" else -1]
+        low, high = space.axis.breaks[[0, -1]]
+        if radius == 0.0:
+            raise InputError("point load: surface: the rod has no hole")
+        if not low <= self.u <= high:
+            raise InputError(f"point load: got u = {self.u:g}, need an axis parameter from {low:g} to {high:g}")
+        theta = np.radians(self.angle)
+        across = space.basis.functions(radius * np.array([[np.cos(theta), np.sin(theta)]]))[0][0]
+        first, axial, _ = space.axis.local([self.u])
+        layers = (first[0] + np.arange(axial.shape[1])) % space.layers
+        result = np.zeros((space.layers, space.layer_nodes, 3))
+        result[layers] = np.einsum("j,n,a->jna", axial[0], across, np.array(self.force))
+        return result.reshape(-1, 3)
+
+    def spread(self, space: Space) -> tuple[float, float]:
+        """Return lengths round the section and along the line over which a space spreads it, about."""
+        rod, breaks = space.rod, space.axis.breaks
+        length = rod.arc_length(breaks)
+        element = int(np.clip(np.searchsorted(breaks, self.u, "right") - 1, 0, len(breaks) - 2))
+        return 2.0 * np.pi * rod.radius / space.points_around, float(length[element + 1] - length[element])
+
+
+@dataclass(frozen=True)
+class Weight(Checked):
+    """The weight of a body: its densities, by place if it has several, times an acceleration.
+
+    Parameters
+    ----------
+    acceleration
+        At load factor 1, shape ``(3,)``.
+    of
+        The body.
+    body
+        Its index in the model.
+    """
+
+    acceleration: tuple[float, float, float]
+    of: Body = field(repr=False, compare=False)
+    body: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        finite("gravity: acceleration", self.acceleration, "finite components")
+        if not self.of.densities.min() > 0.0:
+            raise InputError(f"gravity: body {self.body} has no density")
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces, shape ``(nodes, 3)``."""
+        table = space.tabulate(0, space.axis.elements)
+        weights = self.of.densities_at(table) * table.weights
+        masses = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
+        total = np.bincount(space.element_nodes.ravel(), masses.ravel(), space.nodes)
+        return total[:, None] * np.array(self.acceleration)
 
 
 @dataclass(frozen=True)

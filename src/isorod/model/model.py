@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from isorod.arrays import Array, Index
 from isorod.errors import Checked, InputError
 from isorod.model.body import Body
-from isorod.model.load import Load, Pressure, SectionLoad, Spin
+from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
 from isorod.model.motion import SupportMotion
 from isorod.model.numbering import number
@@ -89,7 +89,14 @@ class Model(Checked):
         numbering = number(motions, 3 * int(first_node[-1]))
         self._set(first_node=first_node, motions=tuple(motions), **numbering._asdict())
         for k, load in enumerate(self.loads):
-            self._space(f"load {k}", load)
+            space = self._space(f"load {k}", load)
+            if isinstance(load, PointLoad):
+                around, along = load.spread(space)
+                warnings.warn(
+                    f"load {k}: a point force has no limit of displacement and stress under it: this space spreads it "
+                    f"over about {around:.3g} round the section and {along:.3g} along",
+                    stacklevel=3,
+                )
             if isinstance(load, SectionLoad) and load.turns and self._is_held(load):
                 raise InputError(f"load {k}: the section is held: a moment on it does nothing; leave it out")
         for k, one in self.means.items():
