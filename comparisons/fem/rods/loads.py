@@ -14,7 +14,7 @@ from comparisons.fem.rods.laws import Laws
 from isorod.errors import InputError
 from isorod.fenics.loads import Load
 from isorod.files.solid import OfBody
-from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
+from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin, Weight
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, gradients
 from meshes.mesh import gauss as volume_rule
@@ -47,7 +47,17 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
             facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
             points = gauss(elements.source, facet_of(elements.source), facets)
             shares = points.shares * (points.weights / points.weights.sum())[:, None]
-            np.add.at(result, points.supports, shares[:, :, None] * np.array(load.force))
+            pull = np.tile(load.force or (0.0, 0.0, 0.0), (len(points.weights), 1))
+            if load.moment is not None:
+                pull += _turning(
+                    np.einsum("qn,qna->qa", points.shares, elements.source.points[points.supports]),
+                    points.weights,
+                    load.moment,
+                )
+            np.add.at(result, points.supports, shares[:, :, None] * pull[:, None])
+        elif isinstance(load, Weight):
+            density = float(load.of.densities[0])
+            result += _volumes(elements, elements.cells(load.body))[:, None] * density * np.array(load.acceleration)
         elif isinstance(load, BodyForce):
             result += _volumes(elements, elements.cells(load.body))[:, None] * np.array(load.density)
         elif isinstance(load, Pressure):
@@ -79,6 +89,14 @@ def _add(elements: Elements, solid: int, load: Load, result: Array) -> None:
         area = points.weights.sum() if load.total else 1.0
         pull = points.weights[:, None] * np.array(load.vector) / area
     np.add.at(result, points.supports, points.shares[:, :, None] * pull[:, None])
+
+
+def _turning(places: Array, weights: Array, moment: tuple[float, float, float]) -> Array:
+    """Return the traction of a moment times the area, at rest (`isorod.model.load.SectionLoad`), ``(m, 3)``."""
+    arms = places - weights @ places / weights.sum()
+    spread = (weights[:, None] * arms).T @ arms
+    turn = np.linalg.solve(spread.trace() * np.eye(3) - spread, moment)
+    return np.asarray(weights.sum() * np.cross(turn, arms))
 
 
 def _face(elements: Elements, load: Pressure) -> str:

@@ -18,7 +18,7 @@ from isorod import files
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
 from isorod.geometry.rod import Rod
-from isorod.model.load import SectionLoad
+from isorod.model.load import LineLoad, PointLoad, SectionLoad, Weight
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.output.results import write_arrays
@@ -149,6 +149,7 @@ def run(
     settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
     with scene.locating():
         model = scene.model()
+        _refuse_unknown(model)
         if scene.analysis == "modal":
             _refuse_loaded(configuration.name, model, given)
             # Modes know no pressures.
@@ -195,6 +196,19 @@ def run(
         "petsc_options": solution.options,
         **record,
     }
+
+
+def _refuse_unknown(model: Model) -> None:
+    """Raise `InputError` for the first support or load that the finite element side has no counterpart of."""
+    for k, support in enumerate(model.supports):
+        if not isinstance(support, Support):
+            raise InputError(f"support {k}: mean motions and springs are not on the finite element side; hold all nodes")
+    for k, load in enumerate(model.loads):
+        if load in model.following and isinstance(load, SectionLoad):
+            raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")
+        if isinstance(load, LineLoad | PointLoad) or (isinstance(load, Weight) and np.ptp(load.of.densities) > 0.0):
+            what = "weight of several densities" if isinstance(load, Weight) else "a force on a line or at a place"
+            raise InputError(f"load {k}: {what} is not on the finite element side")
 
 
 def _refuse_cells(configuration: Configuration) -> None:
