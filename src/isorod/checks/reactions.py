@@ -171,6 +171,8 @@ def support_displacements(model: Model, displacement: Array) -> Array:
         mine = np.unique(nodes[model.support_of == k])
         carriers = mine[model.is_carrier[mine]]
         result[k] = nodal[carriers].mean(axis=0) if carriers.size else 0.0
+    for k, one in model.means.items():
+        result[k] = averages.shares(model, one) @ nodal
     return result
 
 

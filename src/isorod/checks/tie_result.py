@@ -11,6 +11,9 @@ from isorod.model.model import Model
 from isorod.model.tie import Tie
 
 if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+    from isorod.assembly.assembler import Assembler
     from isorod.assembly.constraints import Tied
     from isorod.assembly.coupling import Coupling
 
@@ -56,6 +59,14 @@ class TieResult:
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it."""
         return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
+
+
+def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieResult]:
+    """Return what each tie carries in an equilibrium, on every rank."""
+    if assembler.coupling is None:
+        return []
+    everywhere = assembler.system_forces(x, factor), assembler.system_displacement(x, factor)
+    return results(assembler.model, assembler.coupling, *everywhere)
 
 
 def results(model: Model, coupling: "Coupling", forces: Array, displacement: Array) -> list[TieResult]:

@@ -13,7 +13,7 @@ from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_name, carried, check_balance, refuse_hold, support_displacements
-from isorod.checks.tie_result import TieResult, results
+from isorod.checks.tie_result import TieResult, at_load
 from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
 from isorod.model.model import Model
@@ -267,6 +267,7 @@ def solve(
     keep: bool = False,
     stable: bool = False,
     progress: bool = False,
+    outputs: int | None = None,
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
@@ -299,6 +300,9 @@ def solve(
         Go on from an equilibrium that is not stable to one that is, the way that the model would go.
     progress
         Show on standard error how far it is (`isorod.output.progress`).
+    outputs
+        Number of equilibria, evenly spaced in the load factor, that are kept and make the curves (`Equilibrium.path`);
+        where not given those of the load steps taken, if they are kept.
 
     Raises
     ------
@@ -313,7 +317,7 @@ def solve(
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start, keep, stable, progress)
+        return _solve(model, load_steps, comm, start, keep, stable, progress, outputs)
 
 
 def _solve(
@@ -324,6 +328,7 @@ def _solve(
     keep: bool,
     stable: bool,
     progress: bool,
+    outputs: int | None,
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
@@ -344,8 +349,9 @@ def _solve(
             stability.refuse_untold(solver)
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        path = Path(assembler, keep)
-        found = begin(solver, start_at, path)
+        path = Path(assembler, keep, outputs)
+        # A state near the end has no way to it.
+        found = None if outputs else begin(solver, start_at, path)
         augmentations = climb(solver, load_steps, path, start_at) if found is None else found
         held = solver.settle()
         if stable:
@@ -365,10 +371,6 @@ def _solve(
         stabilisation = None if held is None else (held.left, held.rounds)
         negative = stability.negative_eigenvalues(solver)
         stability.warn_of(negative)
-        ties: list[TieResult] = []
-        if assembler.coupling is not None:
-            everywhere = assembler.system_forces(solver.x, 1.0), assembler.system_displacement(solver.x, 1.0)
-            ties = results(model, assembler.coupling, *everywhere)
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         return Equilibrium(
@@ -390,9 +392,9 @@ def _solve(
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=stabilisation,
-            path=path.steps if keep or assembler.contact is not None else (),
+            path=path.steps if keep or outputs or assembler.contact is not None else (),
             negative_eigenvalues=negative,
-            ties=ties,
+            ties=at_load(assembler, solver.x, 1.0),
             solids=assembler.solids(solver.x, 1.0),
         )
     finally:

@@ -43,16 +43,17 @@ def descend(solver: Newton, path: Path) -> int:
 def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None) -> int:
     """Go to the full load; return how often multipliers were updated; fill the path.
 
-    With friction ``start``, a displacement near the end, is the first guess of a path of one load step.
+    Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path of one load step.
     """
     policy = solver.policy
     rubs = policy is not None and policy.rubs
     stages = solver.assembler.model.stages
     if rubs and start is not None and load_steps == 1:
         solver.guess = solver.assembler.state(start)
+    stops = sorted({*stages, *path.outputs})
     factor, step, augmentations, quick, loose = 0.0, 1.0 / load_steps, 0, 0, 0.0
     while factor < 1.0:
-        end = next(stage for stage in stages if stage > factor)
+        end = next(stop for stop in stops if stop > factor)
         longest = solver.steps.turning.longest_step(factor)
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
@@ -78,7 +79,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 raise SolveError(f"load factor {target:.6g}: {problem}{cure}") from None
             continue
         factor = target
-        if factor == end:
+        if factor in stages:
             solver.forget_path()
         if factor == 1.0:
             solver.settle()
@@ -87,7 +88,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         augmentations += updates
         loose = loose if _note(solver, path, factor) else factor
         quick = quick + 1 if solves <= (CONTROL.quick if policy is None else CONTROL.quick_touching) else 0
-        if factor == end:
+        if factor in stages:
             step, quick = 1.0 / load_steps, 0
         elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.checks.reactions import carried
+from isorod.errors import whole_number
 
 
 class Step(NamedTuple):
@@ -35,21 +36,31 @@ class Path:
     assembler
         Of the model.
     keep
-        Keep the state of each step.
+        Keep the state of each step, or of those that end at outputs, if there are any.
+    outputs
+        How many there are, at load factors evenly spaced.
+
+    Attributes
+    ----------
+    outputs
+        Their load factors.
     """
 
-    def __init__(self, assembler: Assembler, keep: bool) -> None:
-        self._assembler, self._keep = assembler, keep
+    def __init__(self, assembler: Assembler, keep: bool, outputs: int | None = None) -> None:
+        self._assembler, self._keep = assembler, keep or outputs is not None
+        count = 0 if outputs is None else whole_number("outputs", outputs, 1, 1_000_000)
+        self.outputs = [(k + 1) / count for k in range(count)]
         self.steps = list[Step]()
 
     def reached(self, x: PETSc.Vec, factor: float) -> None:
         """Note where a step has ended; without contact, where nobody asks, the load factor alone."""
         assembler = self._assembler
         step = Step(factor, np.empty((0, 3)))
-        if self._keep or assembler.contact is not None:
+        keep = self._keep and (not self.outputs or factor in self.outputs)
+        if keep or assembler.contact is not None:
             forces = carried(assembler, x, factor).reactions
             step = Step(factor, forces, 0.0 if assembler.contact is None else assembler.contact.push())
-        if self._keep:
+        if keep:
             state = assembler.displacement(x, factor).copy(), assembler.pressures(x)
             step = step._replace(displacement=state[0], pressures=state[1])
         self.steps.append(step)
