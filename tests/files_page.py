@@ -24,6 +24,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "What loads a solid: `load = {WORD ...}`, or several in a list": schema.SOLID_LOADS,
     "Supports: `[support.NAME]`": schema.SUPPORTS,
     "Loads: `[load.NAME]`": schema.LOADS,
+    "Weight of all rods and solids: `[gravity]`": {"": schema.GRAVITY},
     "Rotation of the frame: `[spin]`": {"": schema.SPIN},
     "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
     "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},

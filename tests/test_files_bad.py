@@ -116,7 +116,7 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         (BARE + "curve = {}\n", "3: rod.bar.curve: need one of straight"),
         (f"analysis = 'statics'\n{ENDS}{ROD.rpartition('law')[0]}", "6: rod.bar: law is missing: one of LinearElastic"),
         (f"{BAR}law = []\n", "6: not TOML: Cannot overwrite"),
-        (f"{HELD}[load.pull]\nend = 'end'\n", "11: load.pull.end: force is missing: 3 numbers"),
+        (f"{HELD}[load.pull]\nend = 'end'\n", "11: load.pull.end: section load: got neither force nor moment"),
         (f"{HELD}[load.pull]\n", "10: load.pull: need one of end, section, "),
         (BAR, "1: analysis: supports: rod bar is free to move"),
         (BAR.replace("straight = 1.0", "straight = 1e300"), "2: rod.bar: rod: inf radii long, need at most 6.7e.07"),

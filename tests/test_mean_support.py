@@ -19,6 +19,7 @@ from isorod import (
     straight,
 )
 from isorod.errors import SolveError
+from isorod.files import supports as supports_of_files
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Support
 from isorod.model.mean import MeanSupport
 
@@ -38,18 +39,18 @@ def model(supports, loads=(), own=None, law=LAW, density=1.0):
 
 
 def fork(own, which, components):
-    return Support.end(own, which, components, mean="fork")
+    return MeanSupport.end(own, which, components=components, mean="fork")
 
 
 PULLS = {
     "held and moved": (
         lambda own: [
-            Support.end(own, "start", mean="fixed"),
-            Support.end(own, "end", displacement=(0.0, 0.0, 1.0), mean="pin"),
+            MeanSupport.end(own, "start", mean="fixed"),
+            MeanSupport.end(own, "end", displacement=(0.0, 0.0, 1.0), mean="pin"),
         ],
         False,
     ),
-    "held and pulled": (lambda own: [Support.end(own, "start", mean="fixed")], True),
+    "held and pulled": (lambda own: [MeanSupport.end(own, "start", mean="fixed")], True),
     "rigid motions alone": (lambda own: [MeanSupport.rigid(own)], True),
 }
 
@@ -87,7 +88,9 @@ def test_a_beam_on_pins_has_the_frequencies_of_timoshenko():
     assert found.rigid == 0
     assert found.frequencies[:4] == pytest.approx(wanted, rel=1e-3)
     # Round in both directions at both ends: nothing twists it, and it may move along.
-    free = modal.solve(model(lambda own: [Support.end(own, end, "xy", mean="pin") for end in ("start", "end")], (), own), 2)
+    free = modal.solve(
+        model(lambda own: [MeanSupport.end(own, end, components="xy") for end in ("start", "end")], (), own), 2
+    )
     assert free.rigid == 2
 
 
@@ -103,8 +106,8 @@ def test_a_hinge_turns_about_its_axis_alone_and_by_any_angle():
     """A flat bar on a hinge, pushed across it by a spring of little stiffness, swings as a rigid body."""
     own = space(10.0, rounded_rectangle(None, 1.0, 3.0, 0.3), section_degree=3)
     supports = [
-        Support.end(own, "start", mean="hinge", axis=(1.0, 0.0, 0.0)),
-        Support.end(own, "end", "y", (0.0, 8.0, 0.0), mean="pin"),
+        MeanSupport.end(own, "start", mean="hinge", axis=(1.0, 0.0, 0.0)),
+        MeanSupport.end(own, "end", components="y", displacement=(0.0, 8.0, 0.0)),
     ]
     found = statics.solve(Model([Body(own, NeoHookean(1e3, 0.3))], supports), load_steps=4)
     end = found.position(0, 1.0)
@@ -132,7 +135,7 @@ def test_a_bar_on_springs_has_their_frequencies():
     rest = MeanSupport(0.5, np.eye(3)[:2], np.eye(3)[:2], space=own)
     mass = 4.0 * AREA
     for supports in ([spring, rest], [rest, spring]):
-        found = modal.solve(model(lambda own: supports, (), own, NeoHookean(1e6, NU)), 2)
+        found = modal.solve(Model([Body(own, NeoHookean(1e6, NU), 1.0)], supports), 2)
         wanted = np.sqrt([3.0 / mass, 2.0 / (0.5 * mass)]) / (2.0 * np.pi)
         assert found.frequencies == pytest.approx(wanted, rel=1e-4)
 
@@ -144,7 +147,9 @@ def test_bearings_carry_a_shaft_as_a_beam_on_two_supports():
     supports.append(MeanSupport.section(own, 0.0, "fork", "z"))
     loads = [SectionLoad.end(own, "end", (0.0, 0.3, 0.0), moment=(0.0, 0.0, 0.7))]
     found = statics.solve(model(lambda own: supports, loads, own, LinearElastic(YOUNG, NU)))
-    assert found.reactions[:3] == pytest.approx(np.array([[0.0, 0.1, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.0]]), abs=1e-9)
+    assert found.reactions[:3] == pytest.approx(
+        np.array([[0.0, 0.1, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.0]]), abs=1e-9
+    )
     assert found.moments[2] == pytest.approx([0.0, 0.0, -0.7], abs=1e-9)
 
 
@@ -153,7 +158,9 @@ def test_motions_keep_energy_and_momentum():
     own = space(elements=3)
     supports = [MeanSupport.spring(own, "start", (0.5, 0.4, 0.3), (1.0, 2.0, 0.5)), MeanSupport.bearing(own, 0.7)]
     load = [SectionLoad.end(own, "end", (0.02, 0.1, 0.05)), BodyForce((0.0, 0.01, 0.0))]
-    found = dynamics.solve(model(lambda own: supports, load, own), 4.0, 0.1, 4, integrator="implicit", comm=PETSc.COMM_SELF)
+    found = dynamics.solve(
+        model(lambda own: supports, load, own), 4.0, 0.1, 4, integrator="implicit", comm=PETSc.COMM_SELF
+    )
     assert np.abs(found.energy_error).max() < 1e-8 and np.abs(found.momentum_error).max() < 1e-8
     # At outputs the spring's force is that of its stretch.
     nodes, share = supports[0].middle(own)
@@ -164,7 +171,11 @@ def test_motions_keep_energy_and_momentum():
 def test_a_ring_that_is_pressed_alike_is_held_by_its_rigid_motions():
     """Pressure from all round balances itself, whatever section holds."""
     own = space()
-    loads = [Pressure(0.1), SectionLoad.end(own, "end", (0.0, 0.0, -0.1 * AREA)), SectionLoad.end(own, "start", (0, 0, 0.1 * AREA))]
+    loads = [
+        Pressure(0.1),
+        SectionLoad.end(own, "end", (0.0, 0.0, -0.1 * AREA)),
+        SectionLoad.end(own, "start", (0, 0, 0.1 * AREA)),
+    ]
     found = statics.solve(model(lambda own: [MeanSupport.rigid(own)], loads, own, LinearElastic(10.0, 0.3)))
     gradient = found.deformation_gradient(0, 0.3, (0.5, 0.1))
     assert np.ravel(gradient) == pytest.approx(np.ravel(np.eye(3) * (1.0 - 0.1 * 0.4 / 10.0)), abs=1e-5)
@@ -174,7 +185,11 @@ def test_a_ring_that_is_pressed_alike_is_held_by_its_rigid_motions():
 def test_bearings_in_one_element_share_its_functions():
     """Neither is a master of the other alone: forces are those of the lever."""
     own = space(elements=1, degree=4)
-    supports = [MeanSupport.bearing(own, 0.4), MeanSupport.bearing(own, 0.6), MeanSupport.section(own, 0.5, "fork", "z")]
+    supports = [
+        MeanSupport.bearing(own, 0.4),
+        MeanSupport.bearing(own, 0.6),
+        MeanSupport.section(own, 0.5, "fork", "z"),
+    ]
     found = statics.solve(
         model(lambda own: supports, [SectionLoad.end(own, "end", (0.0, 0.3, 0.0))], own, LinearElastic(YOUNG, NU))
     )
@@ -187,7 +202,7 @@ def record(path):
     supports = [
         MeanSupport.spring(own, "start", (2.0, 4.0, 5.0), (30.0, 40.0, 50.0)),
         MeanSupport.bearing(own, 0.6),
-        Support.end(own, "end", "z", (0.0, 0.0, 0.2), mean="hinge", axis=(0.0, 1.0, 0.0)),
+        MeanSupport.end(own, "end", "hinge", "z", (0.0, 0.0, 0.2), (0.0, 1.0, 0.0)),
     ]
     load = [SectionLoad(u=0.4, force=(0.3, 0.0, 0.0), moment=(0.1, 0.2, 0.3))]
     whole = Model([Body(own, LAW, 1.0)], supports, loads=load)
@@ -215,27 +230,34 @@ def test_two_ranks_find_the_same(on_ranks, tmp_path):
         assert two[name] == pytest.approx(one[name], rel=1e-6, abs=1e-8 * np.abs(one[name]).max()), name
 
 
+def of_file(**given):
+    return supports_of_files.end(space(), "end", **given)
+
+
 def unbalanced(own):
-    return statics.solve(model(lambda own: [MeanSupport.rigid(own)], [SectionLoad.end(own, "end", (0.0, 0.0, 1.0))], own))
+    return statics.solve(
+        model(lambda own: [MeanSupport.rigid(own)], [SectionLoad.end(own, "end", (0.0, 0.0, 1.0))], own)
+    )
 
 
 test_loads_that_do_not_balance = refused(
     (lambda: unbalanced(space()), "support 0: the loads do not balance each other, and what holds rigid motions alone"),
     (
-        lambda: statics.solve(model(lambda own: [Support.end(own, "start", mean="pin")])),
+        lambda: statics.solve(model(lambda own: [MeanSupport.end(own, "start", mean="pin")])),
         "body 0 is free to turn about",
     ),
     error=SolveError,
 )
 FLAT = rounded_rectangle(None, 1.0, 3.0, 0.3)
 test_bad_input = refused(
-    (lambda: Support.end(space(), "end", mean="clamp"), "mean: got 'clamp', need one of pin, fork, hinge, fixed"),
-    (lambda: Support.end(space(), "end", mean="hinge"), "axis: a hinge has one"),
-    (lambda: Support.end(space(), "end", axis=(1.0, 0.0, 0.0)), "mean: got '', need one of"),
-    (lambda: Support.end(space(), "end", mean="hinge", axis=(0.0, 0.0, 0.0)), "axis: got no direction"),
-    (lambda: Support.end(space(), "end", mean="pin", turn=(0.0, 0.0, 1.0)), "mean: a face held in the mean is displaced"),
-    (lambda: Support.end(space(section=FLAT), "end", mean="hinge", axis=(1.0, 1.0, 0.0)), "principal axes"),
-    (lambda: Support.end(space(), "end", "", mean="pin"), "components: got none"),
+    (lambda: MeanSupport.end(space(), "end", mean="clamp"), "mean: got 'clamp', need one of pin, fork, hinge, fixed"),
+    (lambda: MeanSupport.end(space(), "end", mean="hinge"), "axis: a hinge has one"),
+    (lambda: MeanSupport.end(space(), "end", axis=(1.0, 0.0, 0.0)), "axis: a hinge has one, and nothing else does"),
+    (lambda: of_file(axis=(1.0, 0.0, 0.0)), "mean: got '', need one of pin, fork, hinge, fixed"),
+    (lambda: of_file(mean="pin", turn=(0.0, 0.0, 1.0)), "mean: a face held in the mean does not turn; leave out"),
+    (lambda: MeanSupport.end(space(), "end", mean="hinge", axis=(0.0, 0.0, 0.0)), "axis: got no direction"),
+    (lambda: MeanSupport.end(space(section=FLAT), "end", mean="hinge", axis=(1.0, 1.0, 0.0)), "principal axes"),
+    (lambda: MeanSupport.end(space(), "end", components="", mean="pin"), "components: got none"),
     (lambda: MeanSupport.spring(space(), "end"), "stiffness: got"),
     (lambda: MeanSupport.spring(space(), "end", (1.0, -1.0, 0.0)), "none negative"),
     (lambda: MeanSupport.bearing(space(), 1.5), "got u = 1.5, need an axis parameter from 0 to 1"),
@@ -244,17 +266,22 @@ test_bad_input = refused(
         "support 0: rigid motions alone are held where nothing else holds the rod, and support 1 does",
     ),
     (
-        lambda: statics.solve(model(lambda own: [Support.end(own, "start", mean="fixed"), Support.end(own, "start", mean="pin")])),
+        lambda: statics.solve(
+            model(lambda own: [MeanSupport.end(own, "start", mean="fixed"), MeanSupport.end(own, "start", mean="pin")])
+        ),
         "support 1: other supports or ties hold the section already",
     ),
     (lambda: modal.solve(model(lambda own: [MeanSupport.rigid(own)])), "support 0: to hold rigid motions alone is for"),
     (
-        lambda: dynamics.solve(model(lambda own: [Support.end(own, "end", mean="pin")]), 1.0),
+        lambda: dynamics.solve(model(lambda own: [MeanSupport.end(own, "end", mean="pin")]), 1.0),
         "support 0: explicit steps know no mean motions and springs; use integrator 'implicit'",
     ),
     (
         lambda: dynamics.solve(
-            model(lambda own: [Support.end(own, "end", displacement=(0.1, 0, 0), mean="pin")]), 1.0, 0.1, integrator="implicit"
+            model(lambda own: [MeanSupport.end(own, "end", displacement=(0.1, 0, 0), mean="pin")]),
+            1.0,
+            0.1,
+            integrator="implicit",
         ),
         "support 0: a mean motion is not displaced in dynamics",
     ),

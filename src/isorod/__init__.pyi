@@ -50,8 +50,11 @@ from isorod.model import Contact as Contact
 from isorod.model import Cylinder as Cylinder
 from isorod.model import EndFace as EndFace
 from isorod.model import LateralSurface as LateralSurface
+from isorod.model import LineLoad as LineLoad
+from isorod.model import MeanSupport as MeanSupport
 from isorod.model import Model as Model
 from isorod.model import Plane as Plane
+from isorod.model import PointLoad as PointLoad
 from isorod.model import Pressure as Pressure
 from isorod.model import SectionLoad as SectionLoad
 from isorod.model import SolidSurface as SolidSurface
@@ -60,6 +63,7 @@ from isorod.model import Spin as Spin
 from isorod.model import Support as Support
 from isorod.model import Tie as Tie
 from isorod.model import TriangleMesh as TriangleMesh
+from isorod.model import Weight as Weight
 from isorod.output.matrices import Matrices as Matrices
 from isorod.output.matrices import matrices as matrices
 from isorod.output.section_properties import SectionProperties as SectionProperties

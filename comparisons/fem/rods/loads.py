@@ -132,7 +132,7 @@ def following(elements: Elements, model: Model, rule: int, u: Any, test: Any) ->
 
     ``p int cof(F) N . v dA``, integrals over the surfaces at rest; None if there are none.
     """
-    loads = model.following
+    loads = [load for load in model.following if isinstance(load, Pressure)]
     if not loads:
         return None
     facets, tags = [], []

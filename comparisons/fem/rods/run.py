@@ -112,7 +112,9 @@ def _planes(model: Model, b: int) -> list[float]:
         for side, chosen in contact.sides:
             if side == b and chosen is not None:
                 where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
-    where += [u for support in model.supports if support.body == b for u in _ends_of(support, body.space)]
+    for support in model.supports:
+        if isinstance(support, Support) and support.body == b:
+            where += _ends_of(support, body.space)
     low, high = axis.breaks[[0, -1]]
     return [u for u in sorted(set(where)) if low < u < high]
 
@@ -202,7 +204,7 @@ def _refuse_unknown(model: Model) -> None:
     """Raise `InputError` for the first support or load that the finite element side has no counterpart of."""
     for k, support in enumerate(model.supports):
         if not isinstance(support, Support):
-            raise InputError(f"support {k}: mean motions and springs are not on the finite element side; hold all nodes")
+            raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
     for k, load in enumerate(model.loads):
         if load in model.following and isinstance(load, SectionLoad):
             raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")

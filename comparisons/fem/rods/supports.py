@@ -137,6 +137,8 @@ class Supports:
         traces: dict[int, _Trace] = {}
         self._all: list[_Held] = []
         for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
+            if not isinstance(support, Support):
+                raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
             b = support.body
             if b not in traces:
                 traces[b] = _surface(elements, b, model.bodies[b].space)

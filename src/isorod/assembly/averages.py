@@ -1,6 +1,6 @@
-"""Supports of mean motions (`isorod.model.mean.MeanSupport`) on a model's nodes, and what they exert."""
+"""Supports of mean motions (`isorod.model.mean.MeanSupport`) on a model's nodes."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -8,12 +8,6 @@ from scipy.sparse import csr_array
 from isorod.arrays import Array, Index
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
-
-if TYPE_CHECKING:
-    from petsc4py import PETSc
-
-    from isorod.assembly.assembler import Assembler
-    from isorod.assembly.constraints import Constraints
 
 
 class Mean(NamedTuple):
@@ -82,28 +76,6 @@ def shares(model: Model, support: MeanSupport) -> Array:
     return result
 
 
-def carried(constraints: "Constraints", forces: Array, displacement: Array) -> dict[int, Array]:
-    """Return force and moment ``(k,)`` of each of the supports of mean motions on the model, by its number.
-
-    Parameters
-    ----------
-    forces
-        Internal and inertial less external forces on all degrees of freedom.
-    displacement
-        Of all degrees of freedom.
-    """
-    # So much work it takes to move what is held by one.
-    held, first, found = constraints.offsets.T @ forces[constraints.slaves], 0, {}
-    for k in constraints.held_means:
-        count = len(constraints.means[k].rows)
-        found[k] = held[first : first + count]
-        first += count
-    for k, one in constraints.means.items():
-        if one.stiffness is not None:
-            found[k] = -one.stiffness * one.moved(displacement)
-    return found
-
-
 def forces_of(model: Model, amounts: dict[int, Array]) -> Array:
     """Return the resultant force of each support of mean motions, zero of others, ``(supports, 3)``."""
     result = np.zeros((max(len(model.supports), 1), 3))
@@ -111,12 +83,3 @@ def forces_of(model: Model, amounts: dict[int, Array]) -> Array:
         ways = model.means[k].ways
         result[k] = one[: len(ways)] @ ways
     return result
-
-
-def carried_at(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> dict[int, Array]:
-    """Return what `carried` does of an equilibrium."""
-    if not assembler.model.means:
-        return {}
-    assert assembler.coupling is not None
-    everywhere = assembler.system_forces(x, factor), assembler.system_displacement(x, factor)
-    return carried(assembler.coupling.constraints, *everywhere)

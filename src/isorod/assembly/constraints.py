@@ -5,8 +5,8 @@ functions that no support holds, is solved for the slave's coefficients (`isorod
 motions that are held (`isorod.model.mean.MeanSupport`).
 """
 
-from graphlib import CycleError, TopologicalSorter
 from collections.abc import Sequence
+from graphlib import CycleError, TopologicalSorter
 from typing import NamedTuple
 
 import numpy as np

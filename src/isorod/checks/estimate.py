@@ -168,9 +168,7 @@ def _equilibrium(
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
 
 
-def _supported(
-    model: Model, before: tuple[Array, Array], carried: reactions.Carried, rounding: float
-) -> float:
+def _supported(model: Model, before: tuple[Array, Array], carried: reactions.Carried, rounding: float) -> float:
     """Return the change of the supports' forces and moments, relative to the largest of each.
 
     Forces that are next to nothing beside loads or moments do not count, nor moments that are beside forces.

@@ -19,9 +19,9 @@ from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
-from isorod.model.model import Model
 from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
+from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded

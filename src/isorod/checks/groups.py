@@ -105,9 +105,10 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
         held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], one))
     for support in model.means.values():
         if support.body in bodies:
-            nodes, rows = support.rows(model.bodies[support.body].space)
+            space = model.bodies[support.body].space
+            nodes, rows = support.rows(space)
             # Of rotations what moves on the section.
-            sizes = np.append(np.ones(len(support.ways)), np.full(len(support.axes), support.radius(model.bodies[support.body].space)))
+            sizes = np.append(np.ones(len(support.ways)), np.full(len(support.axes), support.radius(space)))
             moved = bodies[support.body].reshape(-1, 3, 6)[nodes]
             held.append(sizes[:, None] * np.einsum("kna,nam->km", rows, moved))
     for solid, one in zip(solids, own, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly import averages
+from isorod.assembly import averages, exerted
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.material.along_rod import Laws
@@ -135,7 +135,7 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
     model, displacement = assembler.model, assembler.displacement(x, factor)
     forces = assembler.reactions(x, factor)
     reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
-    work, own = float(forces @ model.driven[model.bound]), averages.carried_at(assembler, x, factor)
+    work, own = float(forces @ model.driven[model.bound]), exerted.in_equilibrium(assembler, x, factor)
     reactions += averages.forces_of(model, own)
     places = _places(model, displacement) if own else displacement
     for k, amounts in own.items():

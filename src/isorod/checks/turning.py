@@ -11,6 +11,7 @@ from isorod.arrays import Array
 from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
+from isorod.model.support import Support
 from isorod.tensors import rotation
 
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
@@ -106,10 +107,12 @@ class Turning:
 
     def _winds(self, body: int, displacement: Array) -> bool:
         model, space = self._model, self._model.bodies[body].space
+        if any(one.body == body for one in model.means.values()):
+            return False
         held = [
             (support, motion)
             for support, motion in zip(model.supports, model.motions, strict=True)
-            if support.body == body
+            if support.body == body and isinstance(support, Support)
         ]
         if len(held) == 1:
             # Whatever turns, all turns with it.

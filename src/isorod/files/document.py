@@ -15,7 +15,20 @@ from isorod.errors import InputError, SolveError
 from isorod.files import lines
 
 # What a scene's file has at its top; what may be there several times has names.
-KEYS = ("title", "analysis", "rod", "solid", "support", "load", "gravity", "spin", "obstacle", "contact", "tie", "measure")
+KEYS = (
+    "title",
+    "analysis",
+    "rod",
+    "solid",
+    "support",
+    "load",
+    "gravity",
+    "spin",
+    "obstacle",
+    "contact",
+    "tie",
+    "measure",
+)
 
 # A scene is written by hand; what is longer are data, which go beside it; and bytes of those at the most.
 _LONGEST, _LARGEST = 1_000_000, 100_000_000

@@ -75,7 +75,7 @@ def _support(target: str) -> Form:
 
 
 SUPPORTS = {
-    "end": _support("isorod.model.support:Support.end"),
+    "end": _support("isorod.files.supports:end"),
     "patch": _support("isorod.model.support:Support.patch"),
     "section": _on_rod("isorod.model.mean:MeanSupport.section", main="u"),
     "bearing": _on_rod("isorod.model.mean:MeanSupport.bearing", main="u"),

@@ -12,7 +12,6 @@ from isorod.model.body import Body
 from isorod.space.space import Space
 from isorod.space.trace import Trace, section_trace
 
-
 # Gauss points along an element for a line load, in those of its functions: the speed of a curved line is no polynomial.
 _ALONG = 2
 

@@ -88,7 +88,44 @@ class MeanSupport(Checked):
         InputError
             If there is no such section, or an axis is none.
         """
-        return mean_of(space, u, mean, components, displacement, axis, body)
+        if mean not in MEANS:
+            raise InputError(f"mean: got {mean!r}, need one of {', '.join(MEANS)}")
+        if set(components) - set("xyz"):
+            raise InputError(f"components: got {components!r}, need some of 'xyz'")
+        if (mean == "hinge") != (axis is not None):
+            raise InputError("axis: a hinge has one, and nothing else does")
+        ways = np.eye(3)[[letter in components for letter in "xyz"]]
+        axes = np.eye(3) if mean == "fixed" else np.zeros((0, 3))
+        if mean == "fork":
+            trace = section_trace(space, u)
+            normal = trace.weights @ trace.normals
+            axes = (normal / np.linalg.norm(normal))[None]
+        if axis is not None:
+            axes = _across(np.array(axis, dtype=float))
+            arms = _arms(section_trace(space, u))[1]
+            if np.abs(axes @ arms @ np.cross(*axes)).max() > _PRINCIPAL * np.abs(arms).max():
+                raise InputError(
+                    f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely"
+                )
+        section_trace(space, u)
+        if not len(ways) and not len(axes):
+            raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
+        return cls(u, ways, axes, displacement, None, body, space=space)
+
+    @classmethod
+    def end(
+        cls,
+        space: Space,
+        which: str,
+        mean: str = "pin",
+        components: str = "xyz",
+        displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        axis: tuple[float, float, float] | None = None,
+        body: int = 0,
+    ) -> "MeanSupport":
+        """Return a support of the mean motion of the ``"start"`` or ``"end"`` face (`section`)."""
+        u = float(space.axis.breaks[space.end(which)])
+        return cls.section(space, u, mean, components, displacement, axis, body)
 
     @classmethod
     def bearing(cls, space: Space, u: float, body: int = 0) -> "MeanSupport":
@@ -145,7 +182,9 @@ class MeanSupport(Checked):
         section_trace(space, u)
         whole = np.append(stiffness, rotational)
         if not (np.isfinite(whole).all() and (whole >= 0.0).all() and whole.any()):
-            raise InputError(f"stiffness: got {(*stiffness, *rotational)}, need numbers, none negative and not all zero")
+            raise InputError(
+                f"stiffness: got {(*stiffness, *rotational)}, need numbers, none negative and not all zero"
+            )
         ways, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
         return cls(u, ways, axes, stiffness=whole[whole > 0.0], body=body, space=space)
 
@@ -196,42 +235,6 @@ class MeanSupport(Checked):
         """Return the radius of gyration of the section, units of length."""
         trace = section_trace(space, self.u)
         return float(np.sqrt(trace.weights @ np.sum(_arms(trace)[0] ** 2, axis=1) / trace.weights.sum()))
-
-
-def mean_of(
-    space: Space,
-    u: float,
-    mean: str,
-    components: str,
-    displacement: tuple[float, float, float],
-    axis: tuple[float, float, float] | None,
-    body: int,
-) -> MeanSupport:
-    """Return the support of the mean motion of a section (`MeanSupport.section`)."""
-    if mean not in MEANS:
-        raise InputError(f"mean: got {mean!r}, need one of {', '.join(MEANS)}")
-    if set(components) - set("xyz"):
-        raise InputError(f"components: got {components!r}, need some of 'xyz'")
-    if (mean == "hinge") != (axis is not None):
-        raise InputError("axis: a hinge has one, and nothing else does")
-    ways = np.eye(3)[[letter in components for letter in "xyz"]]
-    axes = np.eye(3) if mean == "fixed" else np.zeros((0, 3))
-    if mean == "fork":
-        trace = section_trace(space, u)
-        normal = trace.weights @ trace.normals
-        axes = (normal / np.linalg.norm(normal))[None]
-    if axis is not None:
-        axes = _across(np.array(axis, dtype=float))
-        arms = _arms(section_trace(space, u))[1]
-        if np.abs(axes @ arms @ np.cross(*axes)).max() > _PRINCIPAL * np.abs(arms).max():
-            raise InputError(
-                f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely; take "
-                "one of these"
-            )
-    section_trace(space, u)
-    if not len(ways) and not len(axes):
-        raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
-    return MeanSupport(u, ways, axes, displacement, None, body, space=space)
 
 
 def _arms(trace: Trace) -> tuple[Array, Array]:

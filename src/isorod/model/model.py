@@ -97,8 +97,8 @@ class Model(Checked):
                     f"over about {around:.3g} round the section and {along:.3g} along",
                     stacklevel=3,
                 )
-            if isinstance(load, SectionLoad) and load.turns and self._is_held(load):
-                raise InputError(f"load {k}: the section is held: a moment on it does nothing; leave it out")
+            if isinstance(load, SectionLoad) and load.moment is not None and any(load.moment):
+                self._refuse_held(k, load, np.array(load.moment))
         for k, one in self.means.items():
             others = [j for j, other in enumerate(self.supports) if j != k and other.body == one.body]
             if one.free and others:
@@ -141,18 +141,21 @@ class Model(Checked):
             raise InputError(f"{what}: made for another space than that of body {one.body}; take that body's")
         return space
 
-    def _is_held(self, load: SectionLoad) -> bool:
-        """Return whether supports hold all nodes of a load's section, or its mean rotation about the moment."""
-        nodes = load.trace(self.bodies[load.body].space).nodes[0]
-        if (self.free[3 * (self.first_node[load.body] + nodes)[:, None] + np.arange(3)] < 0).all():
-            return True
-        u = self.bodies[load.body].space.axis.breaks[-1] if load.u is None else load.u
+    def _refuse_held(self, index: int, load: SectionLoad, moment: Array) -> None:
+        """Raise `InputError` if supports hold all nodes of a load's section, or its mean rotation about the moment."""
+        space = self.bodies[load.body].space
+        try:
+            nodes = load.trace(space).nodes[0]
+        except InputError as problem:
+            raise InputError(f"load {index}: {problem}") from None
+        held = bool((self.free[3 * (self.first_node[load.body] + nodes)[:, None] + np.arange(3)] < 0).all())
+        u = space.axis.breaks[-1] if load.u is None else load.u
         for one in self.means.values():
             if one.body == load.body and one.u == u and one.stiffness is None and not one.ring:
-                rest = np.array(load.moment) - one.axes.T @ (one.axes @ np.array(load.moment))
-                if np.linalg.norm(rest) < 1e-9 * np.linalg.norm(load.moment):
-                    return True
-        return False
+                rest = moment - one.axes.T @ (one.axes @ moment)
+                held |= bool(np.linalg.norm(rest) < 1e-9 * np.linalg.norm(moment))
+        if held:
+            raise InputError(f"load {index}: the section is held: a moment on it does nothing; leave it out")
 
     def in_displacements(self) -> "Model":
         """Return the model for what knows no pressures (`Body.in_displacements`)."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError
-from isorod.model.mean import MeanSupport, mean_of
 from isorod.model.motion import SupportMotion
 from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
@@ -70,10 +69,8 @@ class Support(Checked):
         center: tuple[float, float, float] | None = None,
         tied: str = "",
         during: tuple[float, float] = (0.0, 1.0),
-        mean: str = "",
-        axis: tuple[float, float, float] | None = None,
-    ) -> "Support | MeanSupport":
-        """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held, or their mean alone.
+    ) -> "Support":
+        """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
 
         With a ``turn`` the face moves as a rigid body: at factor ``f`` its point ``x`` is displaced by
         ``R(f turn) (x - c) - (x - c) + f displacement``.  In the components ``tied`` the face turns too, but is free to
@@ -99,20 +96,12 @@ class Support(Checked):
             The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
         during
             Load factors between which it moves (`Support`).
-        mean, axis
-            The face stays free to deform, and what is held is its mean displacement, in the ``components``, and of
-            ``"fixed"`` its mean rotation, of a ``"hinge"`` that but about its ``axis``, of a ``"fork"`` that about the
-            normal alone, of a ``"pin"`` none.
 
         Raises
         ------
         InputError
-            If the rod is closed, the end is none, or a mean motion is to turn, is tied or has an axis that is none.
+            If the rod is closed, or the end is none.
         """
-        if mean or axis is not None:
-            if np.any(turn) or center is not None or tied or tuple(during) != (0.0, 1.0):
-                raise InputError("mean: a face held in the mean is displaced alone; leave out rotation, tied and during")
-            return mean_of(space, float(space.axis.breaks[space.end(which)]), mean, components, displacement, axis, body)
         nodes = np.arange(space.nodes).reshape(space.layers, -1)[space.end(which)]
         rest = {"components": components, "body": body, "tied": tied, "during": during}
         return cls._rigid(nodes, space, displacement, turn, center, **rest)

@@ -248,7 +248,7 @@ def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str
             plotter.add_mesh(arrow, color=_MOVED)
             yield "prescribed motion", _MOVED, arrow.points
     for load in model.loads:
-        if isinstance(load, SectionLoad) and np.any(load.force):
+        if isinstance(load, SectionLoad) and any(load.force or ()):
             rod = model.bodies[load.body].space.rod
             u = rod.axis.breaks[-1] if load.u is None else load.u
             outline = rod.grid(_circle(_AROUND)[:-1], [u])[0][0]

@@ -43,7 +43,8 @@ def descend(solver: Newton, path: Path) -> int:
 def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None) -> int:
     """Go to the full load; return how often multipliers were updated; fill the path.
 
-    Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path of one load step.
+    Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path
+    of one load step.
     """
     policy = solver.policy
     rubs = policy is not None and policy.rubs

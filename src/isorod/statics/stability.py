@@ -42,9 +42,9 @@ _FALLEN = 0.5
 def is_told(solver: Newton) -> bool:
     """Return whether the tangent of a model tells how stable it is.
 
-    That of friction is no second derivative of an energy, nor is that of a pressure that follows a surface with free
-    edges, or of a moment; that of laws of small strains knows no stress, hence no buckling; a solver that has no factors leaves the
-    count to whoever typed it.
+    That of friction is no second derivative of an energy, nor is that of a moment or of a pressure that follows a
+    surface with free edges; that of laws of small strains knows no stress, hence no buckling; a solver that has no
+    factors leaves the count to whoever typed it.
     """
     model, pc = solver.assembler.model, solver.snes.getKSP().getPC()
     known = all(law.objective for body in model.bodies for law in body.laws)
@@ -56,8 +56,8 @@ def refuse_untold(solver: Newton) -> None:
     """Raise `InputError` where it does not."""
     if not is_told(solver):
         raise InputError(
-            "stable: stability is unknown with friction, moments, a follower pressure with free edges, small-strain laws (use "
-            "StVenantKirchhoff), or a solver without a factorisation"
+            "stable: stability is unknown with friction, moments, a follower pressure with free edges, small-strain "
+            "laws (use StVenantKirchhoff), or a solver without a factorisation"
         )
 
 

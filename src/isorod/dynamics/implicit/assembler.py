@@ -20,8 +20,9 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.averages import carried, forces_of
+from isorod.assembly.averages import forces_of
 from isorod.assembly.exchange import Exchange
+from isorod.assembly.exerted import carried
 from isorod.assembly.gradients import add_stress
 from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add

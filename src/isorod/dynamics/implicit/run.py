@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly import averages
+from isorod.assembly import averages, exerted
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks.tie_result import results
 from isorod.dynamics import run
@@ -295,13 +295,13 @@ class Run(run.Run):
             internal[self.assembler.contact.beyond] += forces[model.dofs :]
         bonds, slipped = self.assembler.bonded(displacement)
         balance = internal + bonds + self.settings.damping * momenta
-        exerted, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
-        held = self.assembler.onto_masters(exerted)
+        carried, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
+        held = self.assembler.onto_masters(carried)
         coupling = self.assembler.coupling
-        ties = [] if coupling is None else results(model, coupling, exerted, displacement)
+        ties = [] if coupling is None else results(model, coupling, carried, displacement)
         seen = self._seen(velocity[: model.dofs], held[model.held], contact)
         if coupling is not None:
-            seen["reactions"] += averages.forces_of(model, averages.carried(coupling.constraints, exerted, displacement))
+            seen["reactions"] += averages.forces_of(model, exerted.carried(coupling.constraints, carried, displacement))
         return seen | {
             "tie_forces": np.array([one.force for one in ties]).reshape(-1, 3),
             "tie_moments": np.array([one.moment for one in ties]).reshape(-1, 3),
