@@ -26,7 +26,7 @@ BEAM: dict[str, Any] = {
     "load": {
         "pull": {"end": "end", "force": [0.0, 0.001, 0.0], "rod": "beam"},
         "weight": {"body_force": [0.0, -0.001, 0.0]},
-        "push": {"section": 0.5, "force": [0.001, 0.0, 0.0], "moment": [0.0, 0.0, 1e-4]},
+        "push": {"section": 0.5, "force": [0.001, 0.0, 0.0]},
         "line": {"per_length": [0.0, 1e-4, 0.0]},
     },
     "measure": {
