@@ -153,7 +153,7 @@ def axis(
     known = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
     shape = shape_of(rod)
     least = ELEMENTS[known] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
-    functions = degree - smooth
+    functions = max(degree - smooth, 1)
     # At the rod's own knots an element has more of its own, if they are less smooth.
     rough = max(0, smooth - rod.axis.degree + int(rod.axis.multiplicities[1:-1].min(initial=degree))) if own > 1 else 0
     turns = np.degrees(shape.angle + angle / (_TURNED * own)) / ANGLES[known]
