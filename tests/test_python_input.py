@@ -68,9 +68,12 @@ BAD = {
     "no body": (lambda body: Model([]), "model: got no bodies, need at least one"),
     "one support": (
         lambda body: Model([body], Support.end(body.space, "end")),
-        "Model: supports: got Support, need a list of Support objects",
+        "Model: supports: got Support, need a list of Support or MeanSupport objects",
     ),
-    "no support": (lambda body: Model([body], [3]), "Model: supports: got \\[3\\], need a list of Support objects"),
+    "no support": (
+        lambda body: Model([body], [3]),
+        "Model: supports: got \\[3\\], need a list of Support or MeanSupport objects",
+    ),
     "no law": (
         lambda body: Body(body.space, 3.0),
         "Body: material: got 3.0, need a Material or a list",

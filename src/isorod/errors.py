@@ -209,4 +209,6 @@ def described(kinds: Sequence[Any], plain: Mapping[Any, str] = PLAIN) -> str:
 def _several(kind: Any) -> str:
     if isinstance(kind, type):
         return {int: "integers", float: "numbers", str: "texts"}.get(kind, f"{kind.__name__} objects")
+    if all(isinstance(one, type) for one in alternatives(kind)):
+        return f"{' or '.join(one.__name__ for one in alternatives(kind))} objects"
     return "lists" if made_of(kind)[0] in (tuple, Sequence) else "values"

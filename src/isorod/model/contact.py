@@ -180,7 +180,7 @@ class Contact(Checked):
         if twice:
             raise InputError(
                 f"contact: body {min(twice)} with itself: it is named twice; leave second out for that, and for "
-                "contact of all of first with each other"
+                "contact of all of them with each other"
             )
 
     @property

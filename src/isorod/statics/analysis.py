@@ -317,7 +317,7 @@ def solve(
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start, keep, stable, progress, outputs)
+        return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)
 
 
 def _solve(
@@ -325,10 +325,9 @@ def _solve(
     load_steps: int,
     comm: PETSc.Comm | None,
     start_at: Array | None,
-    keep: bool,
+    kept: tuple[bool, int | None],
     stable: bool,
     progress: bool,
-    outputs: int | None,
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
@@ -349,9 +348,8 @@ def _solve(
             stability.refuse_untold(solver)
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        path = Path(assembler, keep, outputs)
-        # A state near the end has no way to it.
-        found = None if outputs else begin(solver, start_at, path)
+        path = Path(assembler, *kept)
+        found = None if path.outputs else begin(solver, start_at, path)
         augmentations = climb(solver, load_steps, path, start_at) if found is None else found
         held = solver.settle()
         if stable:
@@ -392,7 +390,7 @@ def _solve(
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=stabilisation,
-            path=path.steps if keep or outputs or assembler.contact is not None else (),
+            path=path.steps if any(kept) or assembler.contact is not None else (),
             negative_eigenvalues=negative,
             ties=at_load(assembler, solver.x, 1.0),
             solids=assembler.solids(solver.x, 1.0),
