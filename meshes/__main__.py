@@ -26,16 +26,25 @@ def _main(words: Sequence[str]) -> int:
         files.check(path)
     order = _order(found.cell_order, found.element, paths)
     bodies = scene.rods()
-    mesh = rods.build(bodies, found.level, order)
     exact = sum(rod.volume() for rod in bodies)
+    levels = range(1, rods.MOST + 1) if found.level is None else [found.level]
+    for level in levels:
+        mesh = rods.build(bodies, level, order)
+        if abs(mesh.volume() - exact) < VOLUME * exact:
+            break
     for path in paths:
-        files.write(mesh, path, bodies, found.element)
+        said = files.write(mesh, path, scene, found.element, found.mesh_only)
         print(
             f"{path}: {len(mesh.cells):,} hexahedra of order {order}, {len(mesh.points):,} nodes, volume "
             f"{mesh.volume():.6g} ({mesh.volume() / exact - 1.0:+.1e} of the rods')"
         )
+        for one in said:
+            print(f"  {one}")
     return 0
 
+
+# How near the volume of the cells is to that of the rods where no level is given, a share of it.
+VOLUME = 1e-3
 
 _SAID = (
     "Curved hexahedra of any rods, by the rods' own map. "
@@ -46,7 +55,15 @@ _SAID = (
 def _more(parser: Parser, scene: Any) -> None:
     parser.epilog = _SAID
     parser.add_argument("files", nargs="*", metavar="FILE", help="file to write (SCENE.msh)")
-    parser.add_argument("--level", type=int, default=1, metavar="int", help="so many times as many cells each way (1)")
+    parser.add_argument(
+        "--level",
+        type=int,
+        metavar="int",
+        help=f"so many times as many cells each way (the first with a volume within {100.0 * VOLUME:g} %% of the rods')",
+    )
+    parser.add_argument(
+        "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"
+    )
     parser.add_argument("--cell-order", type=int, metavar="int", help="order of the cells' geometry, 1 to 3 (2)")
     bricks = [name for name in abaqus.ELEMENTS if name != "C3D10"]
     parser.add_argument(
