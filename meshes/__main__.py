@@ -8,7 +8,9 @@ from typing import Any
 from isorod.command import chosen, ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod
 from meshes import abaqus, files, rods
+from meshes.mesh import Mesh
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,11 +29,7 @@ def _main(words: Sequence[str]) -> int:
     order = _order(found.cell_order, found.element, paths)
     bodies = scene.rods()
     exact = sum(rod.volume() for rod in bodies)
-    levels = range(1, rods.MOST + 1) if found.level is None else [found.level]
-    for level in levels:
-        mesh = rods.build(bodies, level, order)
-        if abs(mesh.volume() - exact) < VOLUME * exact:
-            break
+    mesh = _fine(bodies, order, exact) if found.level is None else rods.build(bodies, found.level, order)
     for path in paths:
         said = files.write(mesh, path, scene, found.element, found.mesh_only)
         print(
@@ -43,8 +41,9 @@ def _main(words: Sequence[str]) -> int:
     return 0
 
 
-# How near the volume of the cells is to that of the rods where no level is given, a share of it.
-VOLUME = 1e-3
+# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods, a
+# share of it; of cells of order 1, which have no curved edges, the first is taken.
+LEVEL, VOLUME = 2, 1e-3
 
 _SAID = (
     "Curved hexahedra of any rods, by the rods' own map. "
@@ -59,7 +58,8 @@ def _more(parser: Parser, scene: Any) -> None:
         "--level",
         type=int,
         metavar="int",
-        help=f"so many times as many cells each way (the first with a volume within {100.0 * VOLUME:g} %% of the rods')",
+        help=f"so many times as many cells each way ({LEVEL}, or the first with a volume within {100.0 * VOLUME:g} %% of "
+        "the rods')",
     )
     parser.add_argument(
         "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"
@@ -69,6 +69,15 @@ def _more(parser: Parser, scene: Any) -> None:
     parser.add_argument(
         "--element", choices=bricks, help="element of .inp, which chooses the order too (C3D20R, of order 1 C3D8I)"
     )
+
+
+def _fine(bodies: Sequence[Rod], order: int, exact: float) -> Mesh:
+    """Return the mesh of the first level whose volume is near enough."""
+    for level in range(LEVEL, rods.MOST + 1):
+        mesh = rods.build(bodies, level, order)
+        if order == 1 or abs(mesh.volume() - exact) < VOLUME * exact:
+            break
+    return mesh
 
 
 def _order(given: int | None, element: str | None, paths: Sequence[Path]) -> int:

@@ -14,10 +14,10 @@ from meshes import abaqus, deck_laws, held, nodal, rods
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
-ANGLE = 10.0
+ANGLE = 20.0
 
-# How a step begins: so much of it at first.
-_STATIC = "*STATIC\n0.25,1.,1e-6,1."
+# Increments in which the first step is begun, of all steps together.
+_INCREMENTS = 4
 
 # Forces and differences of displacements below this share of the largest are rounding.
 _ROUNDING = 1e-12
@@ -88,10 +88,10 @@ def write(scene: Any, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
         raise InputError(f"{scene.name}: {scene.analysis} is not written to .inp, statics and modes are; {_LATER}")
     with scene.locating():
         model, settings = scene.model(), scene.settings()
-        try:
-            return _Problem(scene, model, settings, mesh, element, sets).deck()
-        except InputError as problem:
-            raise InputError(f"{problem}; {_LATER}") from None
+    try:
+        return _Problem(scene, model, settings, mesh, element, sets).deck()
+    except InputError as problem:
+        raise InputError(f"{scene.name}: {scene.named(str(problem))}; {_LATER}") from None
 
 
 class _Problem:
@@ -99,9 +99,9 @@ class _Problem:
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
         self.scene, self.model, self.mesh = scene, model, mesh
-        for kind, several in (("contact", model.contacts), ("tie", model.ties), ("body", model.solids)):
+        for kind, several in (("solid", model.solids), ("tie", model.ties), ("contact", model.contacts)):
             if several:
-                raise InputError(f"a scene with a {kind} is not written to .inp")
+                raise InputError(f"{kind} 0 and its like are not written to .inp")
         self.modes = settings.get("modes", 10) if scene.analysis == "modal" else 0
         self.linear = all(law.linear for body in model.bodies for law in body.laws)
         if not self.linear and any(law.linear for body in model.bodies for law in body.laws):
@@ -196,8 +196,10 @@ class _Problem:
     def _steps(self) -> Iterator[str]:
         """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
         if not self.modes or self.moves:
-            for factor in self._stops():
-                yield from ["*STEP,NLGEOM,INC=10000", _STATIC] if self.large else ["*STEP", "*STATIC"]
+            stops = self._stops()
+            begin = f"{min(1.0, len(stops) / _INCREMENTS):g},1.,1e-6,1."
+            for factor in stops:
+                yield from ["*STEP,NLGEOM,INC=10000", "*STATIC", begin] if self.large else ["*STEP", "*STATIC"]
                 yield from self._boundary(factor)
                 yield from self._loaded(factor)
                 yield from self._printed()

@@ -31,10 +31,12 @@ def elastic(law: Material) -> tuple[list[str], str]:
 
     Young's modulus and Poisson's ratio of laws that do not have these follow from the moduli of plane waves.
     """
+    if law.families:
+        raise refused(law)
     if isinstance(law, Isotropic) and law.nu < 0.5:
         return ["*ELASTIC", f"{law.E:.12g},{law.nu:.12g}"], ""
     waves = plane_waves(law if np.isfinite(law.lame) else law.shear)
-    if law.families or np.ptp(waves, axis=0).max() > _ROUNDING * waves.max():
+    if np.ptp(waves, axis=0).max() > _ROUNDING * waves.max():
         raise refused(law)
     (mu, bulk), said = _moduli(law)
     young, poisson = 9.0 * bulk * mu / (3.0 * bulk + mu), 0.5 * (3.0 * bulk - 2.0 * mu) / (3.0 * bulk + mu)
@@ -56,6 +58,8 @@ def finite(law: Material) -> tuple[list[str], str]:
     The law of St. Venant and Kirchhoff is what CalculiX makes of ``*ELASTIC``.  Others store ``(J - 1)^2`` for a change
     of volume and not ``(ln J)^2``; so does the neo-Hookean law, and takes its invariant free of volume.
     """
+    if law.families:
+        raise refused(law)
     if isinstance(law, StVenantKirchhoff):
         return elastic(law)[0], "in Abaqus *ELASTIC is linear in logarithmic strain: the same where strains are small"
     (_, bulk), said = _moduli(law)
@@ -92,7 +96,7 @@ def _polynomial(law: Material) -> dict[tuple[int, int], float]:
     from isorod.material import symbols as s
 
     stored, x, y = law.stored, sp.Symbol("x"), sp.Symbol("y")
-    if law.families or stored.small or not stored.quadratic:
+    if stored.small or not stored.quadratic:
         raise refused(law)
     values = dict(zip(stored.constants, law.constants, strict=True))
     # The invariants free of volume are expressions of the others.
