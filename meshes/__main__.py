@@ -58,8 +58,7 @@ def _more(parser: Parser, scene: Any) -> None:
         "--level",
         type=int,
         metavar="int",
-        help=f"so many times as many cells each way ({LEVEL}, or the first with a volume within {100.0 * VOLUME:g} %% of "
-        "the rods')",
+        help=f"so many times as many cells each way ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
     )
     parser.add_argument(
         "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"

@@ -181,6 +181,10 @@ class _Problem:
         """Yield the nodes of supports and of forces on ends, and what supports tie."""
         for k, one in enumerate(self.held):
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
+            on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
+            if not self.modes and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
+                told = ", ".join(f"{value:.6g}" for value in on)
+                self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 face = self.mesh.faces[nodal.end_of(k, load, self.model)]

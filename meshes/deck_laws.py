@@ -53,7 +53,7 @@ def _moduli(law: Material) -> tuple[tuple[float, float], str]:
 
 
 def finite(law: Material) -> tuple[list[str], str]:
-    """Return the lines of a law for large displacements, and in what way it is not the file's own; `InputError` if none.
+    """Return the lines of a law for large displacements, and how it differs from the file's own; `InputError` if none.
 
     The law of St. Venant and Kirchhoff is what CalculiX makes of ``*ELASTIC``.  Others store ``(J - 1)^2`` for a change
     of volume and not ``(ln J)^2``; so does the neo-Hookean law, and takes its invariant free of volume.

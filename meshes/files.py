@@ -68,11 +68,11 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, mesh_o
         return []
     element, sets = element or abaqus.BRICKS[mesh.order], _rings(where, names)
     if mesh_only or scene.analysis == "geometry":
-        text, said = abaqus.lines(deck.renamed(mesh, names), element, sets)[0], []
+        whole = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
     else:
-        text, said = deck.write(scene, mesh, element, sets)
-    write_whole(path, (text + "\n").encode())
-    return said
+        whole = deck.write(scene, mesh, element, sets)
+    write_whole(path, (whole.text + "\n").encode())
+    return whole.said
 
 
 def _rings(where: dict[str, Index], names: deck.Names) -> dict[str, Index]:

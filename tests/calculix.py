@@ -58,13 +58,13 @@ def displacements(job):
 
 
 def answers(name, job, level=None):
-    """Write an example's input file, run it, and return what of its measures CalculiX knows, and isorod's answers.
+    """Write the input file of an example or a file, run it, and return each measure by CalculiX and by isorod.
 
     Displacements are those of the node at the place; moments those of the nodes' forces about the middle of the face.
     """
-    path = EXAMPLES / f"{name}.toml"
-    assert main([str(path), f"{job}.inp", *([] if level is None else ["--level", str(level)])]) == 0
-    scene = files.find(str(path))
+    path = str(EXAMPLES / f"{name}.toml") if "." not in name else name
+    assert main([path, f"{job}.inp", *([] if level is None else ["--level", str(level)])]) == 0
+    scene = files.find(path)
     model, settings = scene.model(), scene.settings()
     printed = run(job)
     if scene.analysis == "modal":
@@ -76,7 +76,11 @@ def answers(name, job, level=None):
     for what, asked in scene.content["measure"].items():
         component = "xyz".index(asked["component"]) if "component" in asked else slice(None)
         if "reaction" in asked:
-            value = sums(printed)[f"SUPPORT_{asked['reaction'].upper()}"][component]
+            title = f"SUPPORT_{asked['reaction'].upper()}"
+            # What CalculiX calls RF has the loads on these nodes in it.
+            loads = re.search(rf"{title}: loads on its own nodes, \((.*)\)", Path(f"{job}.inp").read_text())
+            own_loads = np.array(loads[1].split(", "), dtype=float) if loads else np.zeros(3)
+            value = (sums(printed)[title] - own_loads)[component]
         elif "moment" in asked:
             rows = forces(printed, f"SUPPORT_{asked['moment'].upper()}")
             at = rows[:, 0].astype(int) - 1

@@ -15,6 +15,7 @@ from isorod.model.model import Model
 from meshes.held import Held, all_of
 from meshes.mesh import Array, Index
 
+
 class Condition(NamedTuple):
     """Displacements of some degrees of freedom, as `comparisons.fem.statics.Newton` takes them."""
 
