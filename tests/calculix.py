@@ -69,7 +69,7 @@ def answers(name, job, level=None):
     printed = run(job)
     if scene.analysis == "modal":
         own = isorod.modal.solve(model, **settings).frequencies
-        mine = frequencies(printed)[-len(own) :]
+        mine = frequencies(printed)[: len(own)]
         return {f"mode {k + 1}": pair for k, pair in enumerate(zip(mine, own, strict=True))}
     own = scene.measure(isorod.statics.solve(model, **settings))
     found = {}

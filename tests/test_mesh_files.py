@@ -105,7 +105,7 @@ def test_surfaces_have_the_nodes_of_their_sets(element, folder):
 def test_vtk_reads_the_cells_as_they_are(order, folder):
     pyvista = pytest.importorskip("pyvista")
 
-    assert main(["my.toml", "my.vtu", "--cell-order", str(order)]) == 0
+    assert main(["my.toml", "my.vtu", "--cell-order", str(order), "--level", "1"]) == 0
     read, mesh = pyvista.read(folder / "my.vtu"), rods.build(two(), 1, order)
     assert np.array_equal(read.points, mesh.points)
     # Each cell's nodes in the places where VTK says that they are.
@@ -141,15 +141,16 @@ def test_gmsh_reads_volumes_and_groups(folder):
     pytest.importorskip("gmsh")
     from meshes.gmsh_model import gmsh_session
 
-    assert main(["my.toml"]) == 0
+    assert main(["my.toml", "--level", "1"]) == 0
     mesh = rods.build(two())
     with gmsh_session() as gmsh:
         gmsh.open(str(folder / "my.msh"))
         groups = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
-        assert groups.keys() == {*mesh.regions, *mesh.faces}
+        title = {"rod 0": "rod tube", "rod 1": "rod bar"}
+        assert groups.keys() == {title[one[:5]] + one[5:] for one in (*mesh.regions, *mesh.faces)}
         volume = 0.0
         for name, cells in mesh.regions.items():
-            for entity in gmsh.model.getEntitiesForPhysicalGroup(*groups[name]):
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(*groups[title[name]]):
                 (kind,) = gmsh.model.mesh.getElementTypes(3, entity)
                 where, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss6")
                 _, det, _ = gmsh.model.mesh.getJacobians(kind, where, entity)
@@ -163,7 +164,7 @@ def test_gmsh_reads_volumes_and_groups(folder):
 def test_options_of_the_scene_are_those_of_the_rod(folder, capsys):
     assert main(["spring", "short.inp", "--coils", "1", "--wire-radius", "0.5", "again.inp"]) == 0
     rod = Spring(helix="paper", coils=1, wire_radius=0.5).rod()
-    (first, second) = capsys.readouterr().out.splitlines()
+    (first, _, second, _) = capsys.readouterr().out.splitlines()
     assert first.startswith("short.inp: ") and second.startswith("again.inp: ")
     assert float(re.search(r"volume ([\d.]+)", first)[1]) == pytest.approx(rod.volume(), rel=2e-2)
     assert (folder / "short.inp").read_bytes() == (folder / "again.inp").read_bytes()
@@ -233,7 +234,7 @@ def test_the_command_becomes_the_meshes(monkeypatch, folder, capsys):
     ((program, words, around),) = started
     assert (program, words[1:]) == (sys.executable, ["-m", "meshes", "spring", "spring.inp", "--coils", "1"])
     done = subprocess.run(words, env=around, capture_output=True, text=True)
-    assert done.returncode == 0 and re.match(r"spring.inp: 100 hexahedra of order 2, ", done.stdout), done.stderr
+    assert done.returncode == 0 and re.match(r"spring.inp: 800 hexahedra of order 2, ", done.stdout), done.stderr
     assert cli.main(["mesh", "spring", "-snes_monitor"]) == 2
     assert "PETSc options go with" in capsys.readouterr().err
     monkeypatch.setattr(beside, "CHECKOUT", folder)
