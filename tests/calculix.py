@@ -13,7 +13,7 @@ import isorod
 from isorod import files
 from meshes.__main__ import main
 
-calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX on PATH (apt: calculix-ccx)")
+calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (apt: calculix-ccx)")
 
 EXAMPLES = Path(files.__file__).parent / "examples"
 

@@ -48,7 +48,6 @@ def folder(tmp_path, monkeypatch):
                 ("arc", 2e-3),
                 ("cable", 2e-3),
                 ("coil", 3e-3),
-                ("cord", 5e-3),
                 ("spring", 5e-3),
                 ("trefoil", 1e-3),
             ]
@@ -61,6 +60,16 @@ def test_calculix_finds_what_isorod_finds(name, level, bound):
             assert abs(theirs) < 1.0
         else:
             assert np.linalg.norm(theirs - ours) < bound * np.linalg.norm(ours), what
+
+
+# Measured: 1.5e-2 and 2.4e-3.
+@calculix
+def test_a_finer_mesh_is_nearer():
+    errors = []
+    for level in (1, 2):
+        theirs, ours = answers("taper", "job", level)["swelling"]
+        errors.append(abs(theirs / ours - 1.0))
+    assert errors[1] < 0.3 * errors[0]
 
 
 # Measured: 3.3e-4 where a face is free along z, 1.0e-3 of modes about a bar that is pulled, 1.6e-3 of a spin.
@@ -145,8 +154,8 @@ def test_supports_that_turn_take_steps_and_end_where_they_should():
     hand = '[support.hand]\nend = "end"\nrotation = [0.0, 0.0, 90.0]\n'
     found = written(hand + "displacement = [0.0, 0.0, 1.0]\nduring = [0.5, 1.0]\n" + STATICS)
     boundaries = rows(found, "BOUNDARY")
-    # Nothing in the first half, then 90 degrees in steps of 18.
-    assert len(boundaries) == len(rows(found, "STEP,NLGEOM,INC=10000")) == 6
+    # Nothing in the first half, then 90 degrees in steps of 10.
+    assert len(boundaries) == len(rows(found, "STEP,NLGEOM,INC=10000")) == 10
     assert set(boundaries[0]) == {f"SUPPORT_{name},{k},{k},0" for name in ("FOOT", "HAND") for k in (1, 2, 3)}
     where, moved = nodes("my"), {}
     for line in boundaries[-1]:

@@ -234,7 +234,7 @@ def test_the_command_becomes_the_meshes(monkeypatch, folder, capsys):
     ((program, words, around),) = started
     assert (program, words[1:]) == (sys.executable, ["-m", "meshes", "spring", "spring.inp", "--coils", "1"])
     done = subprocess.run(words, env=around, capture_output=True, text=True)
-    assert done.returncode == 0 and re.match(r"spring.inp: 800 hexahedra of order 2, ", done.stdout), done.stderr
+    assert done.returncode == 0 and re.match(r"spring.inp: 960 hexahedra of order 2, ", done.stdout), done.stderr
     assert cli.main(["mesh", "spring", "-snes_monitor"]) == 2
     assert "PETSc options go with" in capsys.readouterr().err
     monkeypatch.setattr(beside, "CHECKOUT", folder)
