@@ -8,7 +8,9 @@ from typing import Any
 from isorod.command import chosen, ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod
 from meshes import abaqus, files, rods
+from meshes.mesh import Mesh
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,16 +28,22 @@ def _main(words: Sequence[str]) -> int:
         files.check(path)
     order = _order(found.cell_order, found.element, paths)
     bodies = scene.rods()
-    mesh = rods.build(bodies, found.level, order)
     exact = sum(rod.volume() for rod in bodies)
+    mesh = _fine(bodies, order, exact) if found.level is None else rods.build(bodies, found.level, order)
     for path in paths:
-        files.write(mesh, path, bodies, found.element)
+        said = files.write(mesh, path, scene, found.element, found.mesh_only)
         print(
             f"{path}: {len(mesh.cells):,} hexahedra of order {order}, {len(mesh.points):,} nodes, volume "
             f"{mesh.volume():.6g} ({mesh.volume() / exact - 1.0:+.1e} of the rods')"
         )
+        for one in said:
+            print(f"  {one}")
     return 0
 
+
+# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods, a
+# share of it; of cells of order 1, which have no curved edges, the first is taken.
+LEVEL, VOLUME = 2, 1e-3
 
 _SAID = (
     "Curved hexahedra of any rods, by the rods' own map. "
@@ -46,12 +54,29 @@ _SAID = (
 def _more(parser: Parser, scene: Any) -> None:
     parser.epilog = _SAID
     parser.add_argument("files", nargs="*", metavar="FILE", help="file to write (SCENE.msh)")
-    parser.add_argument("--level", type=int, default=1, metavar="int", help="so many times as many cells each way (1)")
+    parser.add_argument(
+        "--level",
+        type=int,
+        metavar="int",
+        help=f"so many times as many cells each way ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
+    )
+    parser.add_argument(
+        "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"
+    )
     parser.add_argument("--cell-order", type=int, metavar="int", help="order of the cells' geometry, 1 to 3 (2)")
     bricks = [name for name in abaqus.ELEMENTS if name != "C3D10"]
     parser.add_argument(
         "--element", choices=bricks, help="element of .inp, which chooses the order too (C3D20R, of order 1 C3D8I)"
     )
+
+
+def _fine(bodies: Sequence[Rod], order: int, exact: float) -> Mesh:
+    """Return the mesh of the first level whose volume is near enough."""
+    for level in range(LEVEL, rods.MOST + 1):
+        mesh = rods.build(bodies, level, order)
+        if order == 1 or abs(mesh.volume() - exact) < VOLUME * exact:
+            break
+    return mesh
 
 
 def _order(given: int | None, element: str | None, paths: Sequence[Path]) -> int:

@@ -2,13 +2,11 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.output.results import write_whole
 from meshes.mesh import Array, Index, Mesh
 
 _CUBE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
@@ -56,17 +54,11 @@ _IN_LINE = 10
 
 def name_of(name: str) -> str:
     """Return a name of a mesh as that of a set: ``rod 0 start`` is ``ROD_0_START``."""
-    return re.sub(r"\W+", "_", name).upper()
+    return re.sub(r"[^A-Za-z0-9]+", "_", name).upper()
 
 
-def write(mesh: Mesh, path: Path, element: str | None = None, sets: Mapping[str, Index] | None = None) -> None:
-    """Write bricks to an input file, without materials, sections and steps; raises `InputError` as `lines` does."""
-    text, _ = lines(mesh, element or BRICKS[mesh.order], sets)
-    write_whole(path, (text + "\n").encode())
-
-
-def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> tuple[str, int]:
-    """Return the lines of a mesh as elements of one kind, and their number of nodes.
+def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> tuple[str, Index]:
+    """Return the lines of a mesh as elements of one kind, and the number of each node in them, 0 where left out.
 
     Sets of nodes and surfaces are named as the faces are, sets of elements as the regions.  Of a 27-node brick those on
     its faces and in its middle are left out: the 20-node brick's own polynomials go through the others.
@@ -104,10 +96,15 @@ def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> 
     sides = cells[:, np.array(kind.sides)]
     for name, faces in mesh.faces.items():
         own = np.unique(number[faces])
-        found += [f"*NSET,NSET={name_of(name)}", *_wrapped(own[own > 0].tolist(), comma=True)]
+        found += set_of_nodes(name_of(name), own)
         found.append(f"*SURFACE,NAME={name_of(name)},TYPE=ELEMENT")
         found += [f"{cell + 1},S{side + 1}" for cell, side in _sides(faces, sides)]
-    return "\n".join(found), int(used.size)
+    return "\n".join(found), number
+
+
+def set_of_nodes(name: str, numbers: Index) -> list[str]:
+    """Return the lines of a set of nodes by their numbers, those without one left out."""
+    return [f"*NSET,NSET={name}", *_wrapped(numbers[numbers > 0].tolist(), comma=True)]
 
 
 def _set_of_elements(name: str, which: Index) -> list[str]:

@@ -4,12 +4,13 @@ import os
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.geometry.rod import Rod
-from meshes import abaqus, gmsh_model, rods, vtu
+from isorod.output.results import write_whole
+from meshes import abaqus, deck, gmsh_model, rods, vtu
 from meshes.mesh import Index, Mesh
 
 # What a file needs besides, by its ending, and how to get it.
@@ -36,35 +37,50 @@ def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
         )
 
 
-def write(mesh: Mesh, path: Path, of: Sequence[Rod], element: str | None = None) -> None:
-    """Write a mesh of rods (`meshes.rods.build`), all of it or nothing.
+def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, mesh_only: bool = False) -> list[str]:
+    """Write a mesh of a scene's rods (`meshes.rods.build`), all of it or nothing; return what there is to say of it.
 
     Parameters
     ----------
     path
-        ``.msh`` of gmsh (format 4.1): boundaries and rods are physical groups.  ``.inp`` of Abaqus and CalculiX: node
-        sets and surfaces of the boundaries, element sets of rods and of their rings.  ``.vtu``: Lagrange cells, their
-        rod, axis element and ring as cell data, the rod's parameters at their nodes.
+        ``.msh`` of gmsh (format 4.1): boundaries and rods are physical groups.  ``.inp`` of Abaqus and CalculiX: the
+        whole problem (`meshes.deck`), of geometry alone node sets and surfaces of the boundaries, element sets of rods
+        and of their rings.  ``.vtu``: Lagrange cells, their rod, axis element and ring as cell data, the rod's
+        parameters at their nodes.
     element
         Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
+    mesh_only
+        Whether the mesh alone is wanted.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, or something of the scene has no counterpart in the file.
     """
     check(path)
+    names = deck.names_of(scene, mesh)
     if path.suffix == ".msh":
-        gmsh_model.write(mesh, path)
-        return
-    where = dict(zip(("rod", "element", "ring"), rods.places(mesh, of).T, strict=True))
+        gmsh_model.write(deck.renamed(mesh, names), path)
+        return []
+    where = dict(zip(("rod", "element", "ring"), rods.places(mesh, scene.rods()).T, strict=True))
     if path.suffix == ".vtu":
         vtu.write(mesh, path, where)
+        return []
+    element, sets = element or abaqus.BRICKS[mesh.order], _rings(where, names)
+    if mesh_only or scene.analysis == "geometry":
+        whole = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
     else:
-        abaqus.write(mesh, path, element, _rings(where))
+        whole = deck.write(scene, mesh, element, sets)
+    write_whole(path, (whole.text + "\n").encode())
+    return whole.said
 
 
-def _rings(where: dict[str, Index]) -> dict[str, Index]:
+def _rings(where: dict[str, Index], names: deck.Names) -> dict[str, Index]:
     """Return the cells of each ring of rods that have several."""
     found = {}
     for rod in np.unique(where["rod"]):
         own = where["rod"] == rod
         rings = np.unique(where["ring"][own])
         for ring in rings if rings.size > 1 else ():
-            found[f"rod {rod} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
+            found[f"{names[f'rod {rod}']} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
     return found

@@ -1,0 +1,97 @@
+"""CalculiX on input files of ``isorod mesh``, and what it prints beside what isorod answers."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import isorod
+from isorod import files
+from meshes.__main__ import main
+
+calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (apt: calculix-ccx)")
+
+EXAMPLES = Path(files.__file__).parent / "examples"
+
+
+def run(job):
+    """Run an input file of the working folder; return what it prints about sets and modes."""
+    around = os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run(["ccx", job], env=around, capture_output=True, text=True, check=False)
+    assert "*ERROR" not in done.stdout and "Job finished" in done.stdout, done.stdout[-2000:]
+    return Path(f"{job}.dat").read_text()
+
+
+def sums(printed):
+    """The last sum of the nodal forces of each set, shape ``(3,)``."""
+    found = re.findall(r"total force.*for set (\S+) and time.*\n\n(.*)\n", printed)
+    return {name: np.array(line.split(), dtype=float) for name, line in found}
+
+
+def forces(printed, name):
+    """The last forces on the nodes of a set, rows of node, x, y, z."""
+    table = re.findall(rf"forces \(fx,fy,fz\) for set {name} and time.*\n\n((?:\s+\d+(?:\s+\S+){{3}}\n)+)", printed)[-1]
+    return np.array([line.split() for line in table.splitlines()], dtype=float)
+
+
+def frequencies(printed):
+    """Frequencies, cycles per time."""
+    rows = re.findall(r"^ +\d+ +\S+E\S+ +\S+ +(\S+) +\S+$", printed.split("P A R T I C")[0], flags=re.MULTILINE)
+    return np.array(rows, dtype=float)
+
+
+def nodes(job):
+    """Positions of the nodes of an input file, in their order."""
+    table = re.search(r"\*NODE,.*\n([^*]*)", Path(f"{job}.inp").read_text())[1]
+    return np.array([row.split(",")[1:] for row in table.split()], dtype=float)
+
+
+def displacements(job):
+    """The last displacements of all nodes, to the six digits of the results' file."""
+    block = Path(f"{job}.frd").read_text().split("-4  DISP")[-1].split("\n -3")[0]
+    rows = [line for line in block.splitlines() if line.startswith(" -1")]
+    return np.array([[line[13 + 12 * k : 25 + 12 * k] for k in range(3)] for line in rows], dtype=float)
+
+
+def answers(name, job, level=None):
+    """Write the input file of an example or a file, run it, and return each measure by CalculiX and by isorod.
+
+    Displacements are those of the node at the place; moments those of the nodes' forces about the middle of the face.
+    """
+    path = str(EXAMPLES / f"{name}.toml") if "." not in name else name
+    assert main([path, f"{job}.inp", *([] if level is None else ["--level", str(level)])]) == 0
+    scene = files.find(path)
+    model, settings = scene.model(), scene.settings()
+    printed = run(job)
+    if scene.analysis == "modal":
+        own = isorod.modal.solve(model, **settings).frequencies
+        mine = frequencies(printed)[: len(own)]
+        return {f"mode {k + 1}": pair for k, pair in enumerate(zip(mine, own, strict=True))}
+    own = scene.measure(isorod.statics.solve(model, **settings))
+    found = {}
+    for what, asked in scene.content["measure"].items():
+        component = "xyz".index(asked["component"]) if "component" in asked else slice(None)
+        if "reaction" in asked:
+            title = f"SUPPORT_{asked['reaction'].upper()}"
+            # What CalculiX calls RF has the loads on these nodes in it.
+            loads = re.search(rf"{title}: loads on its own nodes, \((.*)\)", Path(f"{job}.inp").read_text())
+            own_loads = np.array(loads[1].split(", "), dtype=float) if loads else np.zeros(3)
+            value = (sums(printed)[title] - own_loads)[component]
+        elif "moment" in asked:
+            rows = forces(printed, f"SUPPORT_{asked['moment'].upper()}")
+            at = rows[:, 0].astype(int) - 1
+            where = nodes(job)[at] + displacements(job)[at]
+            value = np.cross(where - 0.5 * (where.min(axis=0) + where.max(axis=0)), rows[:, 1:]).sum(axis=0)[component]
+        else:
+            rod = model.bodies[0].space.rod
+            u = asked.get("u", rod.axis.breaks[-1])
+            place = rod.points([asked.get("xi", (0.0, 0.0))], [u])[0]
+            far = np.linalg.norm(nodes(job) - place, axis=1)
+            assert far.min() < 1e-9 * np.ptp(nodes(job))
+            value = displacements(job)[far.argmin()][component]
+        found[what] = value, np.asarray(own[what])
+    return found
