@@ -15,6 +15,7 @@ BEGIN, END = "<!-- tables from here on: python -m tests.files_page -->\n", "<!--
 TITLES: dict[str, Mapping[str, Form]] = {
     'Analyses: `[analysis.WORD]`, or `analysis = "WORD"`': schema.ANALYSES,
     "Curves: `curve = {WORD ...}` of a rod": schema.CURVES,
+    "Pieces of a chain: `curve = {chain = [{WORD ...}, ...]}`": schema.PIECES,
     "Sections: `section = {WORD ...}` of a rod": schema.SECTIONS,
     "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
     "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY},

@@ -110,7 +110,7 @@ class CenterLine:
             raise InputError(f"twist: got {twist}, need a finite number of degrees")
         if not tolerance > 0.0:
             raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive fraction of the section's size")
-        frames, size, length = self.frames or self._frames, self._size(scale), ArcLength(self.axis, self.centers)
+        frames, size, length = self.directions, self._size(scale), ArcLength(self.axis, self.centers)
 
         def arms(u: Array) -> Array:
             share = length(u) / length.total
@@ -154,8 +154,10 @@ class CenterLine:
         relative = max(line, *shares, placed)
         return Deviation(self.deviation, float(off * sizes.max()), sweep, float(relative))
 
-    def _frames(self, u: Array) -> Array:
-        """Return the section's directions at ``u`` of the control tensors."""
+    def directions(self, u: Array) -> Array:
+        """Return the section's two directions at parameters ``(t,)``, ``(t, 3, 2)``, those of tensors with stretch."""
+        if self.frames is not None:
+            return self.frames(u)
         tensors = np.broadcast_to(np.eye(3), (self.axis.count, 3, 3))
         for given in (self.stretches, self.rotations):
             tensors = tensors if given is None else given @ tensors
