@@ -13,6 +13,7 @@ from isorod.files.document import Place
 from isorod.files.form import Call, call, choice
 
 if TYPE_CHECKING:
+    from isorod.files.copies import Motion
     from isorod.geometry.rod import Rod
     from isorod.model.body import Body
     from isorod.space.closer import Patch
@@ -70,7 +71,7 @@ class Use(NamedTuple):
 
 
 class RodPlan:
-    """What a file says of a rod.
+    """What a file says of a rod, or of one of several copies, which is where a motion puts it.
 
     Raises
     ------
@@ -78,10 +79,10 @@ class RodPlan:
         If something is not known, missing, or not of its kind.
     """
 
-    KEYS = ("curve", "section", "law", "space")
+    KEYS = ("curve", "section", "law", "space", "copy")
 
-    def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place = place
+    def __init__(self, place: Place, table: Mapping[str, Any], motion: "Motion | None" = None) -> None:
+        self.place, self._motion = place, motion
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -131,6 +132,7 @@ class RodPlan:
             line, outline = self.curve.make(), self.section.make()
             with self.place.locating():
                 rod: Rod = self._sweep.make(self=line, section=outline)
+                rod = rod if self._motion is None else self._motion(rod)
                 rod.check()
         for one in said:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)

@@ -67,6 +67,7 @@ SWEEP = Form(
     left=("section",),
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
+COPIES = Form("isorod.files.copies:copies")
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
