@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from itertools import combinations, product
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
 
 Letter = Literal["x", "y", "z"]
-
-# What names a rod, or a part of one.
-_KNOWN = {"surface": "rod", "rod, obstacle or solid": "rod"}
 
 # As many rods as a scene can have is more than anybody waits for.
 _MOST = 1000
@@ -95,22 +91,17 @@ class Copies:
         self._only = only
 
     def of(self, kind: str, calls: Mapping[str, Call]) -> dict[str, Call]:
-        """Return what a file has of a kind, such as supports, each as often as what it names.
-
-        What names two rods that are copied is there for each two of them; of one rod, for each two different ones.
-        """
+        """Return what a file has of a kind, such as supports, for each copy of what it names."""
         found: dict[str, Call] = {}
         for name, one in calls.items():
-            made = list(self._each(one))
-            if not made:
-                found[name] = one
-                continue
-            self._known.setdefault(kind, {})[name] = [f"{name}-{which}" for which, _ in made]
-            found |= {f"{name}-{which}": copied for which, copied in made}
+            made = dict(zip(names(name, _MOST), self._each(one), strict=False)) or {name: one}
+            if len(made) > 1:
+                self._known.setdefault(kind, {})[name] = [*made]
+            found |= made
         return found
 
-    def _each(self, one: Call) -> Iterator[tuple[str, Call]]:
-        """Yield the numbers of what a call names, and it for these; nothing where it names no copies."""
+    def _each(self, one: Call) -> Iterator[Call]:
+        """Yield a call for each copy of what it names; nothing where it names none."""
         several: dict[str, list[Name]] = {}
         for parameter in one.form.parameters.values():
             if not (isinstance(parameter.kind, Kind) and parameter.kind.name):
@@ -120,30 +111,16 @@ class Copies:
                 said = Name(one.place, self._only)
             if isinstance(said, Name):
                 head, dot, rest = said.name.partition(".")
-                same = self._known.get(_KNOWN.get(kind, kind), {}).get(head)
-                if same:
-                    several[parameter.name] = [Name(said.place, f"{name}{dot}{rest}") for name in same]
-        for which in _matched(one, list(several.values())):
+                same = self._known.get("rod" if kind == "surface" else kind, {}).get(head, ())
+                several |= {parameter.name: [Name(said.place, f"{name}{dot}{rest}") for name in same]} if same else {}
+        sides = [*several.values()]
+        owners = {side[0].name.partition(".")[0] for side in sides}
+        if len({len(side) for side in sides}) > 1 or len(owners) < len(sides):
+            raise one.place.error(
+                f"which copies are tied to which? name them, as in {sides[0][0].name!r}; of two rods with as many copies "
+                "each the first is tied to the first"
+            )
+        for chosen in zip(*sides, strict=True):
             copied = copy(one)
-            chosen = dict(zip(several, which, strict=True))
-            copied.arguments = one.arguments | {key: several[key][k] for key, k in chosen.items()}
-            yield "-".join(str(k + 1) for k in dict.fromkeys(chosen.values())), copied
-
-
-def _matched(one: Call, several: Sequence[Sequence[Name]]) -> Iterator[tuple[int, ...]]:
-    """Yield the numbers of copies that go together."""
-    if len(several) < 2:
-        yield from ((k,) for names in several for k in range(len(names)))
-        return
-    first, second = several
-    own = first[0].name.partition(".")[0] == second[0].name.partition(".")[0]
-    if "slave" not in one.form.parameters:
-        yield from combinations(range(len(first)), 2) if own else product(range(len(first)), range(len(second)))
-    elif own or len(first) != len(second):
-        raise one.place.error(
-            f"which copies are tied to which? name them, as in {first[0].name!r}; of two rods each with as many copies "
-            "the first is tied to the first"
-        )
-    else:
-        yield from ((k, k) for k in range(len(first)))
-
+            copied.arguments = one.arguments | dict(zip(several, chosen, strict=True))
+            yield copied

@@ -108,15 +108,16 @@ class FileScene(Scene):
         if "analysis" not in self.content:
             raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
         self.analysis, self._explicit = self._analysis()
-        self.plans = self._rods()
+        self.plans, copies = self._rods()
         self._names = Names(
             self.plans,
             {name: SolidPlan(place, table) for name, place, table in self._named("solid", SolidPlan.KEYS)},
             self._choices("support", schema.SUPPORTS),
             self._choices("load", schema.LOADS),
             self._choices("obstacle", schema.OBSTACLES),
-            self._calls("contact", schema.CONTACTS),
-            self._calls("tie", schema.TIES),
+            {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")},
+            self._copied("tie", {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")}),
+            copies,
         )
         self._spin = None
         if "spin" in self.content:
@@ -132,8 +133,8 @@ class FileScene(Scene):
         """The fields that are options: of geometry alone none that spaces have."""
         return [one for one in super().option_fields if self.analysis != "geometry" or one.name not in _SPACE]
 
-    def _rods(self) -> dict[str, RodPlan]:
-        """Return the rods, and note what there is in copies."""
+    def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
+        """Return the rods, and the names of the copies of one by its own."""
         motions: dict[str, Motion] = {}
         places: dict[str, Place] = {}
         several: dict[str, list[str]] = {}
@@ -150,10 +151,10 @@ class FileScene(Scene):
         if not places:
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
-        self._copies = Copies(several, next(iter(own)) if len(own) == 1 else None)
+        self._copied = Copies(several, next(iter(own)) if len(own) == 1 else None).of
         tables = {name: deepcopy(own[place.path[-1]]) if name in motions else own[name] for name, place in places.items()}
         self._tell_spaces(tables)
-        return {name: RodPlan(place, tables[name], motions.get(name)) for name, place in places.items()}
+        return {name: RodPlan(place, tables[name], motions.get(name)) for name, place in places.items()}, several
 
     def _tell_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
         """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
@@ -179,7 +180,7 @@ class FileScene(Scene):
             for group in (self._names.supports, self._names.loads)
         )
         turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in supports]
-        touching = [*self.plans][number] in [one.name for one in self._names.touching()]
+        touching = [*self.plans][number] in self._names.touching()
         held = any(one.form is schema.SUPPORTS["patch"] for one in supports)
         return Use(
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
@@ -228,10 +229,8 @@ class FileScene(Scene):
             yield name, place / name, table
 
     def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
-        return self._copies.of(kind, {name: choice(place, words, table) for name, place, table in self._named(kind)})
+        return self._copied(kind, {name: choice(place, words, table) for name, place, table in self._named(kind)})
 
-    def _calls(self, kind: str, form: Form) -> dict[str, Call]:
-        return self._copies.of(kind, {name: call(place, form, table) for name, place, table in self._named(kind)})
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
