@@ -49,8 +49,11 @@ def geometry(tmp_path, copy):
 @pytest.mark.parametrize(
     "copy, moved",
     [
-        ('{around = "z", count = 3}', lambda x: x @ [[-0.5, 0.75**0.5, 0.0], [-(0.75**0.5), -0.5, 0.0], [0.0, 0.0, 1.0]]),
-        ("{move = [1, 2, -3]}", lambda x: x + [1.0, 2.0, -3.0]),
+        (
+            '{around = "z", count = 3}',
+            lambda x: x @ [[-0.5, 0.75**0.5, 0.0], [-(0.75**0.5), -0.5, 0.0], [0.0, 0.0, 1.0]],
+        ),
+        ("{move = [1, 2, -3]}", lambda x: np.add(x, [1.0, 2.0, -3.0])),
         ('{mirror = "y"}', lambda x: x * [1.0, -1.0, 1.0]),
     ],
 )
@@ -67,7 +70,8 @@ def test_copies_are_where_they_are_told(tmp_path, copy, moved):
 
 
 def test_what_names_a_rod_is_there_for_each_of_its_copies(tmp_path):
-    scene = written(tmp_path, WIRE, 'copy = {mirror = "x"}', CORE, STATICS, '[support.core]\nrod = "core"\nend = "start"')
+    held = '[support.core]\nrod = "core"\nend = "start"'
+    scene = written(tmp_path, WIRE, 'copy = {mirror = "x"}', CORE, STATICS, held)
     assert scene.rod_names() == ["wire-1", "wire-2", "core"]
     model = scene.model()
     assert [one.body for one in model.supports] == [0, 1, 2]
@@ -103,7 +107,7 @@ def test_a_contact_is_one_of_all_copies(tmp_path):
     assert sides('first = "wire"') == ((0, 1, 2), None)
     assert sides('first = "core"\nsecond = "wire"') == (3, (0, 1, 2))
     assert sides('first = "wire-3"\nsecond = "wire-1"') == (2, 0)
-    with pytest.raises(InputError, match="contact.lay.first: .* named twice"):
+    with pytest.raises(InputError, match=r"contact.lay.first: .* named twice"):
         sides('first = "wire"\nsecond = "wire-1"')
 
 
@@ -152,4 +156,4 @@ def test_names_of_copies_and_of_other_rods_are_different(tmp_path):
     with pytest.raises(InputError, match=r"rod.wire-2: wire-2 is the name of a copy of another rod"):
         written(tmp_path, WIRE, 'copy = {mirror = "x"}', WIRE.replace("rod.wire", "rod.wire-2"), "[analysis.geometry]")
     with pytest.raises(InputError, match="'wire-3' is not known"):
-        written(tmp_path, WIRE, 'copy = {mirror = "x"}', STATICS.replace('rod = "wire"\nend = "start"', 'rod = "wire-3"\nend = "start"'))
+        written(tmp_path, WIRE, 'copy = {mirror = "x"}', STATICS.replace('rod = "wire"', 'rod = "wire-3"', 1))

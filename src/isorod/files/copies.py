@@ -63,7 +63,7 @@ def copies(
         finite("move", move)
         if not any(move):
             raise InputError("move: got zeros: all would be in one place")
-        return [Motion(np.eye(3), k * np.array(move)) for k in range(count)]
+        return [Motion(np.eye(3), float(k) * np.array(move, dtype=float)) for k in range(count)]
     axis = np.eye(3)["xyz".index(around or mirror or "x")]
     if mirror:
         return [Motion(np.eye(3), np.zeros(3)), Motion(np.eye(3) - 2.0 * np.outer(axis, axis), np.zeros(3))]
@@ -117,8 +117,8 @@ class Copies:
         owners = {side[0].name.partition(".")[0] for side in sides}
         if len({len(side) for side in sides}) > 1 or len(owners) < len(sides):
             raise one.place.error(
-                f"which copies are tied to which? name them, as in {sides[0][0].name!r}; of two rods with as many copies "
-                "each the first is tied to the first"
+                f"which copies are tied to which? name them, as in {sides[0][0].name!r}; of two rods with as many "
+                "copies each the first is tied to the first"
             )
         for chosen in zip(*sides, strict=True):
             copied = copy(one)

@@ -152,7 +152,9 @@ class FileScene(Scene):
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
         self._copied = Copies(several, next(iter(own)) if len(own) == 1 else None).of
-        tables = {name: deepcopy(own[place.path[-1]]) if name in motions else own[name] for name, place in places.items()}
+        tables = {
+            name: deepcopy(own[place.path[-1]]) if name in motions else own[name] for name, place in places.items()
+        }
         self._tell_spaces(tables)
         return {name: RodPlan(place, tables[name], motions.get(name)) for name, place in places.items()}, several
 
@@ -230,7 +232,6 @@ class FileScene(Scene):
 
     def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
         return self._copied(kind, {name: choice(place, words, table) for name, place, table in self._named(kind)})
-
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""

@@ -102,7 +102,8 @@ def helix(
         raise InputError(f"helix: got {arcs_per_turn} arcs a turn, need at least 3")
     if winding.places.size > 2 or np.size(radius) > 1 or np.size(pitch) > 1:
         raise InputError("helix: arcs a turn: they go with one radius and one pitch")
-    return _arcs(winding, max(1, int(np.ceil(_bounded(turns * arcs_per_turn) - 1e-9))))
+    _check_count(turns * arcs_per_turn)
+    return _arcs(winding, max(1, int(np.ceil(turns * arcs_per_turn - 1e-9))))
 
 
 class Along(NamedTuple):
@@ -164,7 +165,7 @@ class Winding:
     def line(self) -> CenterLine:
         """Return the spline, 8 elements a turn; it comes forward evenly in turns."""
         places = self.places
-        parts = np.maximum(1, np.ceil(_bounded(HELIX_ELEMENTS * np.diff(places)) - 1e-9).astype(int))
+        parts = np.maximum(1, np.ceil(HELIX_ELEMENTS * np.diff(places) - 1e-9).astype(int))
         count = int(parts.sum())
         each = self.turns / count
         cuts = [a + (b - a) * np.arange(n) / n for a, b, n in zip(places[:-1], places[1:], parts, strict=True)]
@@ -203,7 +204,7 @@ def wound(
     expect(f"{name}: turns", turns, float)
     if not 0.0 < turns < np.inf:
         raise InputError(f"{name}: got {turns:g} turns, need a positive number")
-    _bounded(turns * HELIX_ELEMENTS)
+    _check_count(turns * HELIX_ELEMENTS)
     radii, rises = numbers("centre line radius", radius), numbers("pitch", pitch)
     for one in np.atleast_1d(radii if radii.ndim < 2 else radii[:, -1]):
         check_length("centre line radius", float(one))
@@ -232,10 +233,9 @@ def _even(value: float) -> Along:
     return Along(lambda t: np.full(t.shape, value), np.zeros_like, lambda t: value * t, np.empty(0))
 
 
-def _bounded(elements: Numbers) -> Numbers:
-    if np.sum(elements) > MAX_ELEMENTS:
-        raise InputError(f"helix: {int(np.sum(elements))!s:.20} arcs are too many; at most {MAX_ELEMENTS}")
-    return elements
+def _check_count(arcs: float) -> None:
+    if arcs > MAX_ELEMENTS:
+        raise InputError(f"helix: {int(arcs)!s:.20} arcs are too many; at most {MAX_ELEMENTS}")
 
 
 def _arcs(winding: Winding, arcs: int, closed: bool = False) -> CenterLine:
