@@ -169,6 +169,12 @@ def test_frames_of_a_cone_point_away_from_its_axis():
     assert line.sweep(circle(8, 0.5)).check() > 0.0
 
 
+def test_a_helix_that_is_thin_beside_its_radius_is_warned_of():
+    for line in (helix(10.0, 1.0, 1.0), chain([Straight(1.0), Helix(10.0, 1.0, 1.0)])):
+        with pytest.warns(UserWarning, match=r"is 0.0005.+, 0.011 of the section's radius; a helix is no nearer"):
+            line.sweep(circle(8, 0.05))
+
+
 # Closed chains
 
 TRACK = [Straight(20.0), Arc(5.0, 180.0), Straight(20.0), Arc(5.0, 180.0)]

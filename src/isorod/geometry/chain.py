@@ -150,7 +150,7 @@ class Helix(Checked):
 
         tip.place, tip.triad = centers[-1], (turn @ end) * inwards
         tip.first = (turn @ end @ section)[:, 0]
-        return CenterLine(axis, centers, frames=frames, deviation=own.deviation)
+        return CenterLine(axis, centers, frames=frames, deviation=own.deviation, cure=own.cure)
 
 
 def _exact(pieces: Sequence[Piece], tip: Tip) -> CenterLine:
@@ -233,10 +233,10 @@ def _in_a_row(lines: Sequence[CenterLine]) -> CenterLine:
         return np.concatenate([several[0], *(one[1:] for one in several[1:])])
 
     axis = Axis(degree, np.concatenate(knots), row([one.weights for one in axes]))
-    off = max(line.deviation for line in lines)
+    worst = max(lines, key=lambda line: line.deviation)
     if all(line.frames is None for line in lines):
         rotations, stretches = (row([getattr(line, name) for line in lines]) for name in ("rotations", "stretches"))
-        return CenterLine(axis, row(parts), rotations, stretches, stations=starts, deviation=off)
+        return CenterLine(axis, row(parts), rotations, stretches, stations=starts)
 
     def frames(u: Array) -> Array:
         which = np.clip(np.searchsorted(starts, u, side="right") - 1, 0, len(lines) - 1)
@@ -247,4 +247,4 @@ def _in_a_row(lines: Sequence[CenterLine]) -> CenterLine:
                 found[here] = line.directions(np.clip(u[here] - first, 0.0, line.axis.breaks[-1]))
         return found
 
-    return CenterLine(axis, row(parts), frames=frames, stations=starts, deviation=off)
+    return CenterLine(axis, row(parts), frames=frames, stations=starts, deviation=worst.deviation, cure=worst.cure)

@@ -21,6 +21,9 @@ _POINTS = 12
 # Places of an element at which its deviation is measured.
 _PLACES = 16
 
+# What there is to say where that matters.
+_CURE = "a helix is no nearer: its length is right to 1e-6, but gaps to what it touches are off by so much"
+
 Field = Callable[[Array], Array]
 
 
@@ -183,7 +186,7 @@ class Winding:
         def frames(parameters: Array) -> Array:
             return self.frames(each * parameters)[:, :, :2]
 
-        return CenterLine(axis, centers, frames=frames, deviation=self.off(axis, centers))
+        return CenterLine(axis, centers, frames=frames, deviation=self.off(axis, centers), cure=_CURE)
 
     def off(self, axis: Axis, centers: Array) -> float:
         """Return the largest distance between a curve and this one, to first order."""

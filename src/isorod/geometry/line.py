@@ -79,8 +79,8 @@ class CenterLine:
             Whether the last section is the first; the line's own where not given.
         scale
             The section's size: a number, a function of axis parameters ``(t,)``, or several numbers, joined smoothly
-            (C1) and without overshoot: one for each point of a polyline, for other lines evenly spaced in the
-            parameter.
+            (C1) and without overshoot: one for each point of a polyline, or each end of a chain's pieces, for
+            other lines evenly spaced in the parameter.
         twist
             Turn of the last section against the first beyond that of the frames, from its first direction to its
             second, degrees; evenly along the length.
