@@ -79,12 +79,12 @@ def _bond(place: Place, value: Any) -> Points | float:
     return points(place, value) if isinstance(value, list | str) else float(values.value_of(place, value, float))
 
 
-def _along(place: Place, value: Any) -> Any:
+def _varying(place: Place, value: Any) -> Any:
     """Return a number, or several."""
     return values.value_of(place, value, Numbers if isinstance(value, list) else float)
 
 
-ALONG = values.Kind(_along, "a number, several in a list, or pairs in a list")
+VARYING = values.Kind(_varying, "a number, several in a list, or pairs in a list")
 POINTS = values.Kind(points, "points in lists, or the name of a file beside this one")
 BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 

@@ -140,8 +140,7 @@ class FileScene(Scene):
         several: dict[str, list[str]] = {}
         for name, place, table in self._named("rod", RodPlan.KEYS):
             if "copy" in table:
-                where = place / "copy"
-                made = call(where, schema.COPIES, where.table(table["copy"])).make()
+                made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
                 several[name] = names(name, len(made))
                 motions |= dict(zip(several[name], made, strict=True))
             for one in several.get(name, [name]):

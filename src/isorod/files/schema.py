@@ -8,13 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
-from isorod.files.data import ALONG, BOND, POINTS
+from isorod.files.data import BOND, POINTS, VARYING
 from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
 
-_WINDING = {"radius": ALONG, "pitch": ALONG}
+_WINDING = {"radius": VARYING, "pitch": VARYING}
 # Pieces of a curve that is a chain of them.
 PIECES = {
     "straight": Form("isorod.geometry.chain:Straight"),
