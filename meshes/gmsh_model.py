@@ -1,9 +1,6 @@
 """The one place that talks to gmsh: sessions, and a `Mesh` as discrete entities in a .msh file."""
 
-import signal
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,36 +8,9 @@ from typing import Any
 import numpy as np
 
 from isorod.errors import InputError
+from isorod.files.wires import gmsh_session
 from isorod.output.results import write_beside
 from meshes.mesh import Array, Index, Mesh, match
-
-
-@contextmanager
-def gmsh_session() -> Iterator[ModuleType]:
-    """Start gmsh silently with an empty model, and end it again.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        import gmsh
-    except ImportError:
-        raise InputError("gmsh is not installed; pip install gmsh, or Debian: apt install python3-gmsh") from None
-
-    gmsh.initialize(["gmsh"], False)
-    # Its import has taken Ctrl-C away.
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        gmsh.model.add("isorod")
-        yield gmsh
-    finally:
-        gmsh.finalize()
 
 
 def write(mesh: Mesh, path: str | Path) -> None:

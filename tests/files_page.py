@@ -15,9 +15,11 @@ BEGIN, END = "<!-- tables from here on: python -m tests.files_page -->\n", "<!--
 TITLES: dict[str, Mapping[str, Form]] = {
     'Analyses: `[analysis.WORD]`, or `analysis = "WORD"`': schema.ANALYSES,
     "Curves: `curve = {WORD ...}` of a rod": schema.CURVES,
+    "Pieces of a chain: `curve = {chain = [{WORD ...}, ...]}`": schema.PIECES,
     "Sections: `section = {WORD ...}` of a rod": schema.SECTIONS,
     "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
     "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY},
+    "Copies of a rod: `copy = {...}`": {"": schema.COPIES},
     "The space of a rod: `space = {...}`": {"": schema.SPACE},
     "Finite element bodies: `[solid.NAME]`": {"": schema.SOLID},
     "What holds a solid: `held = {...}`, or several in a list": {"": schema.HELD},

@@ -8,7 +8,8 @@ from lines import RIM, TREFOIL, along, random_curve, sections
 from refused import refused
 
 from isorod import FoldedRodError, circle, flower
-from isorod.geometry.center_line import CenterLine, arc, helix, nurbs, polyline, straight
+from isorod.geometry.center_line import CenterLine, nurbs, polyline, straight
+from isorod.geometry.coils import arc, helix
 from isorod.geometry.fitting import evaluate
 from isorod.scenes.spring import Spring
 

@@ -7,7 +7,8 @@ import isorod
 from isorod import modal, statics
 from isorod.command.run import _cells
 from isorod.geometry import section
-from isorod.geometry.center_line import arc, straight
+from isorod.geometry.center_line import straight
+from isorod.geometry.coils import arc
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
 from isorod.output import folder, stress, vtk

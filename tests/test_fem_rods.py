@@ -28,7 +28,7 @@ from isorod.errors import InputError, SolveError
 from isorod.fenics import compat
 from isorod.fenics.flags import FAST
 from isorod.fenics.stored import energy_of
-from isorod.geometry.center_line import arc
+from isorod.geometry.coils import arc
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle

@@ -10,7 +10,7 @@ import pytest
 
 from isorod import InputError
 from isorod.command import beside, cli
-from isorod.geometry import center_line, section
+from isorod.geometry import center_line, coils, section
 from isorod.scenes.spring import Spring
 from meshes import abaqus, files, rods
 from meshes.__main__ import main
@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
 
 def two():
     """The rods of the file."""
-    tube = center_line.arc(4.0, 360.0).sweep(section.circle(8, 1.0)).with_rings([0.4, 0.7, 1.0])
+    tube = coils.arc(4.0, 360.0).sweep(section.circle(8, 1.0)).with_rings([0.4, 0.7, 1.0])
     return [tube, center_line.straight(3.0).sweep(section.circle(8, 1.0))]
 
 

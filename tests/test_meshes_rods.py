@@ -7,7 +7,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from isorod.errors import FoldedRodError, InputError
-from isorod.geometry import center_line, section
+from isorod.geometry import center_line, coils, section
 from isorod.geometry.rod import Rod
 from isorod.scenes.blade import Blade
 from meshes import rods
@@ -27,7 +27,7 @@ def layered() -> Rod:
 
 
 def torus() -> Rod:
-    return center_line.arc(4.0, 360.0).sweep(section.circle(8))
+    return coils.arc(4.0, 360.0).sweep(section.circle(8))
 
 
 def trefoil() -> Rod:
@@ -161,7 +161,7 @@ def test_nodes_are_where_the_rods_put_them():
 def test_laws_change_on_mesh_lines():
     line = center_line.polyline([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [6.0, 1.0, 0.0], [9.0, 0.0, 1.0]], 0.0)
     layers = line.sweep(section.circle(8)).with_rings((0.0, 0.6, 0.9, 1.0))
-    ring = center_line.arc(4.0, 360.0).sweep(section.ellipse(8, 1.0, 0.4)).with_rings((0.3, 0.5, 1.0))
+    ring = coils.arc(4.0, 360.0).sweep(section.ellipse(8, 1.0, 0.4)).with_rings((0.3, 0.5, 1.0))
     several = [layers, ring]
     mesh = rods.build(several)
     places = rods.places(mesh, several)
@@ -258,7 +258,7 @@ def test_grid_laid_out_in_space_is_right_in_torsion(tmp_path):
 
 def test_layers_follow_the_rod():
     # A turn has 8 layers, however short it is, a long bar cells 6 times as long as wide, a short one at least 4 layers.
-    ring = center_line.arc(1.2, 360.0).sweep(section.circle(8))
+    ring = coils.arc(1.2, 360.0).sweep(section.circle(8))
     slender = center_line.straight(1000.0).sweep(section.circle(8))
     stub = center_line.straight(1.0).sweep(section.circle(8))
     layers = [len(rods.build([rod]).cells) // 5 for rod in (ring, slender, stub)]
@@ -286,7 +286,7 @@ def test_bad_input_is_refused_in_one_line():
 
 @pytest.mark.parametrize(("rings", "quads"), [((0.5, 1.0), 12 * 2), ((0.0, 0.4, 0.7, 1.0), 9 + 12 + 2 * 12 * 2)])
 def test_cells_are_as_many_as_are_asked_for(rings, quads):
-    rod = center_line.helix(5.0, 2.0, 1).sweep(section.circle(8)).with_rings(rings)
+    rod = coils.helix(5.0, 2.0, 1).sweep(section.circle(8)).with_rings(rings)
     layers = 3 * rod.axis.elements
     mesh = rods.build([rod], 1, 3, rods.Cells(12, 2, layers))
     assert len(mesh.cells) == quads * layers

@@ -9,7 +9,8 @@ import pytest
 from isorod import InputError, Space, circle, dynamics, ellipse, modal, section_properties, statics
 from isorod.assembly.assembler import Assembler
 from isorod.files.scene import FileScene
-from isorod.geometry.center_line import arc, helix, straight
+from isorod.geometry.center_line import straight
+from isorod.geometry.coils import arc, helix
 from isorod.material import LinearElastic, fibre
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isorod import Body, InputError, LinearElastic, Model, Support, statics
-from isorod.geometry import center_line, section
+from isorod.geometry import center_line, coils, section
 from isorod.space.space import Space
 from isorod.tensors import rotation
 
@@ -62,7 +62,7 @@ def test_a_patch_holds_no_more_nodes_than_act_there(space):
 
 def test_lengths_are_those_of_the_centre_line():
     """A quarter of a torus is a quarter of its length."""
-    rod = center_line.helix(6.0, 0.0, 1, 4).sweep(section.circle(8, 1.0), closed=True)
+    rod = coils.helix(6.0, 0.0, 1, 4).sweep(section.circle(8, 1.0), closed=True)
     space = Space.paper(rod, elements=16, quadrature="auto")
     length = 12.0 * np.pi
     quarter = Support.patch(space, (0.0, 360.0), (0.25 * length, 0.5 * length)).nodes

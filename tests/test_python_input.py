@@ -5,7 +5,7 @@ import pytest
 
 from isorod import dynamics, modal, statics
 from isorod.errors import InputError
-from isorod.geometry.center_line import helix
+from isorod.geometry.coils import helix
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Support

@@ -26,7 +26,7 @@ from isorod.arrays import Array
 from isorod.contact import operator
 from isorod.contact.packed import Packed
 from isorod.errors import InputError
-from isorod.geometry.center_line import HELIX_ELEMENTS
+from isorod.geometry.coils import HELIX_ELEMENTS
 from isorod.output import results
 from isorod.scenes.strand import Strand
 

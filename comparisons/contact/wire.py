@@ -22,7 +22,8 @@ from isorod import statics
 from isorod.arrays import Index
 from isorod.contact.result import ContactResult
 from isorod.errors import InputError
-from isorod.geometry.center_line import helix, straight
+from isorod.geometry.center_line import straight
+from isorod.geometry.coils import helix
 from isorod.geometry.section import circle
 from isorod.material.neo_hookean import NeoHookean
 from isorod.model import Body, Contact, Model, Support

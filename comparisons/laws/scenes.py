@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from comparisons.laws.ends import Shape, Vector
 from isorod import statics
-from isorod.geometry.center_line import CenterLine, arc, helix, straight
+from isorod.geometry.center_line import CenterLine, straight
+from isorod.geometry.coils import arc, helix
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean

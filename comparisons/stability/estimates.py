@@ -21,7 +21,7 @@ from isorod import modal, options, statics
 from isorod.arrays import Array
 from isorod.command import solving
 from isorod.errors import InputError, SolveError
-from isorod.geometry import center_line, section
+from isorod.geometry import center_line, coils, section
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Pressure, SectionLoad, Support
@@ -58,8 +58,8 @@ def rod(rng: np.random.Generator) -> tuple[Rod, float]:
     way = np.linspace(0.0, 1.0, 8)[:, None] * rng.uniform(0.5, 1.5, size=3)
     line = [
         center_line.straight(10.0 ** rng.uniform(0.5, 2.0)),
-        center_line.arc(rng.uniform(4.0, 20.0), rng.uniform(20.0, 180.0)),
-        center_line.helix(rng.uniform(3.0, 10.0), rng.uniform(4.0, 8.0), rng.uniform(0.1, 0.6)),
+        coils.arc(rng.uniform(4.0, 20.0), rng.uniform(20.0, 180.0)),
+        coils.helix(rng.uniform(3.0, 10.0), rng.uniform(4.0, 8.0), rng.uniform(0.1, 0.6)),
         center_line.polyline(20.0 * np.stack([np.sin(way[:, 0]), way[:, 1] ** 2, way[:, 2]], axis=1), 0.05),
     ][rng.choice(4, p=(0.4, 0.25, 0.2, 0.15))]
     end, last = rng.uniform(0.4, 1.0), line.axis.breaks[-1]

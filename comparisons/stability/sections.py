@@ -13,7 +13,8 @@ from comparisons.stability.point import Sweep, holds, stated, sweeps
 from comparisons.stability.rods import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
-from isorod.geometry.center_line import helix, straight
+from isorod.geometry.center_line import straight
+from isorod.geometry.coils import helix
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic

@@ -13,11 +13,12 @@ from isorod.errors import FoldedRodError as FoldedRodError
 from isorod.errors import InputError as InputError
 from isorod.errors import SolveError as SolveError
 from isorod.geometry.axis import Axis as Axis
-from isorod.geometry.center_line import arc as arc
-from isorod.geometry.center_line import helix as helix
 from isorod.geometry.center_line import nurbs as nurbs
 from isorod.geometry.center_line import polyline as polyline
 from isorod.geometry.center_line import straight as straight
+from isorod.geometry.chain import chain as chain
+from isorod.geometry.coils import arc as arc
+from isorod.geometry.coils import helix as helix
 from isorod.geometry.line import CenterLine as CenterLine
 from isorod.geometry.rod import Rod as Rod
 from isorod.geometry.section import airfoil as airfoil

@@ -24,6 +24,10 @@ _ORDER = (
     "Rows and columns: axial force N; shear Q1, Q2 along the section's first and second direction; torsion T; bending "
     "moments M1, M2 about these; about the section's centroid, of the straight prism that has it."
 )
+_FIRST = (
+    "The first direction is the section's x: at the start of an arc or a helix away from its axis; of other curves "
+    "towards their `normal`, or, without, x turned as z is turned to the curve on the shortest way."
+)
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
@@ -133,6 +137,7 @@ def _words(record: Mapping[str, Any]) -> str:
     normal, first, second = record["frame"]
     lines += [
         "",
+        *textwrap.wrap(_FIRST, 80),
         f"centroid            ({several(record['centroid'], size)})",
         f"first direction     ({several(first)})",
         f"second direction    ({several(second)})",

@@ -1,4 +1,4 @@
-"""Points that a scene file takes from a file beside it: CSV, or polylines of VTK."""
+"""Points that a scene file takes from a file beside it: CSV, polylines of VTK, or wires of STEP and IGES."""
 
 import locale
 from itertools import pairwise
@@ -9,7 +9,7 @@ import numpy as np
 
 from isorod.arrays import Array, Numbers
 from isorod.errors import InputError
-from isorod.files import values
+from isorod.files import values, wires
 from isorod.files.document import Place
 from isorod.geometry import table
 
@@ -42,7 +42,9 @@ class Points:
 
 
 def points(place: Place, value: Any) -> Points:
-    """Return points given in lists, or by the name of a file relative to the scene's: CSV, ``.vtk``, ``.vtp``.
+    """Return points given in lists, or by the name of a file relative to the scene's.
+
+    CSV, ``.vtk``, ``.vtp``, and of ``.step``, ``.stp``, ``.iges``, ``.igs`` points along the only wire.
 
     CSV has a point a line, two or three numbers and, behind them, a radius; commas, semicolons or blanks between.  A
     first line of names may say which columns are ``x``, ``y``, ``z`` and ``radius``; what begins with ``#`` is not
@@ -59,6 +61,8 @@ def points(place: Place, value: Any) -> Points:
     content, path = place.data(value), place.document.folder / value
     if path.suffix.lower() in _VTK:
         found = _vtk(place, value, path)
+    elif path.suffix.lower() in wires.ENDINGS:
+        found = _wire(place, value, path)
     else:
         found = _csv(place, value, content)
     finite = np.isfinite(found.array if found.radius is None else np.column_stack([found.array, found.radius]))
@@ -75,6 +79,12 @@ def _bond(place: Place, value: Any) -> Points | float:
     return points(place, value) if isinstance(value, list | str) else float(values.value_of(place, value, float))
 
 
+def _varying(place: Place, value: Any) -> Any:
+    """Return a number, or several."""
+    return values.value_of(place, value, Numbers if isinstance(value, list) else float)
+
+
+VARYING = values.Kind(_varying, "a number, several in a list, or pairs in a list")
 POINTS = values.Kind(points, "points in lists, or the name of a file beside this one")
 BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 
@@ -145,6 +155,14 @@ def _vtk(place: Place, name: str, path: Path) -> Points:
     found = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
     radius = next((found[one] for one in _RADIUS if found.get(one) is not None), None)
     return Points(array, None if radius is None else np.array(vtk_to_numpy(radius), dtype=float).reshape(-1)[order])
+
+
+def _wire(place: Place, name: str, path: Path) -> Points:
+    try:
+        array, pieces = wires.edges(path)
+        return Points(array[_joined(pieces)])
+    except InputError as problem:
+        raise place.error(f"{name}: {problem}") from None
 
 
 def _polydata(path: Path) -> "vtkPolyData":

@@ -71,7 +71,7 @@ class Form:
     Parameters
     ----------
     target
-        Where it is, such as ``"isorod.geometry.center_line:helix"``; imported when it is asked for.
+        Where it is, such as ``"isorod.geometry.coils:helix"``; imported when it is asked for.
     main
         Key that is meant where a word has a value and not a table; the first that must be given, or the first of all.
     kinds
@@ -175,9 +175,29 @@ class Call:
         """Call the function; what it refuses is an error of this place, or of the key that the message speaks of."""
         with self.place.locating(self.keys):
             given = {
-                name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()
+                name: one.make() if isinstance(one, Call | Several | Points) else one
+                for name, one in self.arguments.items()
             }
             return self.form.function(**given | more)
+
+
+class Several(list[Call]):
+    """Calls in a list, made in order."""
+
+    def make(self) -> list[Any]:
+        """Return what they make."""
+        return [one.make() for one in self]
+
+
+def several(forms: Mapping[str, Form], words: str) -> Kind:
+    """Return the kind of lists of which each entry is one of several words."""
+
+    def make(place: Place, value: Any) -> Several:
+        if not isinstance(value, list):
+            raise place.error(f"got {shown(value)}, need {words}")
+        return Several(choice(place / k, forms, one) for k, one in enumerate(value))
+
+    return Kind(make, words)
 
 
 def call(place: Place, form: Form, table: Mapping[str, Any]) -> Call:

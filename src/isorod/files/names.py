@@ -1,7 +1,7 @@
 """The names in a scene file: what they stand for, and which of them numbers in messages stand for."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,8 @@ class Names:
     obstacles: Mapping[str, Call]
     contacts: Mapping[str, Call]
     ties: Mapping[str, Call]
+    # The names of the copies of a rod, by its own, which contacts may name.
+    copies: Mapping[str, Sequence[str]]
 
     def of(self, one: Call) -> dict[str, Any]:
         """Return what the names among the arguments of a call stand for; the only rod need not be named."""
@@ -34,23 +36,26 @@ class Names:
             said = one.arguments.get(parameter.name)
             if isinstance(said, Name):
                 found[parameter.name] = said.among(self._known(parameter.kind.name))
-            elif len(self.rods) > 1:
+            elif len(self.rods) > 1 and parameter.kind.name == "rod":
                 raise one.place.error(f"rod is missing: which of {', '.join(self.rods)}?")
         return found
 
     def _known(self, kind: str) -> Mapping[str, Any]:
         """Return what names of a kind stand for."""
-        rods = {name: k for k, name in enumerate(self.rods)}
+        rods: dict[str, Any] = {name: k for k, name in enumerate(self.rods)}
         if kind == "surface":
             # Loads what models are made of.
             from isorod.files.ties import surfaces
 
             return surfaces(rods, {name: [*plan.grid.groups] for name, plan in self.solids.items()})
+        several = {name: tuple(rods[one] for one in same) for name, same in self.copies.items()}
         if kind == "rod, obstacle or solid":
             known = self._known("surface") if self.solids else {}
             facets = {name: one for name, one in known.items() if name.partition(".")[0] in self.solids}
-            return rods | dict(self.obstacles) | facets
-        return {name: k for k, name in enumerate(self._numbered["body" if kind == "rod" else kind])}
+            return rods | several | dict(self.obstacles) | facets
+        if kind == "rod":
+            return rods | several
+        return {name: k for k, name in enumerate(self._numbered[kind])}
 
     def check(self, top: Place) -> None:
         """Raise `InputError` if something is named that is not there, or which is not said."""
@@ -62,10 +67,11 @@ class Names:
             if both is not None:
                 raise (top / kind / both).error("a rod has this name; choose another")
 
-    def touching(self) -> list[Name]:
+    def touching(self) -> set[str]:
         """Return the names of what touches."""
         said = [one.arguments.get(key) for one in self.contacts.values() for key in ("first", "second")]
-        return [one for one in said if isinstance(one, Name)]
+        named = [one.name for one in said if isinstance(one, Name)]
+        return {name for one in named for name in self.copies.get(one, [one])}
 
     def tied(self, rod: int) -> list[float]:
         """Return the lengths along a rod, by its number, at which ties of a part of it begin and end."""

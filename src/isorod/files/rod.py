@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from isorod.arrays import Array
 from isorod.files import schema
 from isorod.files.data import Points
 from isorod.files.document import Place
 from isorod.files.form import Call, call, choice
 
 if TYPE_CHECKING:
+    from isorod.files.copies import Motion
     from isorod.geometry.rod import Rod
     from isorod.model.body import Body
     from isorod.space.closer import Patch
@@ -69,7 +71,7 @@ class Use(NamedTuple):
 
 
 class RodPlan:
-    """What a file says of a rod.
+    """What a file says of a rod, or of one of several copies, which is where a motion puts it.
 
     Raises
     ------
@@ -77,10 +79,10 @@ class RodPlan:
         If something is not known, missing, or not of its kind.
     """
 
-    KEYS = ("curve", "section", "law", "space")
+    KEYS = ("curve", "section", "law", "space", "copy")
 
-    def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place = place
+    def __init__(self, place: Place, table: Mapping[str, Any], motion: "Motion | None" = None) -> None:
+        self.place, self._motion = place, motion
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -130,10 +132,21 @@ class RodPlan:
             line, outline = self.curve.make(), self.section.make()
             with self.place.locating():
                 rod: Rod = self._sweep.make(self=line, section=outline)
+                rod = rod if self._motion is None else self._motion(rod)
                 rod.check()
         for one in said:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
+
+    @property
+    def _pieces(self) -> bool:
+        """Whether the curve is a chain of pieces, to which laws in a list belong."""
+        return self.curve.form is schema.CURVES["chain"]
+
+    def _joints(self, rod: "Rod") -> Array:
+        """Return the axis parameters between which laws in a list hold: ends of pieces, or of elements."""
+        joints: Array = self.curve.make().stations if self._pieces else rod.axis.breaks
+        return joints
 
     def _along(self, rod: "Rod", use: Use, reach: float) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
@@ -154,8 +167,9 @@ class RodPlan:
             first, last = rod.axis.breaks[[0, -1]]
             places = [u for u in (*use.loaded, *kinks) if first < u < last and not rod.closed]
             if len(self.laws) > 1 and len(rod.rings) == 2:
-                places += rod.axis.breaks[1:-1].tolist()
-                found["continuity"] = 0
+                places += self._joints(rod)[1:-1].tolist()
+                # Where pieces of a chain meet slopes may jump as it is.
+                found |= {} if self._pieces else {"continuity": 0}
             layer = chosen.layer(rod, reach, use.pressed) if use.stressed else chosen.LAYER
             if places or (layer != chosen.LAYER and not rod.closed):
                 found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
@@ -198,11 +212,14 @@ class RodPlan:
 
             if use.bonded or chosen.is_short(rod, reach):
                 rod = chosen.with_rim(rod)
-        own, rings = rod.axis.elements, len(rod.rings) - 1
-        places = own if rings == 1 else rings
+        joints, rings = self._joints(rod), len(rod.rings) - 1
+        places = len(joints) - 1 if rings == 1 else rings
         if len(laws) not in (1, places):
-            each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
+            what = "pieces" if self._pieces else "elements"
+            each = f"the {places} {what} of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
+        if rings == 1 and len(laws) > 1:
+            laws = [laws[k] for k in np.searchsorted(joints, rod.axis.within([0.5]).ravel()) - 1]
         if use.patches:
             from isorod.space.closer import closer
 

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import Field, dataclass, field, replace
 from functools import partial
 from math import dist
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
 from isorod.files import changes, schema
+from isorod.files.copies import Copies, Motion, names
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
 from isorod.files.names import Names
@@ -106,10 +108,7 @@ class FileScene(Scene):
         if "analysis" not in self.content:
             raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
         self.analysis, self._explicit = self._analysis()
-        self._tell_spaces()
-        self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
-        if not self.plans:
-            raise top.error("no rod is in it: [rod.NAME]")
+        self.plans, copies = self._rods()
         self._names = Names(
             self.plans,
             {name: SolidPlan(place, table) for name, place, table in self._named("solid", SolidPlan.KEYS)},
@@ -117,7 +116,8 @@ class FileScene(Scene):
             self._choices("load", schema.LOADS),
             self._choices("obstacle", schema.OBSTACLES),
             {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")},
-            {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")},
+            self._copied("tie", {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")}),
+            copies,
         )
         self._spin = None
         if "spin" in self.content:
@@ -138,9 +138,32 @@ class FileScene(Scene):
         """The fields that are options: of geometry alone none that spaces have."""
         return [one for one in super().option_fields if self.analysis != "geometry" or one.name not in _SPACE]
 
-    def _tell_spaces(self) -> None:
+    def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
+        """Return the rods, and the names of the copies of one by its own."""
+        motions: dict[str, Motion] = {}
+        places: dict[str, Place] = {}
+        several: dict[str, list[str]] = {}
+        for name, place, table in self._named("rod", RodPlan.KEYS):
+            if "copy" in table:
+                made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
+                several[name] = names(name, len(made))
+                motions |= dict(zip(several[name], made, strict=True))
+            for one in several.get(name, [name]):
+                if one in places:
+                    raise place.error(f"{one} is the name of a copy of another rod; choose another")
+                places[one] = place
+        if not places:
+            raise self._top.error("no rod is in it: [rod.NAME]")
+        own = self.content["rod"]
+        self._copied = Copies(several, next(iter(own)) if len(own) == 1 else None).of
+        tables = {
+            name: deepcopy(own[place.path[-1]]) if name in motions else own[name] for name, place in places.items()
+        }
+        self._tell_spaces(tables)
+        return {name: RodPlan(place, tables[name], motions.get(name)) for name, place in places.items()}, several
+
+    def _tell_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
         """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
-        named = {name: table for name, _, table in self._named("rod", RodPlan.KEYS)}
         rods = [*named.values()]
         for name in _SPACE:
             given = getattr(self, name)
@@ -163,7 +186,7 @@ class FileScene(Scene):
             for group in (self._names.supports, self._names.loads)
         )
         turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in supports]
-        touching = [*self.plans][number] in [one.name for one in self._names.touching()]
+        touching = [*self.plans][number] in self._names.touching()
         held = any(one.form is schema.SUPPORTS["patch"] for one in supports)
         return Use(
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
@@ -216,7 +239,7 @@ class FileScene(Scene):
             yield name, place / name, table
 
     def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
-        return {name: choice(place, words, table) for name, place, table in self._named(kind)}
+        return self._copied(kind, {name: choice(place, words, table) for name, place, table in self._named(kind)})
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
@@ -225,13 +248,12 @@ class FileScene(Scene):
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
             raise place.error(f"no measures in {self.analysis}: its results are reported without")
-        for name, at, table in self._named("measure"):
+        for name, asked in self._choices("measure", fitting).items():
             if name in schema.RESERVED:
-                raise at.error("a result has something else of this name; choose another")
-            asked = choice(at, fitting, table)
+                raise (place / name).error("a result has something else of this name; choose another")
             self.units[name] = asked.arguments.pop("unit", "")
             if self._explicit and asked.form in (schema.MEASURES["tie_force"], schema.MEASURES["tie_moment"]):
-                raise at.error('explicit steps do not tell what ties carry; integrator = "implicit" does')
+                raise asked.place.error('explicit steps do not tell what ties carry; integrator = "implicit" does')
             if asked.form is schema.MEASURES["stress"]:
                 self.stresses.append(name)
             if asked.form in (schema.MEASURES[word] for word in schema.ALONG):

@@ -8,16 +8,24 @@ from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
-from isorod.files.data import BOND, POINTS
-from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form
+from isorod.files.data import BOND, POINTS, VARYING
+from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
 
+_WINDING = {"radius": VARYING, "pitch": VARYING}
+# Pieces of a curve that is a chain of them.
+PIECES = {
+    "straight": Form("isorod.geometry.chain:Straight"),
+    "arc": Form("isorod.geometry.chain:Arc"),
+    "helix": Form("isorod.geometry.chain:Helix", kinds=_WINDING),
+}
 CURVES = {
     "straight": Form("isorod.geometry.center_line:straight"),
-    "arc": Form("isorod.geometry.center_line:arc"),
-    "helix": Form("isorod.geometry.center_line:helix"),
+    "arc": Form("isorod.geometry.coils:arc"),
+    "helix": Form("isorod.geometry.coils:helix", kinds=_WINDING),
+    "chain": Form("isorod.geometry.chain:chain", kinds={"pieces": several(PIECES, "pieces in a list")}),
     "polyline": Form("isorod.geometry.center_line:polyline", kinds={"points": POINTS}),
     "nurbs": Form("isorod.files.curves:nurbs", kinds={"points": POINTS}),
 }
@@ -59,6 +67,7 @@ SWEEP = Form(
     left=("section",),
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
+COPIES = Form("isorod.files.copies:copies")
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 

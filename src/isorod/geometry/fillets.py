@@ -7,21 +7,12 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
+from isorod.geometry.pieces import Piece, joined
 from isorod.geometry.reading import turns
-from isorod.tensors import rotation
 
 # Turns below this, radians, need no fillet; pieces below this share of the longest chord are none.
 _STRAIGHT = 1e-9
 _NOTHING = 1e-12
-
-
-class Piece(NamedTuple):
-    """A straight line, or an arc: its three control points ``(3, 3)``, length, angle, and the axis it turns about."""
-
-    points: Array
-    length: float
-    angle: float = 0.0
-    about: Array = np.array([0.0, 0.0, 1.0])
 
 
 class Path(NamedTuple):
@@ -82,12 +73,8 @@ def path(points: Array, radius: float, closed: bool) -> Path:
         places.append(len(pieces))
         if k < count:
             pieces += second
-    breaks = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
-    knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
-    weights = np.ones(2 * len(pieces) + 1)
-    weights[1::2] = np.cos(0.5 * np.array([piece.angle for piece in pieces]))
-    centers = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
-    return Path(Axis(2, knots, weights), centers, pieces, breaks[places])
+    axis, centers = joined(pieces)
+    return Path(axis, centers, pieces, axis.breaks[places])
 
 
 def _halves(start: Array, before: Array, after: Array, turn: float, radius: float) -> tuple[list[Piece], list[Piece]]:
@@ -100,22 +87,3 @@ def _halves(start: Array, before: Array, after: Array, turn: float, radius: floa
     reach, length = radius * np.tan(0.25 * turn), 0.5 * radius * turn
     points = start + reach * np.cumsum([0.0 * before, before, middle, middle, after], axis=0)
     return [Piece(points[:3], length, 0.5 * turn, about)], [Piece(points[2:], length, 0.5 * turn, about)]
-
-
-def tensors(pieces: list[Piece], first: Array) -> tuple[Array, Array]:
-    """Return the control tensors ``R_j`` and ``S_j`` of frames that turn with the arcs, ``(2 pieces + 1, 3, 3)``.
-
-    Parameters
-    ----------
-    first
-        The frame at the start, its columns the section's directions and the tangent ``(3, 3)``.
-    """
-    rotations, stretches = [first], [np.eye(3)]
-    for piece in pieces:
-        half = rotation(0.5 * piece.angle * piece.about) @ rotations[-1]
-        # Across the axis of the arc, a section's vectors go as its control points do.
-        axial = np.outer(piece.about, piece.about)
-        spread = axial + (np.eye(3) - axial) / np.cos(0.5 * piece.angle)
-        rotations += [half, rotation(piece.angle * piece.about) @ rotations[-1]]
-        stretches += [half.T @ spread @ half, np.eye(3)]
-    return np.array(rotations), np.array(stretches)

@@ -112,7 +112,7 @@ def least_squares(functions: Index, values: Array, points: Array, count: int) ->
     return found
 
 
-def nearest(axis: Axis, u: Array, points: Array) -> Array:
+def nearest(axis: Axis, u: Array, points: Array, slopes: Array | None = None) -> Array:
     """Return the coefficients ``(axis.count, c)`` of the curve nearest to points, through the first and the last.
 
     Parameters
@@ -121,11 +121,19 @@ def nearest(axis: Axis, u: Array, points: Array) -> Array:
         Ascending parameters of the points ``(t,)``, the first and the last those of the axis.
     points
         Shape ``(t, c)``.
+    slopes
+        Its derivatives at both ends, ``(2, c)``, if these are to be met as well; the axis has no weights then.
     """
+    p = axis.degree
     first, values, _ = axis.local(u)
-    functions = first[:, None] + np.arange(axis.degree + 1)
+    functions = first[:, None] + np.arange(p + 1)
     fixed = np.zeros((axis.count, points.shape[1]))
     fixed[0], fixed[-1] = points[0], points[-1]
+    held = 1
+    if slopes is not None:
+        held, ends = 2, axis.knots[[p + 1, -1]] - axis.knots[[0, -p - 2]]
+        fixed[1] = points[0] + ends[0] / p * slopes[0]
+        fixed[-2] = points[-1] - ends[1] / p * slopes[1]
     rest = points - np.einsum("tj,tjc->tc", values, fixed[functions])
-    fixed[1:-1] = least_squares(functions - 1, values, rest, axis.count - 2)
+    fixed[held:-held] = least_squares(functions - held, values, rest, axis.count - 2 * held)
     return fixed

@@ -79,8 +79,8 @@ class CenterLine:
             Whether the last section is the first; the line's own where not given.
         scale
             The section's size: a number, a function of axis parameters ``(t,)``, or several numbers, joined smoothly
-            (C1) and without overshoot: one for each point of a polyline, for other lines evenly spaced in the
-            parameter.
+            (C1) and without overshoot: one for each point of a polyline, or each end of a chain's pieces, for
+            other lines evenly spaced in the parameter.
         twist
             Turn of the last section against the first beyond that of the frames, from its first direction to its
             second, degrees; evenly along the length.
@@ -110,7 +110,7 @@ class CenterLine:
             raise InputError(f"twist: got {twist}, need a finite number of degrees")
         if not tolerance > 0.0:
             raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive fraction of the section's size")
-        frames, size, length = self.frames or self._frames, self._size(scale), ArcLength(self.axis, self.centers)
+        frames, size, length = self.directions, self._size(scale), ArcLength(self.axis, self.centers)
 
         def arms(u: Array) -> Array:
             share = length(u) / length.total
@@ -154,8 +154,10 @@ class CenterLine:
         relative = max(line, *shares, placed)
         return Deviation(self.deviation, float(off * sizes.max()), sweep, float(relative))
 
-    def _frames(self, u: Array) -> Array:
-        """Return the section's directions at ``u`` of the control tensors."""
+    def directions(self, u: Array) -> Array:
+        """Return the section's two directions at parameters ``(t,)``, ``(t, 3, 2)``, those of tensors with stretch."""
+        if self.frames is not None:
+            return self.frames(u)
         tensors = np.broadcast_to(np.eye(3), (self.axis.count, 3, 3))
         for given in (self.stretches, self.rotations):
             tensors = tensors if given is None else given @ tensors

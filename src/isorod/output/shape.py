@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Of rods, one after the other, and of what is beside them.
 _TINTS = ("#e3b587", "#8fb7dd", "#a5cf93", "#d9a0c3", "#c9c07a", "#8ecfc9", "#c3aee0")
 _POINTS, _HELD, _MOVED, _LOADED, _OBSTACLE, _LAID = "#a01c1c", "#303030", "#1f5fbf", "#d9480f", "#868c93", "#9db1c4"
-_CELLS = "#6d7f5e"
+_CELLS, _FIRST = "#6d7f5e", "#1b7f4d"
 
 # Points round a section and slices of an element, and no more slices of a rod than this.
 _AROUND = 64
@@ -102,6 +102,11 @@ def draw(
         picture.add_lines(plotter, list(_net(rod)), _POINTS, 1.0, opacity=0.45)
         wide = 9 if many < 300 else 6 if many < 1500 else 3
         plotter.add_points(seen[k], color=_POINTS, point_size=wide, render_points_as_spheres=True)
+        centre, rim = rod.grid(np.array([[0.0, 0.0], [1.0, 0.0]]), rod.axis.breaks[:1])[0][0]
+        x = _arrow(centre, rim - centre, max(0.5 * _ARROW * extent, _OUT * float(np.linalg.norm(rim - centre))))
+        plotter.add_mesh(x, color=_FIRST)
+        legend["x of the first section"] = _FIRST
+        seen.append(x.points)
     if model is not None:
         for name, colour, points in chain(_marks(plotter, model, extent), _obstacles(plotter, model, everything)):
             legend[name] = colour

@@ -8,7 +8,7 @@ import numpy as np
 import isorod
 from isorod.errors import InputError, positive
 from isorod.geometry import section
-from isorod.geometry.center_line import helix
+from isorod.geometry.coils import helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
 

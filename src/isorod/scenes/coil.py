@@ -10,7 +10,8 @@ import isorod
 from isorod.arrays import Array
 from isorod.errors import InputError, positive
 from isorod.geometry import bspline, section
-from isorod.geometry.center_line import HELIX_ELEMENTS, CenterLine, helix
+from isorod.geometry.center_line import CenterLine
+from isorod.geometry.coils import HELIX_ELEMENTS, helix
 from isorod.geometry.fitting import evaluate
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from isorod.geometry import section
-from isorod.geometry.center_line import helix
+from isorod.geometry.coils import helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 

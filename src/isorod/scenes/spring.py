@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import isorod
 from isorod.errors import InputError
 from isorod.geometry import section
-from isorod.geometry.center_line import HELIX_ELEMENTS, helix
+from isorod.geometry.coils import HELIX_ELEMENTS, helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
 

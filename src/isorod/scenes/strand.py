@@ -9,7 +9,8 @@ import isorod
 from isorod.errors import InputError, positive, whole_number, within
 from isorod.geometry import section
 from isorod.geometry.axis import MAX_ELEMENTS
-from isorod.geometry.center_line import HELIX_ELEMENTS, helix, straight
+from isorod.geometry.center_line import straight
+from isorod.geometry.coils import HELIX_ELEMENTS, helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
 
