@@ -16,8 +16,8 @@ from meshes.mesh import Array, Index, Mesh, gauss
 # Radii of the disk are the same to this share.
 _ON = 1e-3
 
-# Cells whose smallest Jacobian determinant at points of this rule is less than that share of the mean get edges that are
-# half as curved, some times, then straight.
+# Cells whose smallest Jacobian determinant, at nodes and points of this rule, is less than that share of the mean get
+# edges that are half as curved, some times, then straight.
 _RULE, _FLAT, _HALVES = 5, 0.02, 4
 
 # The edges of a tetrahedron, by its corners.
@@ -103,7 +103,8 @@ def in_rod(points: Array, part: RodPart, cells: Index, faces: Sequence[Index], r
     if rod.closed:
         own[nodes, 2] = rod.axis.breaks[0] + np.mod(own[nodes, 2] - rod.axis.breaks[0], period)
     surface = np.unique(np.concatenate(outside)) if outside else np.empty(0, dtype=np.int64)
-    return tuple(Moved(one, rod.points(own[one, :2], own[one, 2])) for one in (nodes, surface))
+    inner, outer = (Moved(one, rod.points(own[one, :2], own[one, 2])) for one in (nodes, surface))
+    return inner, outer
 
 
 def relaxed(points: Array, cells: Index, reference: Array) -> tuple[Array, int]:

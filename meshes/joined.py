@@ -5,7 +5,7 @@ which are tied are faces of both sides, which have the same nodes; a mesh of lev
 """
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -208,9 +208,9 @@ class Solid:
             self.joints[min(trees, key=lambda k: trees[k].query(middle)[0])].append(face)
 
     def faces(self, number: int) -> list[int]:
-        """Return the faces of a part, those that it shares with others too."""
-        shared = [face for k, join in enumerate(self.joins) if number in (join.slave, join.master) for face in self.joints[k]]
-        return [*self.outer[number], *self.inner[number], *shared]
+        """Return the faces round a part, those that it shares with others too."""
+        tied = [k for k, one in enumerate(self.joins) if number in (one.slave, one.master)]
+        return [*self.outer[number], *(face for k in tied for face in self.joints[k])]
 
     def mesh(self, level: int) -> None:
         """Make tetrahedra of degree 2, with straight edges."""
@@ -245,10 +245,8 @@ class Solid:
         field = self._gmsh.model.mesh.field
         tag = int(field.add(kind))
         for name, value in given.items():
-            put = field.setString if isinstance(value, str) else field.setNumbers if isinstance(value, list) else (
-                field.setNumber
-            )
-            put(tag, name, value)
+            kind = "String" if isinstance(value, str) else "Numbers" if isinstance(value, list) else "Number"
+            getattr(field, f"set{kind}")(tag, name, value)
         return tag
 
     def _entities(self, number: int) -> dict[str, list[int]]:

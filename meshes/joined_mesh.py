@@ -24,12 +24,6 @@ _ALL, _NONE = 0.95, 0.05
 # Facets that are tried as the nearest to a point, those with the nearest middles.
 _TRIED = 32
 
-# The edges of a tetrahedron, by its corners.
-_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
-
-# Cells whose smallest Jacobian determinant is less than this share of the largest get straight edges, some times over.
-_FLAT, _ROUNDS = 0.02, 5
-
 
 class Groups(NamedTuple):
     """The surface of a body's own mesh.
@@ -73,7 +67,7 @@ class Joined(Mesh):
 def build(
     parts: Sequence[Part], joins: Sequence[Join], groups: Mapping[int, Groups], level: int
 ) -> tuple[Joined, list[str]]:
-    """Return the mesh of a level, and what of it was made straight, in words, if anything was.
+    """Return the mesh of a level, and what of it is less curved, in words, if anything is.
 
     Regions are named as the parts are, ``rod 0`` ... and ``solid 0`` ...; faces ``rod 0 start``, ``rod 0 end``, ``rod 0
     lateral`` and ``rod 0 inner`` (of each what is on the surface), ``solid 0 GROUP``, and ``tie 0`` ..., whose normals
@@ -98,20 +92,14 @@ def build(
         solid.mesh(level)
         made = _Nodes(gmsh, solid)
     rods = [(number, part) for number, part in enumerate(parts) if isinstance(part, RodPart)]
+    within, outside = [], []
+    for number, one in rods:
+        own = [made.faces[face] for face in (*solid.faces(number), *solid.inner[number])]
+        both = in_rod(made.points, one, made.cells[made.regions[one.name]], own, made.reference)
+        within.append(both[0])
+        outside.append(both[1])
     curved = made.points.copy()
-    within, outside = zip(
-        *(
-            in_rod(
-                made.points,
-                part,
-                made.cells[made.regions[part.name]],
-                [made.faces[face] for face in solid.faces(number)],
-                made.reference,
-            )
-            for number, part in rods
-        ),
-        strict=True,
-    )
+    # What is on a surface of one is within another, or ends there.
     for moved in (*within, *outside, *made.on_geometry):
         curved[moved.nodes] = moved.places
     points, thin = relaxed(curved, made.cells, made.reference)
@@ -187,7 +175,7 @@ class _Nodes:
         found = order[np.searchsorted(tags, used, sorter=order)]
         self.points: Array = np.asarray(where).reshape(-1, 3)[found]
         self.faces = {}
-        for face in {face for number in range(len(solid.parts)) for face in solid.faces(number)}:
+        for face in {face for k in range(len(solid.parts)) for face in (*solid.faces(k), *solid.inner[k])}:
             nodes, self.face_reference = elements(gmsh, 2, [face])
             self.faces[face] = row[nodes]
         curves = {edge: row[elements(gmsh, 1, [edge])[0]] for edge in solid.curves}

@@ -15,12 +15,13 @@ from comparisons.joints.scene import Sizes, tetrahedra, volumes
 from comparisons.joints.whole import BLOCK
 
 # Sizes of the cells of the blocks' meshes.
-SIZES = Sizes(0.3, 2.0)
+SIZES = Sizes(0.2, 1.5)
 
 _SCENE = """title = "spring between rubber blocks"        # mm, N: stresses in MPa
 
 [rod.wire]
 section = {{circle = {radius}}}
+space = {{section_degree = 4}}               # rings, which others have in holes, change nothing here
 law = {{NeoHookean = {{E = 2.0e5, nu = 0.3}}}}
 [rod.wire.curve.nurbs]
 points = "wire.txt"
@@ -82,8 +83,12 @@ def _block(spring: Spring, k: int, path: Path, sizes: Sizes) -> None:
         occ.cut([block], [(3, spring.bush(k, RADIUS))])
         volumes({BLOCK: [tag for _, tag in model.getEntities(3)]})
         for name, radius in (("hole", RADIUS), ("outside", BLOCK_RADIUS)):
-            own = [tag for _, tag in model.getEntities(2) if model.getType(2, tag) == "Cylinder" and abs(
-                occ.getMass(2, tag) - 2.0 * np.pi * radius * LEG) < 1e-2 * occ.getMass(2, tag)]
+            own = [
+                tag
+                for _, tag in model.getEntities(2)
+                if model.getType(2, tag) == "Cylinder"
+                and abs(occ.getMass(2, tag) - 2.0 * np.pi * radius * LEG) < 1e-2 * occ.getMass(2, tag)
+            ]
             model.setPhysicalName(2, model.addPhysicalGroup(2, own), name)
         tetrahedra(spring.edges(sizes))
         gmsh.write(str(path.with_suffix(".msh")))
