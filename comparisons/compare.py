@@ -44,8 +44,9 @@ class Most(NamedTuple):
 
 
 # Meshes, each of so many times the cells of the coarsest in each direction; what is tried in the place of the last
-# where that would be more than the level allows.
+# where that would be more than the level allows; how much more of it the second may have.
 LEVELS, INSTEAD = (1, 2, 4), 3
+SECOND = 2.0
 MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
 
 # Power of the number of unknowns that run times grow with.
@@ -195,8 +196,8 @@ class Comparison:
         for one in (level, INSTEAD) if level > INSTEAD else (level,):
             finer = (one / found[-1].level) ** 3
             dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
-            # Without a second mesh there is nothing to compare with, however long it takes.
-            if dofs <= most.dofs and (seconds <= most.seconds or len(found) < 2):
+            # Without a second mesh there is nothing to compare with: it may be larger, and take however long it does.
+            if (dofs <= most.dofs and seconds <= most.seconds) or (len(found) < 2 and dofs <= SECOND * most.dofs):
                 return one, dofs
             large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
             limit = f"at most {most.dofs:,} and {duration(most.seconds)}"

@@ -261,7 +261,7 @@ class _Problem:
             yield "*CLOAD"
         for row, component in zip(rows.tolist(), components.tolist(), strict=True):
             yield f"{self.number[row]},{component + 1},{forces[row, component]:.12g}"
-        for load in self.model.following:
+        for load in (one for one in self.model.following if isinstance(one, Pressure)):
             rod, k, surface = nodal.face_of(load).split(" ")
             title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
             yield from ["*DSLOAD", f"{title},P,{factor * load.pressure:.12g}"]

@@ -7,6 +7,7 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.model.model import Model
+from isorod.model.support import Support
 from isorod.space.space import Space
 from meshes.mesh import Array, Index, Mesh
 
@@ -73,6 +74,7 @@ class Held:
 
     def __init__(self, k: int, model: Model, trace: Trace) -> None:
         support, motion = model.supports[k], model.motions[k]
+        assert isinstance(support, Support), "whoever asks has refused mean motions and springs"
         self.motion, self.body = motion, support.body
         self.first, self.space = int(model.first_node[support.body]), trace.space
         self.components, self.tied = (

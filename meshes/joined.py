@@ -5,7 +5,7 @@ which are tied are faces of both sides, which have the same nodes; a mesh of lev
 """
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -85,12 +85,12 @@ class Solid:
     ----------
     pieces
         Volumes, each with the number of its part.
-    outer
-        Faces of the surface, by part.
+    outer, inner
+        Faces of the surface, and between pieces of a part, by part.
     joints
         Faces that two parts share, by tie.
-    edges
-        Curves round these faces.
+    curves
+        Round these faces, and those of bodies.
 
     Raises
     ------
@@ -108,12 +108,14 @@ class Solid:
             for _, face in gmsh.model.getBoundary([(3, piece.tag)], combined=False, oriented=False):
                 sides.setdefault(face, []).append(piece.part)
         self.outer = {k: [face for face, own in sides.items() if own == [k]] for k in range(len(parts))}
+        self.inner = {k: [face for face, own in sides.items() if own == [k, k]] for k in range(len(parts))}
         shared = {face: (min(own), max(own)) for face, own in sides.items() if len(set(own)) == 2}
         self.joints: dict[int, list[int]] = {k: [] for k in range(len(joins))}
         for pair in combinations(range(len(parts)), 2):
             self._join(pair, [face for face, own in shared.items() if own == pair], overlaps.get(pair, 0.0))
-        faces = [(2, face) for own in self.joints.values() for face in own]
-        self.edges = sorted({edge for _, edge in gmsh.model.getBoundary(faces, combined=False, oriented=False)})
+        bodies = [own for k, own in self.outer.items() if isinstance(parts[k], BodyPart)]
+        faces = [(2, face) for own in (*self.joints.values(), *bodies) for face in own]
+        self.curves = sorted({edge for _, edge in gmsh.model.getBoundary(faces, combined=False, oriented=False)})
 
     def _fragments(
         self, tools: Sequence[tuple[int, occ_rods.Volume]]
@@ -205,63 +207,56 @@ class Solid:
             middle = self._gmsh.model.occ.getCenterOfMass(2, face)
             self.joints[min(trees, key=lambda k: trees[k].query(middle)[0])].append(face)
 
+    def faces(self, number: int) -> list[int]:
+        """Return the faces round a part, those that it shares with others too."""
+        tied = [k for k, one in enumerate(self.joins) if number in (one.slave, one.master)]
+        return [*self.outer[number], *(face for k in tied for face in self.joints[k])]
+
     def mesh(self, level: int) -> None:
-        """Make tetrahedra of degree 2."""
+        """Make tetrahedra of degree 2, with straight edges."""
         gmsh = self._gmsh
         for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-        size = self._size(level)
-        gmsh.model.mesh.setSizeCallback(lambda dimension, tag, x, y, z, *_: size(dimension, tag, (x, y, z)))
+        gmsh.option.setNumber("Mesh.SecondOrderLinear", 1)
+        self._set_sizes(level)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(2)
 
-    def _size(self, level: int) -> Callable[[int, int, tuple[float, float, float]], float]:
-        """Return the size of cells by entity and place."""
+    def _set_sizes(self, level: int) -> None:
+        """Set the sizes of cells, by entity and place."""
         thick = [self._thickness(number) for number in range(len(self.parts))]
-        far = [
-            (ROD if isinstance(part, RodPart) else BODY) * own / level
-            for part, own in zip(self.parts, thick, strict=True)
-        ]
-        sizes: dict[tuple[int, int], float] = {}
-        for piece, entity in self._entities():
-            sizes[entity] = min(sizes.get(entity, np.inf), far[piece.part])
-        places, near = [np.full((1, 3), np.inf)], [np.array([np.inf])]
+        fields = []
+        for number, part in enumerate(self.parts):
+            far = (ROD if isinstance(part, RodPart) else BODY) * thick[number] / level
+            own = self._field("MathEval", F=f"{far}")
+            fields.append(self._field("Restrict", InField=own, **self._entities(number)))
         for k, faces in self.joints.items():
             small = NEAR * min(thick[self.joins[k].slave], thick[self.joins[k].master]) / level
-            points = self._along([(2, face) for face in faces], _SPACING * small)
-            places.append(points)
-            near.append(np.full(len(points), small))
-        tree, small = cKDTree(np.concatenate(places)[1:]), np.concatenate(near)[1:]
-        growth, widest = GROWTH / level, max(far)
+            edges = [edge for _, edge in self._gmsh.model.getBoundary([(2, face) for face in faces], oriented=False)]
+            if edges:
+                longest = max(self._gmsh.model.occ.getMass(1, edge) for edge in edges)
+                count = int(np.ceil(longest / (_SPACING * small))) + 1
+                away = self._field("Distance", CurvesList=edges, NumPointsPerCurve=count)
+                fields.append(self._field("MathEval", F=f"{small}+{GROWTH / level}*F{away}"))
+        self._gmsh.model.mesh.field.setAsBackgroundMesh(self._field("Min", FieldsList=fields))
 
-        def size(dimension: int, tag: int, place: tuple[float, float, float]) -> float:
-            most = sizes.get((dimension, tag), widest)
-            if not small.size:
-                return most
-            distance, row = tree.query(place)
-            return float(min(most, small[row] + growth * distance))
+    def _field(self, kind: str, **given: Any) -> int:
+        """Make a field of gmsh's."""
+        field = self._gmsh.model.mesh.field
+        tag = int(field.add(kind))
+        for name, value in given.items():
+            kind = "String" if isinstance(value, str) else "Numbers" if isinstance(value, list) else "Number"
+            getattr(field, f"set{kind}")(tag, name, value)
+        return tag
 
-        return size
-
-    def _entities(self) -> Iterator[tuple[_Piece, tuple[int, int]]]:
-        """Yield each volume with all of its boundary's entities."""
-        for piece in self.pieces:
-            entities = [(3, piece.tag)]
-            while entities:
-                for entity in entities:
-                    yield piece, entity
-                entities = self._gmsh.model.getBoundary(entities, combined=False, oriented=False)
-                if entities and entities[0][0] == 0:
-                    break
-
-    def _along(self, faces: Sequence[tuple[int, int]], spacing: float) -> Array:
-        """Return points of the curves round faces, no farther apart than that."""
-        model, found = self._gmsh.model, []
-        for _, edge in model.getBoundary(faces, combined=True, oriented=False):
-            low, high = (float(one[0]) for one in model.getParametrizationBounds(1, edge))
-            count = int(np.ceil(model.occ.getMass(1, edge) / spacing)) + 1
-            found.append(np.reshape(model.getValue(1, edge, np.linspace(low, high, count)), (-1, 3)))
-        return np.concatenate(found) if found else np.empty((0, 3))
+    def _entities(self, number: int) -> dict[str, list[int]]:
+        """Return volumes, faces, curves and points of a part, as fields name them."""
+        found = {}
+        entities = [(3, piece.tag) for piece in self.pieces if piece.part == number]
+        for name in ("VolumesList", "SurfacesList", "CurvesList", "PointsList"):
+            found[name] = sorted({tag for _, tag in entities})
+            entities = self._gmsh.model.getBoundary(entities, combined=False, oriented=False) if entities[0][0] else []
+        return found
 
     def _thickness(self, number: int) -> float:
         """Return how thick a part is, of a circular rod its radius: volume over half the surface along it."""

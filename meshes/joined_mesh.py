@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.errors import InputError
+from meshes.curved import in_rod, on_geometry, relaxed
 from meshes.gmsh_model import elements, gmsh_session, mirror
 from meshes.inverse import parameters
 from meshes.joined import Join, Part, RodPart, Solid
@@ -22,12 +23,6 @@ _ALL, _NONE = 0.95, 0.05
 
 # Facets that are tried as the nearest to a point, those with the nearest middles.
 _TRIED = 32
-
-# The edges of a tetrahedron, by its corners.
-_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
-
-# Cells whose smallest Jacobian determinant is less than this share of the largest get straight edges, some times over.
-_FLAT, _ROUNDS = 0.02, 5
 
 
 class Groups(NamedTuple):
@@ -72,7 +67,7 @@ class Joined(Mesh):
 def build(
     parts: Sequence[Part], joins: Sequence[Join], groups: Mapping[int, Groups], level: int
 ) -> tuple[Joined, list[str]]:
-    """Return the mesh of a level, and what of it was made straight, in words, if anything was.
+    """Return the mesh of a level, and what of it is less curved, in words, if anything is.
 
     Regions are named as the parts are, ``rod 0`` ... and ``solid 0`` ...; faces ``rod 0 start``, ``rod 0 end``, ``rod 0
     lateral`` and ``rod 0 inner`` (of each what is on the surface), ``solid 0 GROUP``, and ``tie 0`` ..., whose normals
@@ -96,17 +91,21 @@ def build(
         solid = Solid(gmsh, parts, joins)
         solid.mesh(level)
         made = _Nodes(gmsh, solid)
+    rods = [(number, part) for number, part in enumerate(parts) if isinstance(part, RodPart)]
+    within, outside = [], []
+    for number, one in rods:
+        own = [made.faces[face] for face in (*solid.faces(number), *solid.inner[number])]
+        both = in_rod(made.points, one, made.cells[made.regions[one.name]], own, made.reference)
+        within.append(both[0])
+        outside.append(both[1])
     curved = made.points.copy()
-    for number, part in enumerate(parts):
-        if isinstance(part, RodPart):
-            tied = [
-                face for k, join in enumerate(joins) if number in (join.slave, join.master) for face in solid.joints[k]
-            ]
-            _rounded(curved, part, [made.faces[face] for face in (*solid.outer[number], *tied)], made.face_reference)
-    points, straight = _straightened(curved, made.cells, made.reference)
-    rods = [part for part in parts if isinstance(part, RodPart)]
+    # What is on a surface of one is within another, or ends there.
+    for moved in (*within, *outside, *made.on_geometry):
+        curved[moved.nodes] = moved.places
+    points, thin = relaxed(curved, made.cells, made.reference)
+    said = [f"{thin:,} of {len(made.cells):,} cells have edges that are less curved"] if thin else []
     by_rod = np.full((len(rods), len(points), 3), np.nan)
-    for k, one in enumerate(rods):
+    for k, (_, one) in enumerate(rods):
         nodes = np.unique(made.cells[made.regions[one.name]])
         by_rod[k, nodes] = parameters(one.rod, points[nodes])[0]
     faces: dict[str, Index] = {}
@@ -121,10 +120,7 @@ def build(
         if lost is not None:
             raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
         faces |= {f"{part.name} {name}": found[name] for name in groups[number].needed}
-        shared = [
-            face for k, join in enumerate(joins) if number in (join.slave, join.master) for face in solid.joints[k]
-        ]
-        every = _of_body(part, groups[number], [*own, *(made.faces[face] for face in shared)], points)
+        every = _of_body(part, groups[number], [made.faces[face] for face in solid.faces(number)], points)
         bodies.append(_alone(points, made, part.name, every))
     for k, join in enumerate(joins):
         slave = made.regions[parts[join.slave].name]
@@ -151,7 +147,7 @@ def build(
         bodies=bodies,
     )
     mesh.check()
-    return mesh, straight
+    return mesh, said
 
 
 def body_file(folder: str | Path, name: str) -> Path:
@@ -179,30 +175,12 @@ class _Nodes:
         found = order[np.searchsorted(tags, used, sorter=order)]
         self.points: Array = np.asarray(where).reshape(-1, 3)[found]
         self.faces = {}
-        for face in {face for faces in (*solid.outer.values(), *solid.joints.values()) for face in faces}:
+        for face in {face for k in range(len(solid.parts)) for face in (*solid.faces(k), *solid.inner[k])}:
             nodes, self.face_reference = elements(gmsh, 2, [face])
             self.faces[face] = row[nodes]
+        curves = {edge: row[elements(gmsh, 1, [edge])[0]] for edge in solid.curves}
+        self.on_geometry = on_geometry(gmsh, solid, self.faces, curves, self.points)
         self.mirror = mirror(self.face_reference)
-
-
-def _straightened(points: Array, cells: Index, reference: Array) -> tuple[Array, list[str]]:
-    """Return nodes with the middles of edges of cells that curves turn inside out on straight lines."""
-    corners = [int(np.flatnonzero((reference == one).all(axis=1))[0]) for one in np.eye(4, 3, -1)]
-    middles = [
-        int(np.argmin(np.linalg.norm(reference - 0.5 * (reference[corners[a]] + reference[corners[b]]), axis=1)))
-        for a, b in _EDGES
-    ]
-    points, moved = points.copy(), set()
-    for _ in range(_ROUNDS):
-        shape = Mesh("tetrahedron", 2, points, cells, reference, {}, np.empty((0, 2)))
-        det = np.concatenate([shape.jacobians(reference)], axis=1)
-        bad = np.flatnonzero(det.min(axis=1) < _FLAT * det.max(axis=1))
-        if not bad.size:
-            break
-        for (a, b), middle in zip(_EDGES, middles, strict=True):
-            points[cells[bad, middle]] = 0.5 * (points[cells[bad, corners[a]]] + points[cells[bad, corners[b]]])
-        moved |= {*bad.tolist()}
-    return points, [f"{len(moved):,} of {len(cells):,} cells have straight edges"] if moved else []
 
 
 def _of_rod(part: RodPart, own: Array, faces: Sequence[Index]) -> dict[str, Index]:
@@ -237,28 +215,6 @@ def _surface(part: RodPart, where: Array) -> str:
     }
     name = min(far, key=lambda one: far[one])
     return name if far[name] < _ON else ""
-
-
-def _rounded(points: Array, part: RodPart, faces: Sequence[Index], reference: Array) -> None:
-    """Put the middles of edges on the surfaces of a rod where its map has them: gmsh's may be off on slender ones."""
-    for nodes in faces:
-        name = _surface(part, parameters(part.rod, points[np.unique(nodes[:, :3])])[0])
-        if name not in ("lateral", "inner"):
-            continue
-        for middle in range(3, 6):
-            ends = [k for k in range(3) if abs(_share(reference, k, middle) - 0.5) < _ON]
-            straight = points[nodes[:, ends]].mean(axis=1)
-            where = parameters(part.rod, straight)[0]
-            size = 1.0 if name == "lateral" else part.radii[0]
-            xi = where[:, :2] * size / np.linalg.norm(where[:, :2], axis=1, keepdims=True)
-            points[nodes[:, middle]] = part.rod.points(xi, where[:, 2])
-
-
-def _share(reference: Array, corner: int, node: int) -> float:
-    """Return the barycentric coordinate of a node of the reference triangle that belongs to a corner."""
-    weights = np.append(1.0 - reference[node].sum(), reference[node])
-    own = np.append(1.0 - reference[corner].sum(), reference[corner])
-    return float(weights[int(own.argmax())])
 
 
 def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) -> dict[str, Index]:

@@ -67,12 +67,18 @@ class Spring(Scene):
         length, start = s[-1], LEG + BEND
         bend, coil = np.linspace(LEG, start, _A_BEND + 1), np.linspace(start, length - start, int(TURNS * _A_TURN) + 1)
         inner = np.unique(np.concatenate([bend, coil, length - bend]).round(12))
-        times = np.where(np.isin(inner, [LEG, np.round(length - LEG, 12)]), 2, 1)
+        times = np.where(np.isin(inner, [LEG, np.round(length - LEG, 12)]), 3, 1)
         ends = np.zeros(_DEGREE + 1)
         knots = np.concatenate([ends, np.repeat(inner, times), ends + length])
         in_leg = np.minimum(s, length - s) <= LEG
         curve = make_lsq_spline(s, points, knots, _DEGREE, np.where(in_leg, 1e3, 1.0))
-        line = isorod.nurbs(SimpleNamespace(degree=_DEGREE, knotvector=knots, ctrlpts=curve.c))
+        # Legs are straight, to the last digit: they end where the blocks do.
+        order = np.arange(len(curve.c))
+        at = np.array([knots[k + 1 : k + 1 + _DEGREE].mean() for k in order])
+        leg = np.minimum(order, order[::-1])[:, None] <= _DEGREE
+        upright = np.stack([0.0 * at + COIL, 0.0 * at, np.where(at < start, at - LEG, points[-1, 2] + at - length)], 1)
+        centers = np.where(leg, upright, curve.c)
+        line = isorod.nurbs(SimpleNamespace(degree=_DEGREE, knotvector=knots, ctrlpts=centers))
         return line.sweep(isorod.circle(8, RADIUS))
 
     @cached_property
@@ -122,11 +128,13 @@ class Spring(Scene):
         """Return the force on the upper block."""
         return np.asarray(found.reactions[1, 2:])
 
-    def _bush(self, k: int, radius: float) -> int:
+    def bush(self, k: int, radius: float) -> int:
+        """Make a cylinder round a leg in gmsh's kernel; return its tag."""
         low, high = self._rises[k]
         return int(gmsh.model.occ.addCylinder(COIL, 0, low, 0, 0, high - low, radius))
 
-    def _edges(self, sizes: Sizes) -> str:
+    def edges(self, sizes: Sizes) -> str:
+        """Return the size of gmsh's cells in blocks."""
         found = f"{sizes.far}"
         for z in np.ravel(self._rises):
             found = f"Min({found},{sizes.near}+0.5*Sqrt((Sqrt((x-{COIL})^2+y*y)-{RADIUS})^2+(z-({z}))^2))"
@@ -145,11 +153,11 @@ class Spring(Scene):
             disk = occ.addDisk(*centers[0], RADIUS, RADIUS)
             wire = occ.addPipe([(2, disk)], occ.addWire([curve]))
             occ.remove([(2, disk)])
-            bushes = [(3, self._bush(k, BLOCK_RADIUS)) for k in range(2)]
+            bushes = [(3, self.bush(k, BLOCK_RADIUS)) for k in range(2)]
             volumes(pieces([*bushes, wire[0]], [BLOCK, BLOCK, ROD]))
             (_, low), (high, _) = self._rises
             between = f"1000*(Max(0,{low}-z)+Max(0,z-({high})))"
-            return f"Min({self._edges(sizes)},{sizes.wire}+{between})"
+            return f"Min({self.edges(sizes)},{sizes.wire}+{between})"
 
         mesh, tags = by_gmsh(make, True)
         return Whole(mesh, tags, self.faces(mesh))
@@ -161,10 +169,10 @@ class Spring(Scene):
             return [whole.bricks(cut, [layers[k]._replace(inner=0)], self.place)[0] for k in (0, 2)]
 
         def make(k: int) -> str:
-            gmsh.model.occ.cut([(3, self._bush(k, BLOCK_RADIUS))], [(3, self._bush(k, RADIUS))])
+            gmsh.model.occ.cut([(3, self.bush(k, BLOCK_RADIUS))], [(3, self.bush(k, RADIUS))])
             gmsh.model.occ.synchronize()
             volumes({BLOCK: [tag for _, tag in gmsh.model.getEntities(3)]})
-            return self._edges(sizes)
+            return self.edges(sizes)
 
         return [by_gmsh(lambda k=k: make(k), True)[0] for k in range(2)]  # type: ignore[misc]
 

@@ -139,18 +139,21 @@ def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Verbosity", 1)
-        size = make()
-        for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
-            gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-        field = gmsh.model.mesh.field.add("MathEval")
-        gmsh.model.mesh.field.setString(field, "F", size)
-        gmsh.model.mesh.field.setAsBackgroundMesh(field)
-        gmsh.model.mesh.generate(3)
-        if curved:
-            gmsh.model.mesh.setOrder(2)
+        tetrahedra(make(), 2 if curved else 1)
         return tuple(compat.from_gmsh(gmsh.model)[:2])  # type: ignore[return-value]
     finally:
         gmsh.finalize()
+
+
+def tetrahedra(size: str, order: int = 2) -> None:
+    """Mesh what gmsh has open, with cells of a size by position."""
+    for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
+        gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
+    field = gmsh.model.mesh.field.add("MathEval")
+    gmsh.model.mesh.field.setString(field, "F", size)
+    gmsh.model.mesh.field.setAsBackgroundMesh(field)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(order)
 
 
 def volumes(tags: Mapping[int, Sequence[int]]) -> None:

@@ -114,8 +114,10 @@ def projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_a
     columns = np.unique(others.indices)
     right = np.asarray((others[:, columns].T @ tests).T)
     # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
-    scale = 1.0 / np.linalg.norm(left, axis=0)
-    rows = 1.0 / np.linalg.norm(left * scale, axis=1)
+    sizes = np.linalg.norm(left, axis=0)
+    scale = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
+    lengths = np.linalg.norm(left * scale, axis=1)
+    rows = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
     scaled = left * scale * rows[:, None]
     if not np.linalg.cond(scaled) < _SINGULAR:
         raise InputError(
