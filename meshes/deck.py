@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.model.load import SectionLoad
+from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
 from meshes import abaqus, deck_laws, held, nodal, rods

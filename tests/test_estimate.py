@@ -12,7 +12,7 @@ from test_contact_statics import crossing
 from comparisons.stability import cost, estimates
 from isorod import InputError, LinearElastic, NeoHookean, Space, modal, statics, straight
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import adapt, estimate_of_modes
+from isorod.checks import adapt, correction, estimate_of_modes
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, solving
 from isorod.contact.frozen import Frozen
@@ -199,6 +199,23 @@ def test_error_of_a_bar_in_contact(friction):
     print(error, found.estimate("axis"))
     assert error > 0.02
     assert error / 3.0 < found.estimate() < 3.0 * error
+
+
+def test_corrections_are_those_of_a_tangent_that_is_not_symmetric():
+    """Where points slip."""
+    found = bent_over(3, friction=0.2)
+    finer = Finer.of(found.model, "axis")
+    state = finer.displacement(found.displacement)
+    assembler = assembler_for(finer.model)
+    assembler.contact = correction.touching(finer, found.contacts, state, PETSc.COMM_SELF)
+    x, force, change, matrix = (*(assembler.vector() for _ in range(3)), assembler.matrix())
+    assembler.state(state).copy(x)
+    assembler.residual(x, 1.0, force)
+    assembler.tangent(x, 1.0, matrix)
+    ksp = correction.solver(assembler, matrix)
+    ksp.setOperators(matrix)
+    ksp.solve(force, change)
+    assert (matrix * change - force).norm() < 1e-9 * force.norm()
 
 
 def test_springs_of_what_sticks_count_in_the_error():

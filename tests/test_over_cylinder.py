@@ -1,5 +1,7 @@
 """Rods solved over a cylinder, beside elastica and rope; ``python -m comparisons.contact.over_cylinder`` has more."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -118,3 +120,23 @@ def test_a_rope_of_a_file_slides_round_a_drum_as_a_thin_one_does(wrap, tmp_path)
     """Nobody chose a space, a penalty or a load step; what its thickness adds goes with it."""
     thick, thin = (pull_of(tmp_path / "rope.toml", radius, wrap) for radius in (0.5, 0.25))
     assert 2.0 * thin - thick == pytest.approx(10.0 * friction_ratio(0.2, np.radians(wrap)), rel=0.02)
+
+
+# Of that hose on twice the elements, section degree 8: the force that pulls it, and that of the contact.
+PULL, PRESS = -1.4796, 2.0589
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degree", [5, 6])
+def test_a_hose_hauled_over_a_pulley_knows_its_error(degree):
+    """It flattens too little on few section functions; all points slip, where the tangent is not symmetric."""
+    path = Path(over_cylinder.__file__).with_name("hose.toml")
+    scene = FileScene(str(path), section_degree=degree)
+    solution, _ = solving.solve(scene, scene.settings())
+    (contact,), found = solution.contacts, scene.measure(solution)
+    assert contact.sticking == 0 < contact.slipping
+    error = abs(found["pull"] / PULL - 1.0)
+    print(found, error, solution.estimate())
+    assert error > 0.005
+    assert 0.5 * error < solution.estimate() < 3.0 * error
+    assert abs(found["press"] / PRESS - 1.0) < 1.5 * error

@@ -30,7 +30,7 @@ WIDE = 150
 _UNSCALED = "mat_mumps_icntl_8"
 
 
-def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True) -> dict[str, object]:
+def factorisation(assembler: Assembler, prefix: str = "") -> dict[str, object]:
     """Return the options of the direct solver that suits a model: `isorod.petsc.banded` for bands, else MUMPS.
 
     Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of
@@ -45,11 +45,11 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     plain, alone = assembler.contact is None and assembler.coupling is None, assembler.comm.getSize() == 1
     # The mixed formulation's tangent is indefinite and may need row exchanges: `banded` makes them on one rank.
     mixed = is_mixed(assembler.model)
-    if plain and (alone or not mixed) and symmetric and not own and suits(assembler.model):
+    if plain and (alone or not mixed) and assembler.symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
         chosen = ROWS if plain and alone and not mixed and width <= WIDE else SPARSE
-    if not symmetric:
+    if not assembler.symmetric:
         chosen = chosen | {"pc_type": "lu"}
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 

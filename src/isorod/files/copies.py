@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError, finite, whole_number
-from isorod.files.form import Call, Name
+from isorod.files import schema
+from isorod.files.document import Place
+from isorod.files.form import Call, Name, call
 from isorod.files.values import Kind
 from isorod.tensors import rotation
 
@@ -73,6 +75,28 @@ def copies(
 def names(name: str, count: int) -> list[str]:
     """Return the names of so many copies."""
     return [f"{name}-{k + 1}" for k in range(count)]
+
+
+def placed(
+    rods: Iterator[tuple[str, Place, dict[str, Any]]],
+) -> tuple[dict[str, Place], dict[str, Motion], dict[str, list[str]]]:
+    """Return the places of all rods of a file by their names, the motions of copies, and their names by the rod's.
+
+    ``rods`` are names, places and tables of those that the file has.
+    """
+    places: dict[str, Place] = {}
+    motions: dict[str, Motion] = {}
+    several: dict[str, list[str]] = {}
+    for name, place, table in rods:
+        if "copy" in table:
+            made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
+            several[name] = names(name, len(made))
+            motions |= dict(zip(several[name], made, strict=True))
+        for one in several.get(name, [name]):
+            if one in places:
+                raise place.error(f"{one} is the name of a copy of another rod; choose another")
+            places[one] = place
+    return places, motions, several
 
 
 class Copies:

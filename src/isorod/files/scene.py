@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
 from isorod.files import changes, schema
-from isorod.files.copies import Copies, Motion, names
+from isorod.files.copies import Copies, placed
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
 from isorod.files.names import Names
@@ -140,18 +140,7 @@ class FileScene(Scene):
 
     def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
         """Return the rods, and the names of the copies of one by its own."""
-        motions: dict[str, Motion] = {}
-        places: dict[str, Place] = {}
-        several: dict[str, list[str]] = {}
-        for name, place, table in self._named("rod", RodPlan.KEYS):
-            if "copy" in table:
-                made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
-                several[name] = names(name, len(made))
-                motions |= dict(zip(several[name], made, strict=True))
-            for one in several.get(name, [name]):
-                if one in places:
-                    raise place.error(f"{one} is the name of a copy of another rod; choose another")
-                places[one] = place
+        places, motions, several = placed(self._named("rod", RodPlan.KEYS))
         if not places:
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
@@ -335,7 +324,7 @@ class FileScene(Scene):
 
         bodies = [plan.body(self._use(k)) for k, plan in enumerate(self.plans.values())]
 
-        def placed(one: Call) -> Any:
+        def made(one: Call) -> Any:
             names = self._names.of(one)
             if "space" in inspect.signature(one.form.function).parameters:
                 names["space"] = bodies[names.get("body", 0)].space
@@ -356,8 +345,8 @@ class FileScene(Scene):
                     names = {key: built(surface, facets) for key, surface in names.items()}
             return one.make(**names)
 
-        supports = [placed(one) for one in self._names.supports.values()]
-        loads = [placed(one) for one in self._names.loads.values()]
+        supports = [made(one) for one in self._names.supports.values()]
+        loads = [made(one) for one in self._names.loads.values()]
         if self._gravity is not None:
             loads += [self._gravity.make(of=body, body=b) for b, body in enumerate(bodies)]
         contacts, welds = (

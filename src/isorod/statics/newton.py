@@ -117,7 +117,7 @@ class Newton:
             self._residual,
             self._tangent,
             self._test,
-            OPTIONS | own | factorisation(assembler, symmetric=assembler.symmetric),
+            OPTIONS | own | factorisation(assembler),
         )
         self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):

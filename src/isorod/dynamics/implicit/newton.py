@@ -53,7 +53,7 @@ class Newton:
             lambda x, out: assembler.residual(x, self._factor, out),
             self._tangent,
             self._test,
-            OPTIONS | factorisation(assembler, symmetric=False),
+            OPTIONS | factorisation(assembler),
         )
 
     def destroy(self) -> None:
