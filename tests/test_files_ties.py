@@ -186,3 +186,49 @@ def test_a_law_of_traction_over_slip_is_points_or_a_file_of_them(given, written,
         with pytest.raises(InputError, match=r"^\S+my.toml:\d+: tie.bond.bond: ") as caught:
             written(SLEEVE, f"tie.bond.bond={wrong}", "tie.bond.kind=slide").model()
         assert "\n" not in str(caught.value)
+
+
+COLUMN = """
+[rod.column]
+curve = {straight = 20.0}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1.0, nu = 0.3}}
+[rod.left]
+curve = {straight = {start = [-9.0, 0.0, 7.0], end = [-0.9, 0.0, 7.0]}}
+section = {circle = 0.4}
+law = {LinearElastic = {E = 1.0, nu = 0.3}}
+[rod.right]
+curve = {straight = {start = [0.9, 0.0, 7.0001], end = [9.0, 0.0, 7.0]}}
+section = {circle = 0.4}
+law = {LinearElastic = {E = 1.0, nu = 0.3}}
+[rod.high]
+curve = {straight = {start = [0.0, 0.9, 15.0], end = [0.0, 9.0, 15.0]}}
+section = {circle = 0.4}
+law = {LinearElastic = {E = 1.0, nu = 0.3}}
+[tie]
+left = {slave = "left.end", master = "column.outer"}
+right = {slave = "right.start", master = "column.outer"}
+high = {slave = "column.outer", master = "high.start", gap = 50.0}
+[support.foot]
+end = "start"
+rod = "column"
+[analysis.statics]
+"""
+
+
+def test_a_rod_has_short_elements_where_ends_of_others_are_tied_to_its_flank(tmp_path):
+    """What meets it in one place from two sides is one kink; the rods that end there have what they had."""
+    (tmp_path / "frame.toml").write_text(COLUMN)
+    spaces = [body.space for body in FileScene(str(tmp_path / "frame.toml")).model().bodies]
+    axis = spaces[0].axis
+    twice = [u for u in axis.breaks[1:-1] if np.sum(np.abs(axis.knots - u) < 1e-9) == axis.degree]
+    np.testing.assert_allclose(twice, [0.35, 0.75], atol=1e-4)
+    lengths = 20.0 * np.diff(axis.breaks)
+    for u in twice:
+        k = int(np.searchsorted(axis.breaks, u))
+        assert max(lengths[k - 1], lengths[k]) < 0.6 * lengths.max()
+    bare = COLUMN.partition("[tie]")[0] + "[analysis.statics]\n"
+    (tmp_path / "bare.toml").write_text(bare)
+    alone = [body.space for body in FileScene(str(tmp_path / "bare.toml")).model().bodies]
+    assert [str(space) for space in spaces[1:]] == [str(space) for space in alone[1:]]
+    assert spaces[0].elements > alone[0].elements or len(spaces[0].knots) > len(alone[0].knots)

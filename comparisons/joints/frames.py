@@ -24,6 +24,7 @@ from comparisons.joints.whole import ROD, Problem, Whole
 from isorod import LinearElastic, Space, Tie, modal, statics
 from isorod.model import Body, Model, Support
 from isorod.model.tie import EndFace, LateralSurface
+from isorod.space import choice
 from meshes import rods as bricks
 
 Array = NDArray[np.float64]
@@ -81,15 +82,20 @@ def frequencies_of_bricks(count: int, level: int) -> tuple[Array, int]:
 
 
 def lattice(cells: int, **space: Any) -> Frame:
-    """Return a block of cells: columns along z at all corners, struts along x and y between them on all levels."""
-    every = range(cells + 1)
+    """Return a block of cells: columns along z at all corners, struts along x and y between them on all levels.
+
+    Columns have short elements where struts are tied, as those of files, if nothing is said of spaces.
+    """
+    every, high = range(cells + 1), CELL * cells + 2.0 * COLUMN
+    levels = [(COLUMN + CELL * level) / high for level in every]
     spaces: list[Space] = []
     column: dict[tuple[int, int], int] = {}
     for i in every:
         for j in every:
             column[i, j] = len(spaces)
-            line = isorod.straight(CELL * cells + 2.0 * COLUMN, start=(CELL * i, CELL * j, -COLUMN))
-            spaces.append(Space(line.sweep(isorod.circle(8, COLUMN)), **space))
+            rod = isorod.straight(high, start=(CELL * i, CELL * j, -COLUMN)).sweep(isorod.circle(8, COLUMN))
+            own = space or {"knots": choice.boundary_layers(rod, None, levels)}
+            spaces.append(Space(rod, **own))
     ties = []
     inside = np.sqrt(COLUMN**2 - STRUT**2)
     pairs = [(at, to) for at in column for to in ((at[0] + 1, at[1]), (at[0], at[1] + 1)) if to in column]

@@ -78,6 +78,16 @@ class Names:
         own = [one for one in self.ties.values() if getattr(self.of(one)["slave"], "body", None) == rod]
         return [length for one in own for length in one.arguments.get("along") or ()]
 
+    def landed(self, rod: int) -> list[float]:
+        """Return the axis parameters of a rod, by its number, where ends of others are tied to its lateral surface."""
+        if not self.ties or len(self.rods) < 2:
+            return []
+        # Loads what models are made of.
+        from isorod.files.ties import landed
+
+        pairs = [(named["slave"], named["master"]) for named in map(self.of, self.ties.values())]
+        return landed(rod, pairs, [plan.rod for plan in self.rods.values()])
+
     def bonded(self, rod: int) -> bool:
         """Return whether the lateral surface of a rod, by its number, is tied to a finite element body."""
         if not (self.ties and self.solids):

@@ -188,7 +188,8 @@ class FileScene(Scene):
                 float(u)
                 for one in (*supports, *loads)
                 if isinstance(u := one.arguments.get("u", one.arguments.get("at")), float | int)
-            ],
+            ]
+            + self._names.landed(number),
             tied=self._names.tied(number),
             bonded=self._names.bonded(number),
             pressed=any(one.form is schema.LOADS["pressure"] for one in loads),

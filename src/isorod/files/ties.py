@@ -1,12 +1,26 @@
 """Ties of a scene file: surfaces by their names, as ``"spring.end"``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from isorod.arrays import Index
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from isorod.arrays import Array, Index
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
+from isorod.space.shape import shape_of
+
+# Parts of an element in which the place nearest to a tied end is looked for.
+_LOOKS = 16
+
+# Ends that are nearer to each other along the rod, in its radii, meet it in one place.
+_ONE_PLACE = 0.2
+
+# How exactly, as a share of such a part.
+_EXACT = 1e-9
 
 
 class Facets(NamedTuple):
@@ -36,6 +50,42 @@ def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> S
     if not isinstance(surface, Facets):
         return surface
     return SolidSurface(surface.solid, None if surface.group is None else facets[surface.solid][surface.group])
+
+
+def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[], Rod]]) -> list[float]:
+    """Return the axis parameters of a rod, by its number, that are nearest to end faces tied to its lateral surface.
+
+    Those of ends that meet it in one place, as from two sides, are one.  ``ties`` are slaves and masters; ``rods``
+    make those of the file.
+    """
+    found = []
+    for pair in (*ties, *((master, slave) for slave, master in ties)):
+        end, flank = pair
+        if not (isinstance(end, EndFace) and isinstance(flank, LateralSurface) and flank.body == rod):
+            continue
+        other, own = rods[end.body](), rods[rod]()
+        place = other.grid(np.zeros((1, 2)), other.axis.breaks[[0 if end.which == "start" else -1]])[0][0, 0]
+        found.append(_nearest(own, place))
+    if not found:
+        return []
+    shape = shape_of(rods[rod]())
+    ways = np.interp(sorted(found), shape.u, shape.way)
+    apart = np.diff(ways, prepend=-np.inf) > _ONE_PLACE * shape.radius
+    return np.interp(ways[apart], shape.way, shape.u).tolist()
+
+
+def _nearest(rod: Rod, place: Array) -> float:
+    """Return the axis parameter of a rod's centre that is nearest to a place ``(3,)``."""
+
+    def away(u: float) -> float:
+        return float(np.linalg.norm(rod.grid(np.zeros((1, 2)), [u])[0][0, 0] - place))
+
+    places = rod.axis.evenly(_LOOKS)
+    near = int(np.argmin([away(u) for u in places]))
+    low, high = places[max(near - 1, 0)], places[min(near + 1, places.size - 1)]
+    return float(
+        minimize_scalar(away, bounds=(low, high), method="bounded", options={"xatol": _EXACT * (high - low)}).x
+    )
 
 
 def tie(
