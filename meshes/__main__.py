@@ -20,8 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(words: Sequence[str]) -> int:
-    if (told := chosen.usage("mesh", words, ())) is not None:
-        return told
+    if chosen.usage("mesh", words, ()):
+        return 0
     scene, found, _ = chosen.choose("mesh", words, (), _more)
     paths = [Path(name) for name in found.files or [f"{scene.name}.msh"]]
     for path in paths:

@@ -13,7 +13,7 @@ CELLS = ("bricks", "tetrahedra", "paper")
 
 def rod() -> Rod:
     """Return the wire that all meshes below are meshes of."""
-    return Spring().rod()
+    return Spring(helix="paper").rod()
 
 
 def build(

@@ -188,7 +188,7 @@ def test_what_finite_elements_refuse_is_one_line_and_nothing_is_written(both, mo
     monkeypatch.setattr(timing, "run", refuse)
     _, folder, _ = both(FILE, code=2)
     said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith("comparisons: ") and said[-1].endswith("my bar.toml: contact: not here")
+    assert said[-1].startswith("isorod: ") and said[-1].endswith("my bar.toml: contact: not here")
     assert not folder.exists()
 
 
@@ -203,20 +203,20 @@ def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["compare"], "comparisons: compare: no scene is named; name one: NAME.toml, spring or blade (see"),
+        (["compare"], "isorod: compare: no scene is named; name one: NAME.toml, spring or blade (see"),
         (["spring", "blade"], "comparisons: spring blade: only compare takes a scene (see"),
         (
             ["compare", "biceps"],
-            "comparisons: biceps: it moves, and presses on itself; its comparison is a study: python",
+            "isorod: biceps: it moves, and presses on itself; its comparison is a study: python",
         ),
         (
             ["compare", "ring"],
-            "comparisons: ring: geometry alone, with nothing to solve; isorod run ring tells its vol",
+            "isorod: ring: geometry alone, with nothing to solve; isorod run ring tells its vol",
         ),
-        (["compare", "flower"], "comparisons: flower: geometry alone"),
-        (["compare", "sprig"], "comparisons: scene 'sprig' is not known; there are: biceps, blade"),
-        (["compare", "none.toml"], "comparisons: none.toml: "),
-        (["compare", "moves.toml"], "comparisons: moves.toml: dynamics, of which there are no finite elements here"),
+        (["compare", "flower"], "isorod: flower: geometry alone"),
+        (["compare", "sprig"], "isorod: scene 'sprig' is not known; there are: biceps, blade"),
+        (["compare", "none.toml"], "isorod: none.toml: "),
+        (["compare", "moves.toml"], "isorod: moves.toml: dynamics, of which there are no finite elements here"),
     ],
 )
 def test_refusals_are_one_line(words, said, capsys, tmp_path, monkeypatch):

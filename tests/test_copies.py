@@ -109,7 +109,7 @@ def test_a_contact_is_one_of_all_copies(tmp_path):
     assert sides('first = "wire"') == ((0, 1, 2), None)
     assert sides('first = "core"\nsecond = "wire"') == (3, (0, 1, 2))
     assert sides('first = "wire-3"\nsecond = "wire-1"') == (2, 0)
-    with pytest.raises(InputError, match=r"contact.lay.first: .* named twice"):
+    with pytest.raises(InputError, match=r"contact.lay.second: .* named twice"):
         sides('first = "wire"\nsecond = "wire-1"')
 
 

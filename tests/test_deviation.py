@@ -330,7 +330,7 @@ def test_a_run_says_how_far_its_rods_are_from_what_was_written(tmp_path, capsys)
     (tmp_path / "frame.toml").write_text(text)
     assert main(["run", str(tmp_path / "frame.toml")]) == 0
     said = capsys.readouterr()
-    assert "deviation           5 at most, 5 of the radius: centre line" in said.out
+    assert "deviation           5 at most, 500 % of the radius: centre line" in said.out
     assert said.err.startswith("isorod: warning: rod.frame: centre line: its largest deviation is 5, ")
     (tmp_path / "frame.toml").write_text(text.replace("tolerance = 0.0", "fillet = 3.0"))
     assert main(["run", str(tmp_path / "frame.toml")]) == 0

@@ -19,7 +19,7 @@ GALLERY = ROOT / "docs" / "gallery.md"
 # Commands that take ten seconds and more.
 LONG = (
     "isorod run biceps --statics",
-    "isorod sweep spring --pull 0:10:21",
+    "isorod sweep spring --travel 0:10:21",
     "isorod plot seen/blade --mode 2 --gif blade.gif --size 400x500",
     "isorod run coil",
     "isorod plot seen/spring --gif spring.gif --size 600x450",

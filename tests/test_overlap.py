@@ -68,7 +68,11 @@ def test_a_closed_ring_does_not_overlap_itself():
 
 def test_what_is_near_nothing_costs_one_stage_alone(monkeypatch):
     monkeypatch.setattr(overlap, "_depths", lambda *_: pytest.fail("outlines were looked at"))
-    for model in (Spring(elements_per_turn=4).model(), Spring(preset="paper").model(), rods((0.0, 2.5, 0.0))):
+    for model in (
+        Spring(helix="paper", elements_per_turn=4).model(),
+        Spring(preset="paper").model(),
+        rods((0.0, 2.5, 0.0)),
+    ):
         assert overlap.deepest(model) is None
 
 

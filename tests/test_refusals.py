@@ -108,7 +108,7 @@ def test_units_do_not_matter(modulus):
         ("spring --E 1e-300", r"Young's modulus E: got 1e-300"),
         ("blade --quadrature 1x1x1", r"one radial point"),
         ("spring --quadrature 2x1x1", r"quadrature 2x1x1 has fewer points than 'auto'"),
-        ("spring --pull 1e-13", r"at round-off level of the model size"),
+        ("spring --travel 1e-13", r"at round-off level of the model size"),
     ],
 )
 def test_the_command_fails_with_one_line(line, message, isorod):

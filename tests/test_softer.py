@@ -84,7 +84,8 @@ def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
     solver.policy = ContactPolicy(solver, contact)
     solver.policy.settle = settle
     steps = []
-    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
+    path = SimpleNamespace(reached=lambda x, factor: steps.append(factor), outputs=[])
+    climbing.climb(solver, 1, path)
     return len(steps), solver.cuts, taken
 
 
@@ -172,7 +173,7 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     )
     solver.policy = ContactPolicy(solver, contact)
     solver.policy.settle = lambda factor: 0
-    climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
+    climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor), outputs=[]))
     assert path == pytest.approx(0.125 * np.arange(1, 9))
 
 
@@ -198,7 +199,7 @@ def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
         policy=None,
         cuts=0,
     )
-    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor)))
+    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor), outputs=[]))
     assert (targets, reached, solver.cuts) == ([1.0, 1.0], [1.0], 0)
 
 

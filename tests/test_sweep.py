@@ -14,7 +14,7 @@ from isorod.command import sweep as sweeping
 from isorod.errors import SolveError
 
 COARSE = "--preset paper --coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
-PULLED = [*COARSE, "--no-estimate", "--pull", "0:5:21"]
+PULLED = [*COARSE, "--no-estimate", "--travel", "0:5:21"]
 
 
 @pytest.fixture
@@ -52,10 +52,10 @@ def whole(tmp_path_factory):
 
 def test_a_table_has_the_digits_of_single_runs(whole, capsys):
     table = rows(whole)
-    assert [row["pull"] for row in table[:3]] == ["0", "0.25", "0.5"] and len(table) == 21
+    assert [row["travel"] for row in table[:3]] == ["0", "0.25", "0.5"] and len(table) == 21
     for row in table:
         capsys.readouterr()
-        assert cli.main(["run", "spring", *COARSE, "--no-estimate", "--pull", row["pull"], "--json"]) == 0
+        assert cli.main(["run", "spring", *COARSE, "--no-estimate", "--travel", row["travel"], "--json"]) == 0
         alone = json.loads(capsys.readouterr().out)
         assert row["force"] == sheet.cells([alone["force"]])[0]
         assert (row["unknowns"], row["status"]) == (str(alone["unknowns"]), "solved")
@@ -158,9 +158,9 @@ def test_the_file_of_something_else_is_left_alone(words, spoil, message, whole, 
 def test_overwrite_begins_anew(sweep, tmp_path):
     path = tmp_path / "force.csv"
     path.write_text("mine")
-    code, *_ = sweep("spring", *COARSE, "--no-estimate", "--pull", "1,2", "--output", path, "--overwrite")
+    code, *_ = sweep("spring", *COARSE, "--no-estimate", "--travel", "1,2", "--output", path, "--overwrite")
     assert code == 0
-    assert [row["pull"] for row in rows(path)] == ["1", "2"]
+    assert [row["travel"] for row in rows(path)] == ["1", "2"]
 
 
 def test_two_sweeps_at_once_fill_one_table(whole, python, tmp_path):
@@ -175,12 +175,12 @@ def test_two_sweeps_at_once_fill_one_table(whole, python, tmp_path):
 
 def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
     path = tmp_path / "force.csv"
-    code, out, err = sweep("spring", *COARSE, "--nu", "0.7,0.3,0.4", "--pull", "1,1e6", "--output", path)
+    code, out, err = sweep("spring", *COARSE, "--nu", "0.7,0.3,0.4", "--travel", "1,1e6", "--output", path)
     assert code == 2
     assert err.splitlines()[-1] == "isorod: 4 of 6 points could not be solved; the table says why"
-    assert re.fullmatch(r"isorod: warning: nu 0.3, pull 1: estimated error .*", err.splitlines()[0])
+    assert re.fullmatch(r"isorod: warning: nu 0.3, travel 1: estimated error .*", err.splitlines()[0])
     table = rows(path)
-    told = [(row["nu"], row["pull"], row["status"].partition(":")[0], bool(row["force"])) for row in table]
+    told = [(row["nu"], row["travel"], row["status"].partition(":")[0], bool(row["force"])) for row in table]
     assert told == [
         ("0.7", "1", "refused", False),
         ("0.7", "1e6", "refused", False),
@@ -198,16 +198,16 @@ def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
     ("words", "message"),
     [
         (["spring"], "nothing is varied"),
-        (["spring", "--nu", "0.3"], "nothing is varied; .*--pull 0:10:21"),
-        (["spring", "--pull", "0:10"], "nothing is varied|invalid float"),
-        (["spring", "--pull", "0:10:x"], "pull: got 0:10:x, need from:to:count"),
-        (["spring", "--pull", "0:inf:3"], "pull: got 0:inf:3, need from:to:count"),
-        (["spring", "--pull", "0:10:1"], "need a count from 2 to"),
-        (["spring", "--pull", "2:2:5"], "whose ends are the same"),
-        (["spring", "--pull", "1,,2"], "a value is empty"),
-        (["spring", "--pull", "1,2,1"], "which has 1 twice"),
-        (["spring", "--pull", "1,2", "--pull", "3,4"], "pull: varied twice"),
-        (["spring", "--nu", "0.1:0.4:1000", "--pull", "0:1:1000"], "1,000,000 points; a sweep has at most"),
+        (["spring", "--nu", "0.3"], "nothing is varied; .*--travel 0:10:21"),
+        (["spring", "--travel", "0:10"], "nothing is varied|invalid float"),
+        (["spring", "--travel", "0:10:x"], "travel: got 0:10:x, need from:to:count"),
+        (["spring", "--travel", "0:inf:3"], "travel: got 0:inf:3, need from:to:count"),
+        (["spring", "--travel", "0:10:1"], "need a count from 2 to"),
+        (["spring", "--travel", "2:2:5"], "whose ends are the same"),
+        (["spring", "--travel", "1,,2"], "a value is empty"),
+        (["spring", "--travel", "1,2,1"], "which has 1 twice"),
+        (["spring", "--travel", "1,2", "--travel", "3,4"], "travel: varied twice"),
+        (["spring", "--nu", "0.1:0.4:1000", "--travel", "0:1:1000"], "1,000,000 points; a sweep has at most"),
         (["spring", "--nu", "0.3,0.7,x"], "argument --nu: invalid float value: 'x'"),
         (["spring", "--nuu", "0.3,0.4"], "option --nuu is not known; did you mean --nu"),
         (["spring", "--nu", "0.6,0.7"], r"none of 2 points can be solved; the first: .*got 0.6"),
@@ -234,7 +234,7 @@ def test_an_option_of_petscs_that_nothing_uses_is_named(isorod, tmp_path):
 
 
 def test_every_point_is_a_line_of_json_and_a_table_for_people(sweep, capsys):
-    words = "spring", *COARSE, "--no-estimate", "--nu", "0.3,0.4", "--pull", "1,2"
+    words = "spring", *COARSE, "--no-estimate", "--nu", "0.3,0.4", "--travel", "1,2"
     found = records(sweep(*words, "--json")[1])
     assert [tuple(one["sweep"]["values"].values()) for one in found] == [
         ("0.3", "1"),
@@ -244,7 +244,7 @@ def test_every_point_is_a_line_of_json_and_a_table_for_people(sweep, capsys):
     ]
     assert {"versions", "commit", "machine", "force", "options"} <= found[0].keys()
     lines = sweep(*words)[1].splitlines()
-    assert lines[0].split() == ["nu", "pull", "force", "Newton"]
+    assert lines[0].split() == ["nu", "travel", "force", "Newton"]
     assert [float(line.split()[2]) for line in lines[1:5]] == pytest.approx([one["force"] for one in found], rel=1e-5)
     assert re.fullmatch(r"4 points in .*; .* Newton iterations each", lines[5])
 
@@ -284,7 +284,7 @@ def test_a_failure_within_a_sweep_is_not_the_next_points(sweep, monkeypatch):
     own = solving.solve
 
     def solve(scene, settings, begin=None):
-        if scene.pull == 1.0:
+        if scene.travel == 1.0:
             raise SolveError("no\nluck")
         return own(scene, settings, begin)
 

@@ -125,5 +125,7 @@ def test_a_file_asks_for_them(tmp_path):
     # A load that comes at once sends a wave; before it arrives the tie carries nothing.
     assert abs(found["pull"][0]) < 1e-5 and found["pull"][-1] < -0.005
     path.write_text(bars("explicit"))
-    with pytest.raises(InputError, match=r"^[^\n]*measure.pull: explicit steps do not tell what ties carry[^\n]*$"):
+    with pytest.raises(
+        InputError, match=r"^[^\n]*measure.pull.tie_force: explicit steps do not tell what ties carry[^\n]*$"
+    ):
         FileScene(str(path))

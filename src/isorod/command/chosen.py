@@ -52,13 +52,12 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
     return Chosen(scene.with_options(**field_values(found, scene)), found, words)
 
 
-def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> int | None:
-    """Print a command's page where help alone is asked for, or nothing at all; return the exit code, else None."""
-    asked = ours[:1] in (["-h"], ["--help"]) or (not ours and [*theirs] == ["-help"])
-    if not asked and (ours or theirs):
-        return None
+def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
+    """Return whether help alone is asked for, or nothing at all; a command's page is printed."""
+    if ours[:1] not in (["-h"], ["--help"]) and (ours or [*theirs] not in ([], ["-help"])):
+        return False
     print(pages.page(command))
-    return 0 if asked else 2
+    return True
 
 
 def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -> tuple[int, Any, Parser]:

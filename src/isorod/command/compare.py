@@ -27,7 +27,7 @@ def main(arguments: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """
     if not arguments or {"-h", "--help"} & {*arguments}:
         print(pages.page("compare"))
-        return 0 if arguments else 2
+        return 0
     parser = Parser(prog="isorod compare", allow_abbrev=False)
     parser.add_argument("scene")
     parser.add_argument("--level", choices=("quick", "full"))

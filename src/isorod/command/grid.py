@@ -61,7 +61,7 @@ def read(words: Sequence[str], left: Sequence[str] = ()) -> list[Point]:
     points = prod(map(len, choices))
     if points == 1:
         raise InputError(
-            "nothing is varied; give an option several values: --pull 0:10:21 (from, to, how many) or --nu 0.3,0.4"
+            "nothing is varied; give an option several values: --travel 0:10:21 (from, to, how many) or --nu 0.3,0.4"
         )
     if points > MOST:
         raise InputError(f"{points:,} points; a sweep has at most {MOST:,}")

@@ -14,8 +14,8 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Write the matrices of a scene with our options and PETSc's; return the exit code."""
     import numpy as np
 
-    if (told := chosen.usage("matrices", ours, theirs)) is not None:
-        return told
+    if chosen.usage("matrices", ours, theirs):
+        return 0
     scene, found, _ = chosen.choose("matrices", ours, theirs, more)
     if scene.analysis == "geometry":
         raise InputError("matrices: this scene is geometry only, which has none; 'isorod list' names others")

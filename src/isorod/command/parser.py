@@ -112,9 +112,9 @@ class _Former(argparse.Action):
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         """Keep the value under the present name."""
-        value = values if self._factor == 1.0 else values * self._factor
-        warnings.warn(f"{option_string}: say {self._now}={value:.12g}", FutureWarning, stacklevel=2)
-        setattr(namespace, self.dest, value)
+        degrees = "" if self._factor == 1.0 else ", in degrees"
+        warnings.warn(f"{option_string}: say {self._now}{degrees}", FutureWarning, stacklevel=2)
+        setattr(namespace, self.dest, values if self._factor == 1.0 else values * self._factor)
 
 
 def field_values(found: argparse.Namespace, scene: Any) -> dict[str, Any]:

@@ -176,7 +176,7 @@ def _contact(one: Mapping[str, Any]) -> str:
     """Return how a contact presses, and how well its patch is seen."""
     return (
         f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth "
-        f"{percent(one['relative_penetration'])} of the radius, {one['points_across']:.2g} points wide"
+        f"{percent(one['relative_penetration'])} of radius, {one['points_across']:.2g} points wide"
     )
 
 

@@ -23,8 +23,8 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     from isorod.command import printing
 
-    if (told := chosen.usage("run", ours, theirs)) is not None:
-        return told
+    if chosen.usage("run", ours, theirs):
+        return 0
     scene, found, _ = chosen.choose("run", ours, theirs, more)
     if found.output is not None:
         from isorod.output import results, vtk

@@ -32,8 +32,8 @@ _FIRST = (
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Print the properties of a section of a scene's rod; return the exit code."""
-    if (told := chosen.usage("section", ours, theirs)) is not None:
-        return told
+    if chosen.usage("section", ours, theirs):
+        return 0
     scene, found, _ = chosen.choose("section", ours, theirs, more)
     if found.output is not None and Path(found.output).suffix != ".csv":
         raise InputError(f"--output: got {found.output}, need a file that ends in .csv")

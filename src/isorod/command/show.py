@@ -10,8 +10,8 @@ from isorod.command.parser import Parser
 
 def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Show the rods of a scene in a window, or write a picture of them; return the exit code."""
-    if (told := chosen.usage("show", ours, theirs)) is not None:
-        return told
+    if chosen.usage("show", ours, theirs):
+        return 0
     scene, found, _ = chosen.choose("show", ours, theirs, more)
     window = drawing.prepare("show", found)
     from isorod.output import picture, shape, solids

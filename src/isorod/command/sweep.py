@@ -35,8 +35,8 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Run a sweep with our options and PETSc's; return the exit code: 2 where points could not be solved."""
     import numpy as np
 
-    if (told := chosen.usage("sweep", ours, theirs)) is not None:
-        return told
+    if chosen.usage("sweep", ours, theirs):
+        return 0
     if {"-h", "--help"} & {*ours}:
         chosen.find("sweep", ours, theirs, more)[2].print_help()
         return 0

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import qr
-from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
 from isorod.errors import InputError
@@ -278,6 +277,9 @@ def _nearest(space: Space, points: Array) -> tuple[Array, Array]:
     disk = (radii[:, None, None] * circle(_AROUND)).reshape(-1, 2)
     start = np.unique(disk.round(12), axis=0)
     cloud = rod.grid(start, stations)[0].reshape(-1, 3)
+    # Loaded by those models alone whose surfaces meet.
+    from scipy.spatial import cKDTree
+
     near = cKDTree(cloud).query(points)[1]
     xi, u = start[near % len(start)].copy(), stations[near // len(start)].copy()
     for _ in range(_STEPS):
