@@ -107,7 +107,7 @@ def test_what_is_chosen_is_held_against_finer_spaces_of_the_same_kind(monkeypatc
     with study.progress(9) as steps:
         work.WorkPrecision(study, steps, "spring", FINER, lambda _: 0.0).run([AS_RUN], [1e-2], {1e-2: ()})
     chosen = "--section-degree {} --elements-per-turn {} --degree 5 --continuity 2"
-    near = [f"spring {chosen.format(*one)} --repeat 1" for one in ((3, 8), (4, 4))]
+    near = [f"spring {chosen.format(*one)} --repeat 1" for one in ((3, 16), (4, 8))]
     assert asked == ["spring --whole --repeat 6", *near, *3 * ["spring --whole --repeat 6"]]
 
 
