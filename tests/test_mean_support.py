@@ -1,5 +1,7 @@
 """Supports of mean motions, bearings and springs: faces that stay free to deform."""
 
+import warnings
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -286,3 +288,21 @@ test_bad_input = refused(
         "support 0: a mean motion is not displaced in dynamics",
     ),
 )
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.4])
+def test_a_rotational_spring_that_turns_far_is_warned_of(share):
+    """A stiff bar on such a spring, whose potential is half the stiffness times the squared sine."""
+    own = space()
+    springs = MeanSupport.spring(own, "start", (1e3, 1e3, 1e3), (10.0, 10.0, 10.0))
+    load = SectionLoad.end(own, "end", moment=(10.0 * share, 0.0, 0.0))
+    held = Model([Body(own, NeoHookean(1e4, 0.3))], [springs], loads=[load])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        solution = statics.solve(held, load_steps=4)
+    angle = float(springs.turned(own, held.nodal(solution.displacement, 0))[0])
+    assert np.sin(angle) * np.cos(angle) == pytest.approx(share, rel=1e-3)
+    told = [str(one.message) for one in said if "rotational springs" in str(one.message)]
+    assert len(told) == (share > 0.0865)
+    if told:
+        assert f"turns by {np.degrees(angle):.3g} degrees" in told[0]

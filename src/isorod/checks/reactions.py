@@ -20,6 +20,9 @@ TOLERANCE = 1e-3
 # Displacements below this share of the size leave fewer than three digits of a slender rod's strains.
 _VANISHES = 1e-11
 
+# From this angle on, radians, moments of rotational springs are half a percent off.
+_SMALL_TURN = 0.0865
+
 # Loads balance each other to this share.
 _BALANCED = 1e-6
 
@@ -99,10 +102,22 @@ def check_balance(
     warnings.warn(f"support reactions are at round-off level: {largest:.2g}, accurate to {gap:.2g}", stacklevel=3)
 
 
-def refuse_hold(assembler: Assembler, x: PETSc.Vec, reactions: Array, moments: Array) -> None:
-    """Raise `SolveError` where a support that is to hold rigid motions alone carries loads."""
+def check_means(assembler: Assembler, x: PETSc.Vec, reactions: Array, moments: Array) -> None:
+    """Warn of rotational springs that turn far; refuse a hold of rigid motions alone that carries loads."""
     model = assembler.model
+    displacement = assembler.displacement(x, 1.0)
     for k, one in model.means.items():
+        if one.stiffness is not None and len(one.axes):
+            space = model.bodies[one.body].space
+            angle = float(np.abs(one.turned(space, model.nodal(displacement, one.body))).max())
+            if angle > _SMALL_TURN:
+                # Their potential is half the stiffness times the squared sine.
+                less = 100.0 * (1.0 - 0.5 * np.sin(2.0 * angle) / angle)
+                warnings.warn(
+                    f"support {k}: its section turns by {np.degrees(angle):.3g} degrees; the moment of rotational "
+                    f"springs, which count rotations as small, is {less:.2g} % less than stiffness times angle",
+                    stacklevel=4,
+                )
         force, moment = float(np.linalg.norm(reactions[k])), float(np.linalg.norm(moments[k]))
         if one.free and max(force, moment / model.size) > _BALANCED * assembler.carried(x):
             raise SolveError(

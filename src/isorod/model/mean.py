@@ -160,7 +160,8 @@ class MeanSupport(Checked):
     ) -> "MeanSupport":
         """Return springs from a section's mean displacement and rotation to the ground, without force at rest.
 
-        Rotations count as small: a section that turns by ``a`` has the moment ``rotational sin(a)``.
+        Rotations count as small: a section that turns by ``a`` has the moment ``rotational sin(a) cos(a)``, half a
+        percent less than ``rotational a`` at 5 degrees, of which statics warns.
 
         Parameters
         ----------
@@ -230,6 +231,20 @@ class MeanSupport(Checked):
         turns = np.cross((self.axes @ inverse)[:, None], arms)
         moved = trace.weights[:, None] * np.concatenate([shifts, turns])
         return trace.nodes[0], np.einsum("qn,kqa->kna", trace.values, moved)
+
+    def turned(self, space: Space, nodal: Array) -> Array:
+        """Return by how much the section has turned about each of the ``axes``, radians ``(m,)``, up to half a turn.
+
+        ``nodal`` ``(nodes, 3)`` are the displacements of the space's nodes.
+        """
+        trace = self._trace(space)
+        arms, weights = _arms(trace)[0], trace.weights
+        now = arms + trace.values @ nodal[trace.nodes[0]]
+        now -= weights @ now / weights.sum()
+        sines = self.axes @ (weights @ np.cross(arms, now))
+        both = weights @ np.einsum("qa,qa->q", arms, now)
+        cosines = both - np.einsum("ma,mb,ab->m", self.axes, self.axes, (weights[:, None] * arms).T @ now)
+        return np.asarray(np.arctan2(sines, cosines))
 
     def radius(self, space: Space) -> float:
         """Return the radius of gyration of the section, units of length."""

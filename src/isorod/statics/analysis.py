@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
-from isorod.checks.reactions import by_name, carried, check_balance, refuse_hold, support_displacements
+from isorod.checks.reactions import by_name, carried, check_balance, check_means, support_displacements
 from isorod.checks.tie_result import TieResult, at_load
 from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
@@ -359,7 +359,7 @@ def _solve(
         rtol = solver.snes.getTolerances()[0]
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
-        refuse_hold(assembler, solver.x, reactions, moments)
+        check_means(assembler, solver.x, reactions, moments)
         overlap.warn_in_the_end(model, displacement, overlapped)
         small.warn_of_large(model, displacement[None], [assembler.solids(solver.x, 1.0)])
         rules = hourglass.better_rules(model)
