@@ -191,7 +191,7 @@ def energy_of(words, F):
 @pytest.mark.parametrize(
     "law",
     [
-        MooneyRivlin(2.0, 0.5, 50.0),
+        pytest.param(MooneyRivlin(2.0, 0.5, 50.0), marks=pytest.mark.slow),
         Yeoh(2.0, -0.1, 0.02, 50.0),
         Ogden((2.0,), (1.5,), 50.0),
         None,

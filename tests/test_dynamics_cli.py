@@ -128,6 +128,7 @@ def test_one_line_errors(isorod):
     assert "density" in refused(isorod(*SMALL, "--density", "0"))
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_another_number_of_ranks_resumes_a_run_and_all_complain_once(isorod, mpirun, tmp_path):
     file = str(tmp_path / "state")

@@ -37,10 +37,9 @@ def same(expected, *mesh):
     np.testing.assert_allclose(answers(*mesh), expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    "mesh", [pytest.param(("hexahedron", (1, 1, 1), 1), marks=pytest.mark.slow), ("hexahedron", (2, 1, 1), 2)]
-)
+@pytest.mark.parametrize("mesh", [("hexahedron", (1, 1, 1), 1), ("hexahedron", (2, 1, 1), 2)])
 def test_ranks_without_cells_agree(mesh, on_ranks):
     expected = answers(*mesh)
     assert expected[5] == pytest.approx(32.0, rel=1e-12)

@@ -68,7 +68,7 @@ def joint(kind):
     return model
 
 
-@pytest.mark.parametrize("kind", ["flank", "slide", "mean"])
+@pytest.mark.parametrize("kind", [pytest.param("flank", marks=pytest.mark.slow), "slide", "mean"])
 def test_other_ties_move_as_in_implicit_steps(kind):
     model = joint(kind)
     moving = velocity(model, spin=(0.05, 0.1, 0.02), ahead=(0.0, 0.0, -0.05))

@@ -177,6 +177,7 @@ class FileScene(Scene):
         turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in supports]
         touching = [*self.plans][number] in self._names.touching()
         held = any(one.form is schema.SUPPORTS["patch"] for one in supports)
+        places = (one.arguments.get("u", one.arguments.get("at")) for one in (*supports, *loads))
         return Use(
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
             touching=touching and self.analysis in ("statics", "modal"),
@@ -184,12 +185,7 @@ class FileScene(Scene):
             stressed=self.analysis == "statics",
             buckles=self.analysis == "buckling",
             explicit=self._explicit,
-            loaded=[
-                float(u)
-                for one in (*supports, *loads)
-                if isinstance(u := one.arguments.get("u", one.arguments.get("at")), float | int)
-            ]
-            + self._names.landed(number),
+            loaded=[*(float(u) for u in places if isinstance(u, float | int)), *self._names.landed(number)],
             tied=self._names.tied(number),
             bonded=self._names.bonded(number),
             pressed=any(one.form is schema.LOADS["pressure"] for one in loads),

@@ -55,7 +55,7 @@ def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> S
 def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[], Rod]]) -> list[float]:
     """Return the axis parameters of a rod, by its number, that are nearest to end faces tied to its lateral surface.
 
-    Those of ends that meet it in one place, as from two sides, are one.  ``ties`` are slaves and masters; ``rods``
+    Those of ends that meet it in one place, as from two sides, are one; the rod's own ends are none.  ``ties`` are slaves and masters; ``rods``
     make those of the file.
     """
     found = []
@@ -70,7 +70,8 @@ def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[]
         return []
     shape = shape_of(rods[rod]())
     ways = np.interp(sorted(found), shape.u, shape.way)
-    apart = np.diff(ways, prepend=-np.inf) > _ONE_PLACE * shape.radius
+    near, end = _ONE_PLACE * shape.radius, shape.way[-1]
+    apart = (np.diff(ways, prepend=-np.inf) > near) & (ways > near) & (ways < end - near)
     return np.interp(ways[apart], shape.way, shape.u).tolist()
 
 
