@@ -55,8 +55,8 @@ def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> S
 def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[], Rod]]) -> list[float]:
     """Return the axis parameters of a rod, by its number, that are nearest to end faces tied to its lateral surface.
 
-    Those of ends that meet it in one place, as from two sides, are one; the rod's own ends are none.  ``ties`` are slaves and masters; ``rods``
-    make those of the file.
+    Those of ends that meet it in one place, as from two sides, are one; the rod's own ends are none.  ``ties`` are
+    slaves and masters; ``rods`` make those of the file.
     """
     found = []
     for pair in (*ties, *((master, slave) for slave, master in ties)):
