@@ -138,7 +138,9 @@ class Constraints:
         self.averaged = found[sum(tied.slaves.size for tied in self.ties) :]
         self.order = self._ordered()
         # What is given stands behind the degrees of freedom.
-        whole = csr_array(hstack([rows, block_diag([np.zeros((0, 0)), *(one for _, _, one in known)])], format="csr"))
+        whole = csr_array(
+            hstack([rows, block_diag([csr_array((0, 0)), *(csr_array(one) for _, _, one in known)])], format="csr")
+        )
         whole = self._resolved(whole[order])
         self.rows, self.offsets = whole[:, : 3 * self._nodes], whole[:, 3 * self._nodes :].toarray()
         self.held_means = [k for several in sets for k in several]
