@@ -192,6 +192,7 @@ def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
         assert passing.passed(rest, moved(way, below)) is None
 
 
+@pytest.mark.slow
 def test_friction_holds_back_what_is_drawn_along():
     free, rough = (statics.solve(lying(along=0.05, friction=mu), load_steps=4) for mu in (0.0, 0.2))
     assert abs(free.reactions[:, 0].sum()) < 1e-3 * free.contacts[0].force

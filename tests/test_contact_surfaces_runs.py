@@ -159,6 +159,7 @@ load_steps = 2
 """
 
 
+@pytest.mark.slow
 def test_a_wire_in_a_tube_from_a_file(tmp_path, command):
     (tmp_path / "wire.toml").write_text(FILE)
     found = command.record("run", tmp_path / "wire.toml")

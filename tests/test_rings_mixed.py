@@ -96,6 +96,7 @@ def test_lame_tube_in_plane_strain(section_degree, nu):
     assert stress[:, 1, 1] == pytest.approx(mean + other / RADII**2, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_inflated_rubber_tube():
     """Neo-Hookean, ``r^2 = R^2 + c``: the pressure is the integral of ``mu (r^2/R^2 - R^2/r^2) / r`` (Rivlin 1949).
 
