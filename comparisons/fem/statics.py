@@ -19,6 +19,7 @@ from isorod.fenics import compat
 from isorod.fenics.flags import FAST
 from isorod.fenics.stored import Energy
 from isorod.options import defaults
+from isorod.petsc.direct import room
 from meshes.mesh import Array, Index
 
 # The tangent of a stable equilibrium is symmetric and positive definite: half the work of LU. 2: approximate minimum
@@ -309,7 +310,8 @@ class Newton:
             self.x.set(0.0)
         else:
             first.copy(self.x)
-        self.snes.solve(None, self.x)
+        with defaults(room(self.snes.getComm())):
+            self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         if reason < 0:
             why = f"SNES diverged after {self.snes.getIterationNumber()} iterations (reason {reason})"

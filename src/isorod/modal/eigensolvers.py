@@ -6,6 +6,8 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from isorod.errors import InputError
+from isorod.options import defaults
+from isorod.petsc.direct import room
 
 # What a user's option overrides.
 OPTIONS = {"eps_tol": 1e-10, "st_type": "sinvert", "st_ksp_type": "preonly"}
@@ -73,7 +75,8 @@ def only_multiplies() -> bool:
 def solve(eps: SLEPc.EPS) -> None:
     """Solve; what an error leaves half-done is given up, not destroyed, at which newer SLEPc would fail once more."""
     try:
-        eps.solve()
+        with defaults(room(eps.getComm(), "st_")):
+            eps.solve()
     except Exception:
         eps.incRef()
         raise
