@@ -1,7 +1,7 @@
 """Copies of a rod of a scene file, and of all that the file says of it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -12,6 +12,7 @@ from isorod.errors import InputError, finite, whole_number
 from isorod.files import schema
 from isorod.files.document import Place
 from isorod.files.form import Call, Name, call
+from isorod.files.trees import branches
 from isorod.files.values import Kind
 from isorod.tensors import rotation
 
@@ -77,26 +78,48 @@ def names(name: str, count: int) -> list[str]:
     return [f"{name}-{k + 1}" for k in range(count)]
 
 
-def placed(
-    rods: Iterator[tuple[str, Place, dict[str, Any]]],
-) -> tuple[dict[str, Place], dict[str, Motion], dict[str, list[str]]]:
-    """Return the places of all rods of a file by their names, the motions of copies, and their names by the rod's.
+class Placed(NamedTuple):
+    """The rods of a file, by their names, copies and branches of trees among them.
 
-    ``rods`` are names, places and tables of those that the file has.
+    Attributes
+    ----------
+    places, tables
+        Where each stands, and what the file says of it.
+    motions
+        Where copies are put.
+    names
+        The names of the copies, or branches, of a rod by its own.
+    ties
+        The tables of the ties between branches.
     """
-    places: dict[str, Place] = {}
-    motions: dict[str, Motion] = {}
-    several: dict[str, list[str]] = {}
+
+    places: dict[str, Place]
+    tables: dict[str, dict[str, Any]]
+    motions: dict[str, Motion]
+    names: dict[str, list[str]]
+    ties: dict[str, dict[str, Any]]
+
+
+def placed(rods: Iterator[tuple[str, Place, dict[str, Any]]]) -> Placed:
+    """Return all rods of a file, of which names, places and tables are given."""
+    found = Placed({}, {}, {}, {}, {})
     for name, place, table in rods:
-        if "copy" in table:
+        tables = {name: table}
+        if "tree" in table:
+            tables, ties = branches(table, place, name)
+            found.ties.update(ties)
+        elif "copy" in table:
             made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
-            several[name] = names(name, len(made))
-            motions |= dict(zip(several[name], made, strict=True))
-        for one in several.get(name, [name]):
-            if one in places:
-                raise place.error(f"{one} is the name of a copy of another rod; choose another")
-            places[one] = place
-    return places, motions, several
+            tables = {one: deepcopy(table) for one in names(name, len(made))}
+            found.motions.update(zip(tables, made, strict=True))
+        if [*tables] != [name]:
+            found.names[name] = [*tables]
+        for one in tables:
+            if one in found.places:
+                raise place.error(f"{one} is the name of a copy of another rod, or of a branch; choose another")
+            found.places[one] = place
+        found.tables.update(tables)
+    return found
 
 
 class Copies:

@@ -56,6 +56,8 @@ def points(place: Place, value: Any) -> Points:
     InputError
         With the line of the data file, if it cannot be read, or a value is missing, not finite or no number.
     """
+    if isinstance(value, Points):
+        return value
     if not isinstance(value, str):
         return Points(values.value_of(place, value, Numbers))
     content, path = place.data(value), place.document.folder / value

@@ -79,10 +79,11 @@ class RodPlan:
         If something is not known, missing, or not of its kind.
     """
 
-    KEYS = ("curve", "section", "law", "space", "copy")
+    KEYS = ("curve", "section", "law", "space", "copy", "tree")
 
     def __init__(self, place: Place, table: Mapping[str, Any], motion: "Motion | None" = None) -> None:
         self.place, self._motion = place, motion
+        self._built: Rod | None = None
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -98,7 +99,7 @@ class RodPlan:
                     raise (place / key).unknown_key(known)
             self._body = call(place, schema.BODY, rest)
         if "curve" not in table:
-            raise place.error(f"curve is missing: one of {', '.join(schema.CURVES)}")
+            raise place.error(f"curve is missing: one of {', '.join(schema.CURVES)}; or a tree")
         self.curve = choice(place / "curve", schema.CURVES, table["curve"])
         radius = next((one.radius for one in self.curve.arguments.values() if isinstance(one, Points)), None)
         if radius is not None:
@@ -127,6 +128,11 @@ class RodPlan:
 
     def rod(self) -> "Rod":
         """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
+        if self._built is None:
+            self._built = self._build()
+        return self._built
+
+    def _build(self) -> "Rod":
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             line, outline = self.curve.make(), self.section.make()

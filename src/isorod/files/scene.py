@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import deepcopy
 from dataclasses import Field, dataclass, field, replace
 from functools import partial
 from math import dist
@@ -116,7 +115,8 @@ class FileScene(Scene):
             self._choices("load", schema.LOADS),
             self._choices("obstacle", schema.OBSTACLES),
             {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")},
-            self._copied("tie", {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")}),
+            self._copied("tie", {name: call(place, schema.TIES, table) for name, place, table in self._named("tie")})
+            | self._forks,
             copies,
         )
         self._spin = None
@@ -140,16 +140,17 @@ class FileScene(Scene):
 
     def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
         """Return the rods, and the names of the copies of one by its own."""
-        places, motions, several = placed(self._named("rod", RodPlan.KEYS))
-        if not places:
+        found = placed(self._named("rod", RodPlan.KEYS))
+        if not found.places:
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
-        self._copied = Copies(several, next(iter(own)) if len(own) == 1 else None).of
-        tables = {
-            name: deepcopy(own[place.path[-1]]) if name in motions else own[name] for name, place in places.items()
+        self._copied = Copies(found.names, next(iter(own)) if len(own) == 1 else None).of
+        self._tell_spaces(found.tables)
+        self._forks = {name: call(found.places[name], schema.TIES, table) for name, table in found.ties.items()}
+        plans = {
+            name: RodPlan(place, found.tables[name], found.motions.get(name)) for name, place in found.places.items()
         }
-        self._tell_spaces(tables)
-        return {name: RodPlan(place, tables[name], motions.get(name)) for name, place in places.items()}, several
+        return plans, found.names
 
     def _tell_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
         """Let what was given for the spaces of all rods, and what the file says of them, be the same."""

@@ -68,6 +68,7 @@ SWEEP = Form(
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
 COPIES = Form("isorod.files.copies:copies")
+TREE = Form("isorod.files.trees:tree", left=("content",))
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
