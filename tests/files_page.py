@@ -18,7 +18,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Pieces of a chain: `curve = {chain = [{WORD ...}, ...]}`": schema.PIECES,
     "Sections: `section = {WORD ...}` of a rod": schema.SECTIONS,
     "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
-    "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY},
+    "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY, "   ": schema.THERMAL},
     "Trees: `tree = {...}` of a rod, in the place of a curve": {"": schema.TREE},
     "Copies of a rod: `copy = {...}`": {"": schema.COPIES},
     "The space of a rod: `space = {...}`": {"": schema.SPACE},

@@ -43,6 +43,7 @@ from isorod.material.orthotropic import Orthotropic as Orthotropic
 from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
 from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff as OrthotropicKirchhoff
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
+from isorod.material.thermal import Thermal as Thermal
 from isorod.material.yeoh import Yeoh as Yeoh
 from isorod.modal import Modes as Modes
 from isorod.model import Body as Body

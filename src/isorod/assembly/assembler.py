@@ -360,7 +360,7 @@ class Assembler(Parts):
         if self.model.spin is not None:
             part.add(-step * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
-            part.add_activation(local, step, total)
+            part.add_activation(local, factor, step, total)
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""

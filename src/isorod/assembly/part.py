@@ -191,13 +191,20 @@ class Part:
             region.add_forces(local[self.slots].ravel(), starts, factor, forces, pressure)
         return forces
 
-    def add_activation(self, local: Array, step: float, forces: Array) -> None:
-        """Add the change of the internal forces when the load factor, and activation with it, grows by ``step``."""
-        # Stress is linear in the activation.
+    def add_activation(self, local: Array, factor: float, step: float, forces: Array) -> None:
+        """Add the change of the internal forces when the load factor, and what of the laws goes with it, grows."""
+        # Stress is linear in the activation, and almost so in free thermal strains.
         active, passive = np.zeros((2, local.size))
-        self.add_forces(local, 1.0, active)
-        self.add_forces(local, 0.0, passive)
+        self.add_forces(local, factor + 0.5, active)
+        self.add_forces(local, factor - 0.5, passive)
         forces += step * (active - passive)
+
+    @property
+    def expelled(self) -> float:
+        """Sum of the sizes of all forces that elements have at rest under full load: what the laws by themselves do."""
+        if not self.laws.loaded:
+            return 0.0
+        return float(np.abs(self.inside(np.zeros(int(self.slots.max()) + 1), 1.0)).sum())
 
     def add(self, share: Array, total: Array) -> None:
         """Add what elements have, shape of ``dofs``, to what this rank's degrees of freedom have."""

@@ -85,6 +85,7 @@ def refuse(model: Model) -> None:
         ("a spin, whose forces depend on velocities", loaded.spins(model)),
         ("finite element bodies", model.solids),
         ("active muscles", "muscles" in loaded.burdens(model)),
+        ("a change of temperature", "temperature" in loaded.burdens(model)),
         ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),
     ):
         if there:

@@ -141,6 +141,9 @@ def _equilibrium(
         after = reactions.carried(assembler, x, 1.0)
         carried = after.bound
         noise = assembler.reaction_noise(x, 1.0)
+        driving = float(np.abs(finer.model.external).sum()) + comm.tompi4py().allreduce(
+            sum(part.expelled for part in assembler.parts)
+        )
     finally:
         ksp.destroy()
         matrix.destroy()
@@ -162,13 +165,15 @@ def _equilibrium(
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
     if supported is not None:
-        known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum())))
+        known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum()), driving))
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
 
 
-def _supported(model: Model, before: tuple[Array, Array], carried: reactions.Carried, rounding: float) -> float:
+def _supported(
+    model: Model, before: tuple[Array, Array], carried: reactions.Carried, rounding: float, driving: float
+) -> float:
     """Return the change of the supports' forces and moments, relative to the largest of each.
 
     Forces that are next to nothing beside loads or moments do not count, nor moments that are beside forces.
@@ -181,11 +186,13 @@ def _supported(model: Model, before: tuple[Array, Array], carried: reactions.Car
         What supports exert on a finer space.
     rounding
         Changes of force of less are none.
+    driving
+        Size of all forces of loads, and of laws that act by themselves.
     """
     after = carried.reactions, carried.moments
     force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in after)
     width = max(held.width(model, b) for b in range(len(model.bodies)))
-    force = max(force, rounding, _LITTLE * max(float(np.abs(model.external).sum()), moment / width))
+    force = max(force, rounding, _LITTLE * max(driving, moment / width))
     changes = (float(np.linalg.norm(new - old, axis=1).max()) for new, old in zip(after, before, strict=True))
     sizes = (force, rounding), (max(moment, force * width), rounding * width)
     counted = [change / size for change, (size, none) in zip(changes, sizes, strict=True) if change > none]

@@ -21,6 +21,9 @@ _SECTIONS, _MOST, _AROUND = 4, 256, 8
 # At the radius where rings meet the outer one is meant; next to it is the inner one.
 _INSIDE = 1.0 - 1e-9
 
+# Stresses that are a smaller share of the shear modulus are round-off of strains.
+_ROUNDING = 1e-11
+
 
 def change(
     finer: Finer,
@@ -31,7 +34,8 @@ def change(
 ) -> float:
     """Return the largest change of Cauchy stress at surfaces and in the middle, relative to the largest stress there.
 
-    Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges.
+    Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges, or
+    stresses are round-off.
 
     Parameters
     ----------
@@ -52,7 +56,8 @@ def change(
         better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
         largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))
         changed = max(changed, float(np.linalg.norm(better - there, axis=(2, 3)).max()))
-    return changed / largest if largest else np.nan
+    stiffness = max(law.shear_modulus for body in finer.coarse.bodies for law in body.laws)
+    return changed / largest if largest > _ROUNDING * stiffness else np.nan
 
 
 def _stress(body: Body, nodal: Array, xi: Array, u: Array, pressure: Array | None) -> Array:

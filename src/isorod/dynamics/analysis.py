@@ -18,6 +18,7 @@ from isorod.dynamics.explicit.system import System
 from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
+from isorod.material.thermal import Thermal
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
@@ -263,6 +264,11 @@ def _check(model: Model, settings: Settings, every: float) -> None:
     ):
         if not (np.isfinite(value) and value >= 0.0):
             raise InputError(f"{name}: got {value:g}, need {what}, not negative")
+    heated = [b for b, body in enumerate(model.bodies) if any(isinstance(law, Thermal) for law in body.laws)]
+    if settings.ramp and heated:
+        raise InputError(
+            f"ramp: activation grows with it, and the temperature of body {heated[0]} does not; leave it out"
+        )
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     model.refuse_hold("motions")

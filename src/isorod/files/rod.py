@@ -15,6 +15,7 @@ from isorod.files.form import Call, call, choice
 if TYPE_CHECKING:
     from isorod.files.copies import Motion
     from isorod.geometry.rod import Rod
+    from isorod.material import Material
     from isorod.model.body import Body
     from isorod.space.closer import Patch
 
@@ -88,11 +89,13 @@ class RodPlan:
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
         self._rings = call(place, schema.RINGS, rings) if rings else None
-        rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep, *rings)}
+        warm = {key: one for key, one in table.items() if key in schema.THERMAL.parameters}
+        self._warm = call(place, schema.THERMAL, warm) if warm else None
+        rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep, *rings, *warm)}
         self._body: Call | None = None
         if rest:
             # Geometry alone does without.
-            forms = schema.SWEEP, schema.RINGS, schema.BODY
+            forms = schema.SWEEP, schema.RINGS, schema.THERMAL, schema.BODY
             known = (*self.KEYS, *(key for form in forms for key in form.parameters))
             for key in rest:
                 if key not in known:
@@ -125,6 +128,18 @@ class RodPlan:
         if "law" in table and not said:
             raise place.error("no law is in the list")
         return [choice(place / k, schema.LAWS, one) for k, one in enumerate(said)]
+
+    def _expanded(self, laws: "list[Material]") -> "list[Material]":
+        """Return laws with the thermal expansion that the file says of them, of each or of all."""
+        if self._warm is None:
+            return laws
+        said = self._warm.arguments["expansion"]
+        each = [said] * len(laws) if np.ndim(said) == 0 else list(said)
+        if len(each) != len(laws):
+            raise (self.place / "expansion").error(
+                f"got {len(each)} numbers for {len(laws)} laws, need one, or one for each"
+            )
+        return [self._warm.make(law=law, expansion=float(one)) for law, one in zip(laws, each, strict=True)]
 
     def rod(self) -> "Rod":
         """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
@@ -211,7 +226,7 @@ class RodPlan:
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         rod = self.rod()
-        laws = [one.make() for one in self.laws]
+        laws = self._expanded([one.make() for one in self.laws])
         reach = _reach(rod, laws) if use.stressed else 0.0
         if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
             from isorod.space import choice as chosen

@@ -67,6 +67,7 @@ SWEEP = Form(
     left=("section",),
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
+THERMAL = Form("isorod.material.thermal:Thermal", kinds={"expansion": VARYING}, left=("law",))
 COPIES = Form("isorod.files.copies:copies")
 TREE = Form("isorod.files.trees:tree", left=("content",))
 BODY = Form("isorod.model.body:Body", left=("space", "material"))

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.material.thermal import Thermal, bare
 from isorod.model.load import Pressure
 from isorod.model.model import Model
 from isorod.statics import analysis, stability
@@ -19,13 +20,15 @@ def burdens(model: Model) -> str:
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
-    muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in laws)
+    heated = any(isinstance(law, Thermal) and law.strain for law in laws)
+    muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in map(bare, laws))
     found = [
         _count(loads, "load"),
         _count(moved, "moved support"),
         "spin" if spins(model) else "",
         _count(len(model.contacts), "contact"),
         "active muscles" if muscles else "",
+        "a change of temperature" if heated else "",
     ]
     words = [one for one in found if one]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
