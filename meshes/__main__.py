@@ -9,7 +9,7 @@ from isorod.command import chosen, ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
-from meshes import abaqus, files, rods
+from meshes import abaqus, cuts, deck, files, rods
 from meshes.mesh import Mesh
 
 
@@ -27,11 +27,16 @@ def _main(words: Sequence[str]) -> int:
     for path in paths:
         files.check(path)
     order = _order(found.cell_order, found.element, paths)
-    bodies = scene.rods()
+    model = None
+    if any(path.suffix == ".inp" for path in paths) and not found.mesh_only and scene.analysis != "geometry":
+        deck.check(scene)
+        with scene.locating():
+            model = scene.model()
+    bodies = [cuts.cut(model, b) for b in range(len(model.bodies))] if model else scene.rods()
     exact = sum(rod.volume() for rod in bodies)
     mesh = _fine(bodies, order, exact) if found.level is None else rods.build(bodies, found.level, order)
     for path in paths:
-        said = files.write(mesh, path, scene, found.element, found.mesh_only)
+        said = files.write(mesh, path, scene, found.element, model)
         print(
             f"{path}: {len(mesh.cells):,} hexahedra of order {order}, {len(mesh.points):,} nodes, volume "
             f"{mesh.volume():.6g} ({mesh.volume() / exact - 1.0:+.1e} of the rods')"
@@ -64,7 +69,7 @@ def _more(parser: Parser, scene: Any) -> None:
         "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"
     )
     parser.add_argument("--cell-order", type=int, metavar="int", help="order of the cells' geometry, 1 to 3 (2)")
-    bricks = [name for name in abaqus.ELEMENTS if name != "C3D10"]
+    bricks = [name for name in abaqus.ELEMENTS if not name.startswith(("C3D10", "C3D4"))]
     parser.add_argument(
         "--element", choices=bricks, help="element of .inp, which chooses the order too (C3D20R, of order 1 C3D8I)"
     )

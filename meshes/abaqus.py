@@ -39,6 +39,7 @@ ELEMENTS = {
     "C3D8I": _LINEAR,
     "C3D8": _LINEAR,
     "C3D8R": _LINEAR,
+    "C3D4": Element(1, _SIMPLEX, _SIMPLEX_SIDES),
     "C3D10": Element(2, _with_edges(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_SIDES),
 }
 
@@ -57,7 +58,9 @@ def name_of(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "_", name).upper()
 
 
-def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> tuple[str, Index]:
+def lines(
+    mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None, nodes: int = 0, cells: int = 0
+) -> tuple[str, Index]:
     """Return the lines of a mesh as elements of one kind, and the number of each node in them, 0 where left out.
 
     Sets of nodes and surfaces are named as the faces are, sets of elements as the regions.  Of a 27-node brick those on
@@ -71,6 +74,8 @@ def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> 
         One of `ELEMENTS`.
     sets
         More sets of elements, cell numbers by name.
+    nodes, cells
+        Numbers of nodes and elements that are in the file already.
 
     Raises
     ------
@@ -81,24 +86,23 @@ def lines(mesh: Mesh, element: str, sets: Mapping[str, Index] | None = None) -> 
     if mesh.order != kind.order:
         raise InputError(f"element {element}: got a mesh of order {mesh.order}, need {kind.order}")
     places = [int(np.argmin(np.linalg.norm(mesh.reference - place, axis=1))) for place in kind.nodes]
-    cells = mesh.cells[:, places]
-    used = np.unique(cells)
+    own = mesh.cells[:, places]
+    used = np.unique(own)
     number = np.zeros(len(mesh.points), dtype=np.int64)
-    number[used] = np.arange(1, used.size + 1)
+    number[used] = np.arange(nodes + 1, nodes + used.size + 1)
     found = [f"*NODE,NSET={ALL_NODES}"]
     # CalculiX reads the first 20 characters of a number: more digits would cut an exponent.
-    found += [f"{k},{x:.12g},{y:.12g},{z:.12g}" for k, (x, y, z) in enumerate(mesh.points[used].tolist(), 1)]
+    found += [f"{k},{x:.12g},{y:.12g},{z:.12g}" for k, (x, y, z) in enumerate(mesh.points[used].tolist(), nodes + 1)]
     found.append(f"*ELEMENT,TYPE={element},ELSET={ALL_ELEMENTS}")
-    for k, cell in enumerate(number[cells].tolist(), 1):
+    for k, cell in enumerate(number[own].tolist(), cells + 1):
         found += _wrapped([k, *cell])
     for name, which in {**mesh.regions, **(sets or {})}.items():
-        found += _set_of_elements(name_of(name), which + 1)
-    sides = cells[:, np.array(kind.sides)]
+        found += _set_of_elements(name_of(name), which + cells + 1)
+    sides = own[:, np.array(kind.sides)]
     for name, faces in mesh.faces.items():
-        own = np.unique(number[faces])
-        found += set_of_nodes(name_of(name), own)
+        found += set_of_nodes(name_of(name), np.unique(number[faces]))
         found.append(f"*SURFACE,NAME={name_of(name)},TYPE=ELEMENT")
-        found += [f"{cell + 1},S{side + 1}" for cell, side in _sides(faces, sides)]
+        found += [f"{cells + cell + 1},S{side + 1}" for cell, side in _sides(faces, sides)]
     return "\n".join(found), number
 
 

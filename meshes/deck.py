@@ -11,7 +11,8 @@ from isorod.errors import InputError
 from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
-from meshes import abaqus, deck_laws, held, nodal, rods
+from isorod.model.tie import SolidSurface, Surface
+from meshes import abaqus, deck_laws, deck_pairs, deck_solids, held, nodal, rods
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -25,6 +26,9 @@ _STATIC = "*STATIC\n0.25,1.,1e-6,1."
 
 # Forces and differences of displacements below this share of the largest are rounding.
 _ROUNDING = 1e-12
+
+# Of load factors; CalculiX' own is a hundredth.
+_ACCURACY = "1e-6"
 
 _LATER = "--mesh-only writes the mesh alone"
 
@@ -69,15 +73,15 @@ def renamed(mesh: Mesh, names: Names) -> Mesh:
     )
 
 
-def write(scene: Any, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
-    """Return the input file of a scene of statics or modes on a mesh of its rods.
+def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
+    """Return the input file of a scene of statics, modes or buckling on a mesh of its rods.
 
     Parameters
     ----------
-    scene
-        The scene.
+    scene, model
+        The scene, and its model.
     mesh
-        Of `meshes.rods.build`.
+        Of `meshes.rods.build`, with the planes of `meshes.cuts`.
     element
         One of `meshes.abaqus.ELEMENTS`.
     sets
@@ -88,15 +92,28 @@ def write(scene: Any, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
     InputError
         If something of it has no counterpart in such files.
     """
-    if scene.analysis not in ("statics", "modal"):
-        raise InputError(f"{scene.name}: {scene.analysis} is not written to .inp, statics and modes are; {_LATER}")
-    with scene.locating():
-        model, settings = scene.model(), scene.settings()
     try:
-        return _Problem(scene, model, settings, mesh, element, sets).deck()
+        return _Problem(scene, model, scene.settings(), mesh, element, sets).deck()
     except InputError as problem:
         said = ":".join(scene.named(part) for part in str(problem).split(":"))
         raise InputError(f"{scene.name}: {said}; {_LATER}") from None
+
+
+def check(scene: Any) -> None:
+    """Raise `InputError` if an analysis is not one that is written."""
+    if scene.analysis not in ("statics", "modal", "buckling"):
+        raise InputError(
+            f"{scene.name}: {scene.analysis} is not written to .inp, statics, modes and buckling are; {_LATER}"
+        )
+
+
+class _Block(NamedTuple):
+    """A part of the file: its mesh, its element, the numbers of its nodes, and forces on these at load factor 1."""
+
+    mesh: Mesh
+    element: str
+    number: Index
+    dead: Array
 
 
 class _Problem:
@@ -104,19 +121,22 @@ class _Problem:
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
         self.scene, self.model, self.mesh = scene, model, mesh
-        for kind, several in (("solid", model.solids), ("tie", model.ties), ("contact", model.contacts)):
-            if several:
-                raise InputError(f"{kind} 0 and its like are not written to .inp")
         for k, support in enumerate(model.supports):
             if not isinstance(support, Support):
                 raise InputError(f"support {k}: mean motions and springs are not written to .inp")
-        self.modes = settings.get("modes", 10) if scene.analysis == "modal" else 0
-        self.linear = all(law.linear for body in model.bodies for law in body.laws)
-        if not self.linear and any(law.linear for body in model.bodies for law in body.laws):
+        self.kind = scene.analysis
+        self.modes = settings.get("modes", {"modal": 10, "buckling": 1}.get(self.kind, 0))
+        laws = [law for body in model.bodies for law in body.laws] + [solid.law for solid in model.solids]
+        self.linear = all(law.linear for law in laws)
+        if not self.linear and any(law.linear for law in laws):
             raise InputError("laws of small and of large displacements in one scene are not written to .inp")
-        self.moves = not settings.get("at_rest", False) if self.modes else True
-        if self.modes:
+        self.moves = not settings.get("at_rest", False) if self.kind == "modal" else self.kind == "statics"
+        if self.kind == "modal":
             self._check_modes()
+        elif self.kind == "buckling":
+            self._check_buckling(settings)
+        if self.kind != "statics" and model.contacts:
+            raise InputError(f"contact 0: contact is written to .inp of statics alone, not of {self.kind}")
         self.large = not self.linear and self.moves
         if self.linear and model.following:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
@@ -125,10 +145,20 @@ class _Problem:
         self.said: list[str] = []
         self.held = held.all_of(mesh, model)
         self.dead: Array = nodal.dead(mesh, model)
+        self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
         self.owner = np.full((len(mesh.points), 3), -1)
         for k, one in enumerate(self.held):
             self.owner[one.nodes[:, None], one.components] = k
+
+    def _check_buckling(self, settings: dict[str, Any]) -> None:
+        """Refuse what changes with the load factor besides loads: CalculiX scales the stress of the state of rest."""
+        if settings.get("linear_at"):
+            raise InputError("linear_at: buckling about a loaded state is not written to .inp; linear_at = 0 is")
+        if any(np.any(one.at(1.0)) for one in self.model.motions):
+            raise InputError("buckling under supports that move is not written to .inp; load the rod by forces")
+        if self.model.following:
+            raise InputError("buckling under loads that follow the surface is not written to .inp")
 
     def _check_modes(self) -> None:
         """Refuse modes that turn or have no mass; those of laws whose stiffness no load changes are at rest."""
@@ -145,15 +175,115 @@ class _Problem:
         """Return the file."""
         supports = {k: self.scene.named(f"support {k}") for k in range(len(self.held))}
         loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
-        _once([*supports.values(), *loads.values()])
+        pairs = [
+            self.scene.named(f"{what} {k}")
+            for what, several in (("tie", self.model.ties), ("contact", self.model.contacts))
+            for k in range(len(several))
+        ]
+        bodies = [f"solid {one.name}" for one in self.bodies]
+        _once([*supports.values(), *loads.values(), *pairs, *bodies])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
+        whole = renamed(self.mesh, self.names)
+        self.solids = [
+            deck_solids.mesh_of(one, solid, name)
+            for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
+        ]
+        meshes = [whole, *self.solids]
+        elements = [self.element, *(map(deck_solids.element, self.bodies, self.model.solids))]
+        dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
+        joined = [*self._ties(meshes), *self._contacts(meshes, elements, dead)]
         materials = [*self._materials()]
-        text, self.number = abaqus.lines(renamed(self.mesh, self.names), self.element, self.sets)
+        self.blocks, text, cells = [], [], 0
+        for mesh, element, forces in zip(meshes, elements, dead, strict=True):
+            first = max((int(block.number.max()) for block in self.blocks), default=0)
+            own, number = abaqus.lines(mesh, element, {} if self.blocks else self.sets, first, cells)
+            cells += len(mesh.cells)
+            text.append(own)
+            self.blocks.append(_Block(mesh, element, number, forces))
+        self.number = self.blocks[0].number
         own = list(self._sets())
         steps = list(self._steps())
         notes = [f"** {one}" for one in self.said]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
-        return Deck("\n".join([*head, text, *own, *materials, *steps]), self.said)
+        return Deck(
+            "\n".join(
+                [*head, "** Nodes, elements, and sets of both", *text, *own, "** Laws", *materials, *joined, *steps]
+            ),
+            self.said,
+        )
+
+    def _ties(self, meshes: list[Mesh]) -> Iterator[str]:
+        """Yield ties, and put what is a part of a face to the faces of its mesh."""
+        self.printed: list[str] = []
+        for k, tie in enumerate(self.model.ties):
+            title = self.scene.named(f"tie {k}")
+            if not k:
+                yield "** Ties: the slave's nodes follow the master"
+            slave, extent = self._surface(meshes, tie.slave, f"{title} slave")
+            master, _ = self._surface(meshes, tie.master, f"{title} master")
+            yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, extent)
+            # What a section carries is printed of the elements of the slave.
+            self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)},FREQUENCY=10000", "SOF,SOM"]
+
+    def _surface(self, meshes: list[Mesh], one: Surface, name: str) -> tuple[str, float]:
+        """Return the title of a surface in the file, which is made where it has none, and its extent."""
+        if isinstance(one, SolidSurface):
+            at, found = 1 + one.solid, ""
+            faces = deck_solids.facets_of(meshes[at], self.model.solids[one.solid], one.facets)
+        else:
+            at = 0
+            found, faces = deck_pairs.surface_of(self.model, self.mesh, one)
+        if not found:
+            found = name
+            meshes[at] = replace(meshes[at], faces={**meshes[at].faces, name: faces})
+        else:
+            rod, k, surface = found.split(" ")
+            found = f"{self.names[f'{rod} {k}']} {surface}"
+        return abaqus.name_of(found), float(np.ptp(meshes[at].points[faces].reshape(-1, 3), axis=0).max())
+
+    def _contacts(self, meshes: list[Mesh], elements: list[str], dead: list[Array]) -> Iterator[str]:
+        """Yield contacts, and put obstacles to the meshes."""
+        self.obstacles: list[tuple[str, int]] = []
+        for k, contact in enumerate(self.model.contacts):
+            title = self.scene.named(f"contact {k}")
+            found, alone = deck_pairs.pairs(contact)
+            if alone and not found:
+                raise InputError(f"contact {k}: contact of a rod with itself is nothing that CalculiX has")
+            if alone:
+                self.said.append(f"{title}: rods do not touch themselves, which CalculiX has not")
+            yield from deck_pairs.interaction(contact, self.model, abaqus.name_of(title))
+            other = ""
+            if contact.facets is not None:
+                other = self._surface(meshes, contact.facets, f"{title} master")[0]
+            elif contact.obstacle is not None:
+                points = self.mesh.points[
+                    np.unique(self.mesh.cells[[c for a, _ in found for c in self.mesh.regions[f"rod {a}"]]])
+                ]
+                name = f"{title} obstacle"
+                meshes.append(deck_pairs.obstacle(contact, points, name))
+                elements.append(abaqus.BRICKS[meshes[-1].order] if meshes[-1].order == 2 else "C3D8")
+                dead.append(np.zeros_like(meshes[-1].points))
+                self.obstacles.append((name, k))
+                other = abaqus.name_of(name)
+            for first, second in found:
+                slave = self._touching(meshes, k, first, 0)
+                master = other or self._touching(meshes, k, second, 1)
+                yield f"*CONTACT PAIR,INTERACTION={abaqus.name_of(title)},TYPE=SURFACE TO SURFACE"
+                yield f"{slave},{master}"
+                self.printed += [f"*CONTACT PRINT,SLAVE={slave},MASTER={master},FREQUENCY=10000", "CF"]
+
+    def _touching(self, meshes: list[Mesh], k: int, rod: int, side: int) -> str:
+        """Return the title of a rod's surface that takes part in a contact."""
+        contact = self.model.contacts[k]
+        surface = "inner" if contact.is_inner(rod) else "lateral"
+        chosen = (contact.first_elements, contact.second_elements)[side]
+        if chosen is None:
+            return abaqus.name_of(f"{self.names[f'rod {rod}']} {surface}")
+        breaks = self.model.bodies[rod].space.axis.breaks
+        some = [deck_pairs.within(self.mesh, rod, f"rod {rod} {surface}", breaks[e], breaks[e + 1]) for e in chosen]
+        name = f"{self.scene.named(f'contact {k}')} {('first', 'second')[side]}"
+        meshes[0] = replace(meshes[0], faces={**meshes[0].faces, name: np.concatenate(some)})
+        return abaqus.name_of(name)
 
     def _materials(self) -> Iterator[str]:
         """Yield materials and sections, and put their sets of elements to the others."""
@@ -176,27 +306,40 @@ class _Problem:
                 if len(present) > 1:
                     self.sets[name] = cells[of_cells == kind]
                 at = int(np.argmax(kinds.ravel() == kind))
-                law = body.laws[at]
-                words, said = deck_laws.finite(law) if self.large else deck_laws.elastic(law)
-                if said:
-                    self.said.append(f"{name}: {said}")
-                title = abaqus.name_of(name)
-                yield from [f"*MATERIAL,NAME={title}", *words]
-                if body.densities[at] > 0.0:
-                    yield from ["*DENSITY", f"{body.densities[at]:.12g}"]
-                yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
+                yield from self._material(name, body.laws[at], float(body.densities[at]))
+        for one, solid in zip(self.bodies, self.model.solids, strict=True):
+            yield from self._material(f"solid {one.name}", solid.law, solid.density)
+        for name, _ in self.obstacles:
+            title = abaqus.name_of(name)
+            yield from [
+                f"*MATERIAL,NAME={title}",
+                "*ELASTIC",
+                "1.,0.",
+                f"*SOLID SECTION,ELSET={title},MATERIAL={title}",
+            ]
+
+    def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
+        """Yield the material of a set of elements, and its section."""
+        words, said = deck_laws.finite(law) if self.large else deck_laws.elastic(law)
+        if said:
+            self.said.append(f"{name}: {said}")
+        title = abaqus.name_of(name)
+        yield from [f"*MATERIAL,NAME={title}", *words]
+        if density > 0.0:
+            yield from ["*DENSITY", f"{density:.12g}"]
+        yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
 
     def _sets(self) -> Iterator[str]:
         """Yield the nodes of supports and of forces on ends, and what supports tie."""
         for k, one in enumerate(self.held):
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
             on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
-            if not self.modes and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
+            if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 told = ", ".join(f"{value:.6g}" for value in on)
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
-                face = self.mesh.faces[nodal.end_of(k, load, self.model)]
+                face = nodal.face_at(self.mesh, load, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
         for k, one in enumerate(self.held):
             if one.tied and one.motion.turn.any():
@@ -208,22 +351,43 @@ class _Problem:
 
     def _steps(self) -> Iterator[str]:
         """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
-        if not self.modes or self.moves:
-            for factor in self._stops():
-                yield from ["*STEP,NLGEOM,INC=10000", _STATIC] if self.large else ["*STEP", "*STATIC"]
+        if self.moves:
+            stops = self._stops()
+            for k, factor in enumerate(stops, 1):
+                yield f"** Step {k} of {len(stops)}: supports and loads at {factor:.6g} of what the scene says"
+                yield from ["*STEP,NLGEOM,INC=10000" if self.large else "*STEP,INC=10000"]
+                yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from self._boundary(factor)
                 yield from self._loaded(factor)
                 yield from self._printed()
-        if self.modes:
+        if self.kind == "buckling":
+            share = self._share()
+            self.said.append(
+                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {share:g} of "
+                f"the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {share:g}"
+            )
+            yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
+            yield from self._boundary(0.0)
+            yield from self._loaded(share)
+            yield from ["*NODE FILE", "U", "*END STEP"]
+        if self.kind == "modal":
             from isorod.checks.rigid_motions import moved_freely
 
             rigid = len(moved_freely(self.model))
+            yield "** Frequencies, those of rigid motions first"
             yield from ["*STEP,PERTURBATION" if self.moves else "*STEP", "*FREQUENCY", f"{self.modes + rigid + _MORE}"]
             if rigid:
                 self.said.append(f"the first {rigid} modes are rigid motions")
             if not self.moves:
                 yield from self._boundary(0.0)
             yield from ["*NODE FILE", "U", "*END STEP"]
+
+    def _share(self) -> float:
+        """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
+        from isorod import buckling
+
+        lowest = float(buckling.solve(self.model, 1, linear_at=0.0).factors[0])
+        return float(f"{0.5 * lowest:.0e}")
 
     def _stops(self) -> list[float]:
         """Return the load factors at which steps end."""
@@ -238,8 +402,15 @@ class _Problem:
 
     def _boundary(self, factor: float) -> Iterator[str]:
         """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
-        if self.held:
+        bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
+        if self.held or bodies or self.obstacles:
             yield "*BOUNDARY"
+        for name, one in bodies:
+            for component in ("xyz".index(letter) for letter in one.components):
+                title = abaqus.name_of(f"solid {name} {one.group}")
+                yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
+        for name, k in self.obstacles:
+            yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
         for k, one in enumerate(self.held):
             moved = one.displacement(factor)
             for component in one.components:
@@ -255,12 +426,13 @@ class _Problem:
 
     def _loaded(self, factor: float) -> Iterator[str]:
         """Yield dead loads as forces on nodes, pressures that follow and the spin as such."""
-        forces = factor * self.dead
-        rows, components = np.nonzero(np.abs(forces) > _ROUNDING * np.abs(forces).max(initial=0.0))
-        if rows.size:
+        largest = max(float(np.abs(block.dead).max(initial=0.0)) for block in self.blocks)
+        if largest > 0.0:
             yield "*CLOAD"
-        for row, component in zip(rows.tolist(), components.tolist(), strict=True):
-            yield f"{self.number[row]},{component + 1},{forces[row, component]:.12g}"
+        for block in self.blocks:
+            rows, components = np.nonzero(np.abs(block.dead) > _ROUNDING * largest)
+            for row, component in zip(rows.tolist(), components.tolist(), strict=True):
+                yield f"{block.number[row]},{component + 1},{factor * block.dead[row, component]:.12g}"
         for load in (one for one in self.model.following if isinstance(one, Pressure)):
             rod, k, surface = nodal.face_of(load).split(" ")
             title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
@@ -273,9 +445,11 @@ class _Problem:
 
     def _printed(self) -> Iterator[str]:
         """Yield what is asked for: the forces of each support and their sum, the displacements where forces pull."""
-        for k in range(len(self.held)):
-            yield from [f"*NODE PRINT,NSET={self.supports[k]},TOTALS=YES,FREQUENCY=10000", "RF"]
+        bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
+        for title in [*self.supports.values(), *bodies]:
+            yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]
+        yield from self.printed
         yield from ["*NODE FILE,FREQUENCY=10000", "U,RF", "*EL FILE,FREQUENCY=10000", "S,E", "*END STEP"]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from isorod.errors import InputError
+from isorod.model.model import Model
 from isorod.output.results import write_whole
 from meshes import abaqus, deck, gmsh_model, rods, vtu
 from meshes.mesh import Index, Mesh
@@ -37,7 +38,7 @@ def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
         )
 
 
-def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, mesh_only: bool = False) -> list[str]:
+def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model: Model | None = None) -> list[str]:
     """Write a mesh of a scene's rods (`meshes.rods.build`), all of it or nothing; return what there is to say of it.
 
     Parameters
@@ -49,8 +50,8 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, mesh_o
         parameters at their nodes.
     element
         Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
-    mesh_only
-        Whether the mesh alone is wanted.
+    model
+        The scene's, where the whole problem is wanted, not the mesh alone.
 
     Raises
     ------
@@ -67,10 +68,10 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, mesh_o
         vtu.write(mesh, path, where)
         return []
     element, sets = element or abaqus.BRICKS[mesh.order], _rings(where, names)
-    if mesh_only or scene.analysis == "geometry":
+    if model is None:
         whole = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
     else:
-        whole = deck.write(scene, mesh, element, sets)
+        whole = deck.write(scene, model, mesh, element, sets)
     write_whole(path, (whole.text + "\n").encode())
     return whole.said
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.model.load import BodyForce, Pressure, SectionLoad
+from isorod.model.load import BodyForce, Pressure, SectionLoad, Weight
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, Mesh, gauss
 
@@ -70,25 +70,28 @@ def dead(mesh: Mesh, model: Model) -> Array:
     Raises
     ------
     InputError
-        If a load is none of these, or on a section within a rod.
+        If a load is none of these.
     """
     result = np.zeros_like(mesh.points)
     for k, load in enumerate(model.loads):
         if isinstance(load, SectionLoad):
-            if load.turns:
-                raise InputError(f"load {k}: a moment is not written")
-            if load.force is None:
-                continue
-            nodes, shares, areas = _on_face(mesh, mesh.faces[end_of(k, load, model)])
+            if load.turns and load in model.following:
+                raise InputError(
+                    f"load {k}: a moment on a body that turns is not written: CalculiX has no forces that turn with a "
+                    "section; a law of small displacements, LinearElastic, takes it"
+                )
+            nodes, shares, areas = _on_face(mesh, face_at(mesh, load, model))
             size = np.linalg.norm(areas, axis=2)
-            parts = np.einsum("fq,qn->fn", size / size.sum(), shares)
-            np.add.at(result, nodes, parts[:, :, None] * np.array(load.force))
-        elif isinstance(load, BodyForce):
+            size /= size.sum()
+            places = np.einsum("qn,fna->fqa", shares, mesh.points[nodes])
+            np.add.at(result, nodes, np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size)))
+        elif isinstance(load, BodyForce | Weight):
+            force = np.array(load.density) if isinstance(load, BodyForce) else _weight(k, load)
             cells = mesh.cells[mesh.regions[f"rod {load.body}"]]
             own = functions(mesh.reference, mesh.order)
             nodes = cells[:, own.places]
             det = np.linalg.det(np.einsum("qnb,cna->cqab", own.slopes, mesh.points[nodes]))
-            np.add.at(result, nodes, ((det * own.weights) @ own.values)[:, :, None] * np.array(load.density))
+            np.add.at(result, nodes, ((det * own.weights) @ own.values)[:, :, None] * force)
         elif isinstance(load, Pressure):
             if not load.follows:
                 nodes, shares, areas = _on_face(mesh, mesh.faces[face_of(load)])
@@ -103,13 +106,37 @@ def face_of(load: Pressure) -> str:
     return f"rod {load.body} {SURFACES[load.surface]}"
 
 
-def end_of(k: int, load: SectionLoad, model: Model) -> str:
-    """Return the name of the face that a force acts on; raises `InputError` if it is on a section within the rod."""
+def _weight(k: int, load: Weight) -> Array:
+    """Return the force per volume of a weight."""
+    if np.ptp(load.of.densities) > 0.0:
+        raise InputError(f"load {k}: the weight of several densities is not written; take body forces")
+    return float(load.of.densities[0]) * np.array(load.acceleration)
+
+
+def _tractions(load: SectionLoad, places: Array, shares: Array) -> Array:
+    """Return what a load does at places of its section, shape ``(f, q, 3)``, per share ``(f, q)`` of its area."""
+    found = np.broadcast_to(np.array(load.force or (0.0, 0.0, 0.0)), places.shape)
+    if not load.turns:
+        return found
+    arms = places - np.einsum("fq,fqa->a", shares, places)
+    # As in isorod: by the mean rotation.
+    inertia = np.einsum("fq,fqa,fqa->", shares, arms, arms) * np.eye(3) - np.einsum(
+        "fq,fqa,fqb->ab", shares, arms, arms
+    )
+    return found + np.cross(np.linalg.solve(inertia, np.array(load.moment)), arms)
+
+
+def face_at(mesh: Mesh, load: SectionLoad, model: Model) -> Index:
+    """Return the faces of the section that a force acts on, which is a plane of the mesh (`meshes.cuts`)."""
     low, high = model.bodies[load.body].space.axis.breaks[[0, -1]]
+    at = high if load.u is None else load.u
     for name, end in (("start", low), ("end", high)):
-        if abs((high if load.u is None else load.u) - end) <= _SAME * (high - low):
-            return f"rod {load.body} {name}"
-    raise InputError(f"load {k}: a force on a section within a rod is not written; load an end, or a body force")
+        if abs(at - end) <= _SAME * (high - low):
+            return mesh.faces[f"rod {load.body} {name}"]
+    # The first nodes of a cell are those of its side towards the start.
+    faces = mesh.cells[mesh.regions[f"rod {load.body}"]][:, : (mesh.order + 1) ** 2]
+    u = mesh.parameters_in(load.body, faces)[..., 2]
+    return faces[(np.abs(u - at) <= _SAME * (high - low)).all(axis=1)]
 
 
 def _on_face(mesh: Mesh, face: Index) -> tuple[Index, Array, Array]:

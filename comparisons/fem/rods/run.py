@@ -17,13 +17,11 @@ from comparisons.fem.statics import Element
 from isorod import files
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
-from isorod.geometry.rod import Rod
 from isorod.model.load import LineLoad, PointLoad, SectionLoad, Weight
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.output.results import write_arrays
-from isorod.space.space import Space
-from meshes import gmsh_model, rods
+from meshes import cuts, gmsh_model, rods
 from meshes import joined_mesh as one_solid
 from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
@@ -75,55 +73,14 @@ class Configuration:
 
 def mesh_of(model: Model, level: int = 1, degree: int = 2, cells: rods.Cells | None = None) -> Mesh:
     """Return the mesh of a model's rods, with a plane wherever laws may change, or a section is loaded."""
-    return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree, cells)
+    return rods.build([cuts.cut(model, b) for b in range(len(model.bodies))], level, degree, cells)
 
 
 def joined_mesh(scene: Any, model: Model, level: int) -> tuple[Joined, list[str]]:
     """Return the mesh of a model with ties as one solid, and what was done to it, in words."""
-    cuts = [_planes(model, b) for b in range(len(model.bodies))]
-    parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), cuts)
+    planes = [cuts.planes(model, b) for b in range(len(model.bodies))]
+    parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), planes)
     return one_solid.build(parts, joins, groups, level)
-
-
-def _cut(model: Model, b: int) -> Rod:
-    """Return a body's rod with knots where its mesh has to have planes."""
-    rod = model.bodies[b].space.rod
-    low, high = rod.axis.breaks[[0, -1]]
-    for u in _planes(model, b):
-        if np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
-            rod = rod.insert(u)
-    return rod
-
-
-def _planes(model: Model, b: int) -> list[float]:
-    """Return the axis parameters within a body's rod at which its mesh has to have planes."""
-    body = model.bodies[b]
-    axis, rod = body.space.axis, body.space.rod
-    rings = len(rod.rings) - 1
-    rows = [body.laws[e * rings : (e + 1) * rings] for e in range(axis.elements)]
-    densities = body.densities.reshape(axis.elements, -1)
-    where = [
-        float(axis.breaks[e])
-        for e in range(1, axis.elements)
-        if rows[e] != rows[e - 1] or (densities[e] != densities[e - 1]).any()
-    ]
-    where += [float(load.u) for load in model.loads if isinstance(load, SectionLoad) and load.body == b and load.u]
-    for contact in model.contacts:
-        for side, chosen in contact.sides:
-            if side == b and chosen is not None:
-                where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
-    for support in model.supports:
-        if isinstance(support, Support) and support.body == b:
-            where += _ends_of(support, body.space)
-    low, high = axis.breaks[[0, -1]]
-    return [u for u in sorted(set(where)) if low < u < high]
-
-
-def _ends_of(support: Support, space: Space) -> list[float]:
-    """Return where along the axis a patch begins and ends: whose elements have all their layers held."""
-    layers = np.unique(np.asarray(support.nodes) // space.layer_nodes)
-    held = np.isin(space.element_layers, layers).all(axis=1).astype(int)
-    return [float(u) for u in space.axis.breaks[np.flatnonzero(np.diff(held, prepend=0, append=0))]]
 
 
 def run(

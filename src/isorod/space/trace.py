@@ -157,7 +157,7 @@ def lateral_trace(
     radius = space.rod.rings[0 if surface == "inner" else -1]
     if radius == 0.0:
         raise InputError("inner surface: the rod has no hole")
-    chosen = _elements(space, along)
+    chosen = elements_along(space, along)
     rule = _closer(space.basis.full(space.axis.degree), finer)
     xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
     element, u, length = _between(space, chosen, rule.axial, breaks)
@@ -212,7 +212,7 @@ def breaks_on(space: Space, other: Space) -> Array:
     return _nearest(space, centers)[1]
 
 
-def _elements(space: Space, along: tuple[float, float] | None) -> Index:
+def elements_along(space: Space, along: tuple[float, float] | None) -> Index:
     """Return the elements between two lengths, which must be joints where the space is continuous alone."""
     everything = np.arange(space.axis.elements)
     if along is None:

@@ -1,0 +1,131 @@
+"""What joins surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
+
+from itertools import combinations
+
+import numpy as np
+
+from isorod.contact.defaults import penalty
+from isorod.errors import InputError
+from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.model import Model
+from isorod.model.tie import EndFace, LateralSurface, Tie
+from meshes import cuts, nodal, rods
+from meshes.mesh import Array, Index, Mesh, lexicographic
+
+# A tie's nodes may be as far from the master as its own extent, times this, where no gap is given: what is too far isorod
+# has refused.
+_GAP = 0.5
+
+# Half the width of the block that is a plane, in sizes of the rods that touch it, and its height.
+_WIDE, _HIGH = 2.0, 0.2
+
+# The level of the mesh of a cylinder that is an obstacle: 24 cells round it and more.
+_ROUND = 4
+
+
+def surface_of(model: Model, mesh: Mesh, one: EndFace | LateralSurface) -> tuple[str, Index]:
+    """Return the facets of a rod's surface that is tied, and the name of the face that they are all of, if any."""
+    name = f"rod {one.body} {one.which if isinstance(one, EndFace) else nodal.SURFACES[one.surface]}"
+    if isinstance(one, EndFace) or one.along is None:
+        return name, mesh.faces[name]
+    return "", within(mesh, one.body, name, *cuts.between(model.bodies[one.body].space, one))
+
+
+def within(mesh: Mesh, rod: int, name: str, low: float, high: float) -> Index:
+    """Return the faces of a rod's surface between two axis parameters."""
+    faces = mesh.faces[name]
+    u = mesh.parameters_in(rod, faces)[..., 2]
+    # The last layer of a closed rod ends in nodes of the start.
+    period = np.ptp(mesh.parameters_in(rod, mesh.faces[name].ravel())[:, 2])
+    last = np.ptp(u, axis=1, keepdims=True) > 0.5 * period
+    u = np.where(last & (u == u.min()), np.inf, u).clip(max=high if last.any() else np.inf)
+    middle = u.mean(axis=1)
+    return faces[(middle > low) & (middle < high)]
+
+
+def tied(tie: Tie, title: str, slave: str, master: str, extent: float) -> list[str]:
+    """Return the lines of a tie of two surfaces, the slave's of that extent, a length."""
+    if tie.kind != "weld":
+        what = {"slide": "slides", "mean": "ties means"}[tie.kind]
+        raise InputError(f"{title}: CalculiX has no tie that {what}; kind = 'weld' is written")
+    far = tie.gap if tie.gap is not None else _GAP * extent
+    return [f"*TIE,NAME={title},ADJUST=NO,POSITION TOLERANCE={far:.6g}", f"{slave},{master}"]
+
+
+def pairs(contact: Contact) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return the pairs of rods that a contact is of, slave first, and the rods that it lets touch themselves."""
+    first, *other = contact.groups
+    if other:
+        return [(a, b) for a in first for b in other[0]], []
+    if contact.second is None:
+        return [*combinations(first, 2)], [*first]
+    return [(a, -1) for a in first], []
+
+
+def interaction(contact: Contact, model: Model, title: str) -> list[str]:
+    """Return the lines of what acts between surfaces in contact: a pressure for each depth, and friction."""
+    stiff = penalty(model, contact)
+    lines = [f"*SURFACE INTERACTION,NAME={title}", "*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR", f"{stiff:.12g}"]
+    return lines + (["*FRICTION", f"{contact.friction:.12g},{stiff:.12g}"] if contact.friction else [])
+
+
+def moved(contact: Contact, title: str, factor: float) -> list[str]:
+    """Return the displacements of an obstacle at a load factor."""
+    way = np.zeros(3)
+    if isinstance(contact.obstacle, Plane):
+        way = contact.travel * factor * np.array(contact.obstacle.normal) / np.linalg.norm(contact.obstacle.normal)
+    return [f"{title},{k + 1},{k + 1},{way[k]:.12g}" for k in range(3)]
+
+
+def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
+    """Return bricks of that name in the place of a rigid obstacle that points ``(n, 3)`` may touch, and their face.
+
+    The set of nodes of the face is that of all nodes of these bricks.
+    """
+    one = contact.obstacle
+    centre, size = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
+    if isinstance(one, Plane):
+        return _block(np.array(one.point), np.array(one.normal), centre, size, name)
+    if isinstance(one, Cylinder):
+        import isorod
+
+        axis = np.array(one.axis) / np.linalg.norm(one.axis)
+        middle = np.array(one.point) + axis * (axis @ (centre - one.point))
+        ends = [tuple(middle + side * size * axis) for side in (-1.0, 1.0)]
+        rod = isorod.straight(ends[0], ends[1]).sweep(isorod.circle(8, one.radius))
+        made = rods.build([rod], _ROUND)
+        return Mesh(
+            made.shape,
+            made.order,
+            made.points,
+            made.cells,
+            made.reference,
+            {name: made.faces["rod 0 lateral"]},
+            made.face_reference,
+            regions={name: made.regions["rod 0"]},
+        )
+    raise InputError(f"{type(one).__name__} as an obstacle is not written to .inp; Plane and Cylinder are")
+
+
+def _block(point: Array, normal: Array, centre: Array, size: float, name: str) -> Mesh:
+    """Return a brick whose upper face is a plane."""
+    normal = normal / np.linalg.norm(normal)
+    across = np.linalg.svd(normal[None])[2][1:]
+    frame = np.stack([*across, normal])
+    if np.linalg.det(frame) < 0.0:
+        frame[:2] = frame[1::-1]
+    place = centre + normal * (normal @ (point - centre))
+    reference = lexicographic(1, 3)
+    scaled = (reference - (0.5, 0.5, 1.0)) * size * (2.0 * _WIDE, 2.0 * _WIDE, _HIGH)
+    top = np.flatnonzero(reference[:, 2] == 1.0)
+    cells = np.arange(8)[None]
+    return Mesh(
+        "hexahedron",
+        1,
+        place + scaled @ frame,
+        cells,
+        reference,
+        {name: top[None]},
+        lexicographic(1, 2),
+        regions={name: np.arange(1)},
+    )
