@@ -9,7 +9,8 @@ from isorod.command import chosen, ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
-from meshes import abaqus, cuts, deck, files, rods
+from isorod.model.model import Model
+from meshes import abaqus, cuts, deck, files, rods, script
 from meshes.mesh import Mesh
 
 
@@ -27,11 +28,7 @@ def _main(words: Sequence[str]) -> int:
     for path in paths:
         files.check(path)
     order = _order(found.cell_order, found.element, paths)
-    model = None
-    if any(path.suffix == ".inp" for path in paths) and not found.mesh_only and scene.analysis != "geometry":
-        deck.check(scene)
-        with scene.locating():
-            model = scene.model()
+    model = _model(scene, paths, found.mesh_only)
     bodies = [cuts.cut(model, b) for b in range(len(model.bodies))] if model else scene.rods()
     exact = sum(rod.volume() for rod in bodies)
     mesh = _fine(bodies, order, exact) if found.level is None else rods.build(bodies, found.level, order)
@@ -46,13 +43,29 @@ def _main(words: Sequence[str]) -> int:
     return 0
 
 
+def _model(scene: Any, paths: Sequence[Path], mesh_only: bool) -> Model | None:
+    """Return the model, if a file wants more than the mesh; raise `InputError` if that is not written."""
+    endings = {path.suffix for path in paths}
+    if ".py" in endings and (mesh_only or scene.analysis == "geometry"):
+        raise InputError(f"{scene.name}: a program of dolfinx is of statics, not of a mesh alone; write .msh")
+    if mesh_only or scene.analysis == "geometry" or not endings & {".inp", ".msh", ".py"}:
+        return None
+    if ".inp" in endings:
+        deck.check(scene)
+    with scene.locating():
+        model = scene.model()
+    if ".py" in endings:
+        script.check(scene, model)
+    return model
+
+
 # The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods, a
 # share of it; of cells of order 1, which have no curved edges, the first is taken.
 LEVEL, VOLUME = 2, 1e-3
 
 _SAID = (
     "Curved hexahedra of any rods, by the rods' own map. "
-    "FILE ends in .msh (gmsh), .inp (Abaqus, CalculiX) or .vtu (VTK)."
+    "FILE ends in .msh (gmsh), .inp (Abaqus, CalculiX), .py (dolfinx, with the .msh) or .vtu (VTK)."
 )
 
 

@@ -12,7 +12,7 @@ from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.model.tie import SolidSurface, Surface
-from meshes import abaqus, deck_laws, deck_pairs, deck_solids, held, nodal, rods
+from meshes import abaqus, deck_laws, deck_pairs, deck_solids, groups, held, nodal
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -29,6 +29,9 @@ _ROUNDING = 1e-12
 
 # Of load factors; CalculiX' own is a hundredth.
 _ACCURACY = "1e-6"
+
+# Surfaces that are tied are one where their areas, of corners, differ by less.
+_SAME_AREA = 0.05
 
 _LATER = "--mesh-only writes the mesh alone"
 
@@ -114,6 +117,14 @@ class _Block(NamedTuple):
     element: str
     number: Index
     dead: Array
+
+
+class _Size(NamedTuple):
+    """The area of a surface, that of each of its faces, and how far it extends."""
+
+    area: float
+    each: float
+    extent: float
 
 
 class _Problem:
@@ -218,28 +229,39 @@ class _Problem:
         for k, tie in enumerate(self.model.ties):
             title = self.scene.named(f"tie {k}")
             if not k:
+                self.said.append("ties: CalculiX moves the nodes of the slave onto the master")
                 yield "** Ties: the slave's nodes follow the master"
-            slave, extent = self._surface(meshes, tie.slave, f"{title} slave")
-            master, _ = self._surface(meshes, tie.master, f"{title} master")
-            yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, extent)
-            # What a section carries is printed of the elements of the slave.
-            self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)},FREQUENCY=10000", "SOF,SOM"]
+            (slave, mine), (master, other) = (
+                self._surface(meshes, one, f"{title} {side}")
+                for one, side in ((tie.slave, "slave"), (tie.master, "master"))
+            )
+            if other.each < mine.each:
+                # CalculiX ties nodes: those of the coarser side would leave others loose.
+                if abs(other.area - mine.area) < _SAME_AREA * mine.area:
+                    slave, master = master, slave
+                else:
+                    self.said.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
+            yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, mine.extent)
+            self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)}", "SOF,SOM"]
 
-    def _surface(self, meshes: list[Mesh], one: Surface, name: str) -> tuple[str, float]:
-        """Return the title of a surface in the file, which is made where it has none, and its extent."""
+    def _surface(self, meshes: list[Mesh], one: Surface, name: str) -> tuple[str, _Size]:
+        """Return the title of a surface in the file, which is made where it has none, and its size."""
         if isinstance(one, SolidSurface):
             at, found = 1 + one.solid, ""
-            faces = deck_solids.facets_of(meshes[at], self.model.solids[one.solid], one.facets)
+            faces = deck_solids.facets_of(self.model.solids[one.solid], one.facets)
         else:
             at = 0
             found, faces = deck_pairs.surface_of(self.model, self.mesh, one)
+        mesh = meshes[at]
         if not found:
             found = name
-            meshes[at] = replace(meshes[at], faces={**meshes[at].faces, name: faces})
+            meshes[at] = replace(mesh, faces={**mesh.faces, name: faces})
         else:
             rod, k, surface = found.split(" ")
             found = f"{self.names[f'{rod} {k}']} {surface}"
-        return abaqus.name_of(found), float(np.ptp(meshes[at].points[faces].reshape(-1, 3), axis=0).max())
+        area = deck_pairs.area(mesh, faces)
+        extent = float(np.ptp(mesh.points[faces].reshape(-1, 3), axis=0).max())
+        return abaqus.name_of(found), _Size(area, area / len(faces), extent)
 
     def _contacts(self, meshes: list[Mesh], elements: list[str], dead: list[Array]) -> Iterator[str]:
         """Yield contacts, and put obstacles to the meshes."""
@@ -287,26 +309,10 @@ class _Problem:
 
     def _materials(self) -> Iterator[str]:
         """Yield materials and sections, and put their sets of elements to the others."""
-        where = rods.places(self.mesh, [body.space.rod for body in self.model.bodies])
-        for b, body in enumerate(self.model.bodies):
-            rod = self.names[f"rod {b}"]
-            cells = self.mesh.regions[f"rod {b}"]
-            rings = len(body.space.rod.rings) - 1
-            numbers: dict[tuple[int, float], int] = {}
-            given = zip(map(id, body.laws), body.densities.tolist(), strict=True)
-            kinds = np.array([numbers.setdefault(one, len(numbers)) for one in given]).reshape(-1, rings)
-            own = np.empty((body.space.rod.axis.elements, rings), dtype=np.int64)
-            own[body.space.own_elements] = kinds
-            if (own[body.space.own_elements] != kinds).any():
-                raise InputError(f"body {b}: laws that change within the elements of its axis are not written to .inp")
-            present = np.unique(own).tolist()
-            of_cells = own[where[cells, 1], where[cells, 2]]
-            for count, kind in enumerate(present):
-                name = rod if len(present) == 1 else f"{rod} law {count}"
-                if len(present) > 1:
-                    self.sets[name] = cells[of_cells == kind]
-                at = int(np.argmax(kinds.ravel() == kind))
-                yield from self._material(name, body.laws[at], float(body.densities[at]))
+        for kind in groups.kinds(self.mesh, self.model, self.names):
+            if not kind.whole:
+                self.sets[kind.name] = kind.cells
+            yield from self._material(kind.name, kind.law, kind.density)
         for one, solid in zip(self.bodies, self.model.solids, strict=True):
             yield from self._material(f"solid {one.name}", solid.law, solid.density)
         for name, _ in self.obstacles:
@@ -363,8 +369,8 @@ class _Problem:
         if self.kind == "buckling":
             share = self._share()
             self.said.append(
-                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {share:g} of "
-                f"the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {share:g}"
+                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {share:g} "
+                f"of the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {share:g}"
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)

@@ -12,8 +12,8 @@ from isorod.model.tie import EndFace, LateralSurface, Tie
 from meshes import cuts, nodal, rods
 from meshes.mesh import Array, Index, Mesh, lexicographic
 
-# A tie's nodes may be as far from the master as its own extent, times this, where no gap is given: what is too far isorod
-# has refused.
+# A tie's nodes may be as far from the master as its own extent, times this, where no gap is given: isorod has refused
+# what is too far.
 _GAP = 0.5
 
 # Half the width of the block that is a plane, in sizes of the rods that touch it, and its height.
@@ -49,7 +49,20 @@ def tied(tie: Tie, title: str, slave: str, master: str, extent: float) -> list[s
         what = {"slide": "slides", "mean": "ties means"}[tie.kind]
         raise InputError(f"{title}: CalculiX has no tie that {what}; kind = 'weld' is written")
     far = tie.gap if tie.gap is not None else _GAP * extent
-    return [f"*TIE,NAME={title},ADJUST=NO,POSITION TOLERANCE={far:.6g}", f"{slave},{master}"]
+    return [f"*TIE,NAME={title},ADJUST=YES,POSITION TOLERANCE={far:.6g}", f"{slave},{master}"]
+
+
+def area(mesh: Mesh, faces: Index) -> float:
+    """Return the area of faces, by the quadrilaterals or triangles of their corners."""
+    if mesh.shape == "tetrahedron":
+        places = mesh.points[faces[:, [0, 1, 2, 2]]]
+    elif len(mesh.face_reference):
+        side = mesh.order + 1
+        places = mesh.points[faces[:, [0, side - 1, side * side - 1, side * (side - 1)]]]
+    else:
+        places = mesh.points[faces[:, :4]]
+    across = np.cross(places[:, 2] - places[:, 0], places[:, 3] - places[:, 1])
+    return float(0.5 * np.linalg.norm(across, axis=1).sum())
 
 
 def pairs(contact: Contact) -> tuple[list[tuple[int, int]], list[int]]:

@@ -74,7 +74,7 @@ def mesh_of(one: OfBody, solid: "Solid", name: str) -> Mesh:
     )
 
 
-def facets_of(mesh: Mesh, solid: "Solid", facets: Any) -> Index:
+def facets_of(solid: "Solid", facets: Any) -> Index:
     """Return the corners ``(f, 3 or 4)`` of dolfinx's facets, of all of the surface where none are given."""
     from isorod.fenics import compat
     from isorod.fenics.groups import corners

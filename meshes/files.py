@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,12 @@ import numpy as np
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.output.results import write_whole
-from meshes import abaqus, deck, gmsh_model, rods, vtu
+from meshes import abaqus, deck, gmsh_model, groups, rods, script, vtu
 from meshes.mesh import Index, Mesh
 
 # What a file needs besides, by its ending, and how to get it.
 _GMSH = "gmsh", "Debian: apt install python3-gmsh; elsewhere: pip install gmsh"
-NEEDED = {".msh": _GMSH, ".inp": None, ".vtu": ("pyvista", "pip install pyvista")}
+NEEDED = {".msh": _GMSH, ".py": _GMSH, ".inp": None, ".vtu": ("pyvista", "pip install pyvista")}
 
 
 def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
@@ -44,10 +45,11 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     Parameters
     ----------
     path
-        ``.msh`` of gmsh (format 4.1): boundaries and rods are physical groups.  ``.inp`` of Abaqus and CalculiX: the
-        whole problem (`meshes.deck`), of geometry alone node sets and surfaces of the boundaries, element sets of rods
-        and of their rings.  ``.vtu``: Lagrange cells, their rod, axis element and ring as cell data, the rod's
-        parameters at their nodes.
+        ``.msh`` of gmsh (format 4.1): boundaries, rods, and with a model supports, loads, contacts, ties and laws are
+        physical groups.  ``.py``: a program of dolfinx (`meshes.script`), with the ``.msh`` beside it.  ``.inp`` of
+        Abaqus and CalculiX: the whole problem (`meshes.deck`), of geometry alone node sets and surfaces of the
+        boundaries, element sets of rods and of their rings.  ``.vtu``: Lagrange cells, their rod, axis element and ring
+        as cell data, the rod's parameters at their nodes.
     element
         Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
     model
@@ -60,20 +62,30 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     """
     check(path)
     names = deck.names_of(scene, mesh)
-    if path.suffix == ".msh":
-        gmsh_model.write(deck.renamed(mesh, names), path)
-        return []
+    if path.suffix in (".msh", ".py"):
+        said: list[str] = []
+        whole = deck.renamed(mesh, names)
+        if model is not None:
+            whole = replace(whole, faces={**whole.faces, **groups.surfaces(scene, model, mesh)})
+            laws = {kind.name: kind.cells for kind in groups.kinds(mesh, model, names)}
+            whole = replace(whole, regions={**whole.regions, **laws})
+        if path.suffix == ".py":
+            assert model is not None, "whoever asks for a program has a model"
+            text, said = script.write(scene, model, mesh, path)
+            write_whole(path, text.encode())
+        gmsh_model.write(whole, path.with_suffix(".msh"))
+        return said
     where = dict(zip(("rod", "element", "ring"), rods.places(mesh, scene.rods()).T, strict=True))
     if path.suffix == ".vtu":
         vtu.write(mesh, path, where)
         return []
     element, sets = element or abaqus.BRICKS[mesh.order], _rings(where, names)
     if model is None:
-        whole = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
+        done = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
     else:
-        whole = deck.write(scene, model, mesh, element, sets)
-    write_whole(path, (whole.text + "\n").encode())
-    return whole.said
+        done = deck.write(scene, model, mesh, element, sets)
+    write_whole(path, (done.text + "\n").encode())
+    return done.said
 
 
 def _rings(where: dict[str, Index], names: deck.Names) -> dict[str, Index]:

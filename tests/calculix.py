@@ -67,6 +67,11 @@ def answers(name, job, level=None):
     scene = files.find(path)
     model, settings = scene.model(), scene.settings()
     printed = run(job)
+    if scene.analysis == "buckling":
+        own = isorod.buckling.solve(model, **settings).factors
+        share = float(re.search(r"multiply what it finds by (\S+)", Path(f"{job}.inp").read_text())[1])
+        rows = re.findall(r"^ +\d+ +(\S+E\S+)$", printed, flags=re.MULTILINE)
+        return {f"factor {k + 1}": (share * float(rows[k]), one) for k, one in enumerate(own)}
     if scene.analysis == "modal":
         own = isorod.modal.solve(model, **settings).frequencies
         mine = frequencies(printed)[: len(own)]
@@ -86,8 +91,15 @@ def answers(name, job, level=None):
             at = rows[:, 0].astype(int) - 1
             where = nodes(job)[at] + displacements(job)[at]
             value = np.cross(where - 0.5 * (where.min(axis=0) + where.max(axis=0)), rows[:, 1:]).sum(axis=0)[component]
+        elif "contact_force" in asked:
+            # Normal forces of all pairs, at the end.
+            rows = re.findall(r"normal force \(\+ = tension\) and shear force \(size\)\n\n +\S+ +(\S+)", printed)
+            value = abs(float(rows[-1]))
+        elif "tie_moment" in asked:
+            rows = re.findall(r"moment about the center of gravity.*\n\n(.*)\n", printed)
+            value = np.array(rows[-1].split(), dtype=float)[component]
         else:
-            rod = model.bodies[0].space.rod
+            rod = model.bodies[scene.rod_names().index(asked["displacement"])].space.rod
             u = asked.get("u", rod.axis.breaks[-1])
             place = rod.points([asked.get("xi", (0.0, 0.0))], [u])[0]
             far = np.linalg.norm(nodes(job) - place, axis=1)
