@@ -11,8 +11,7 @@ from isorod.errors import InputError
 from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
-from isorod.model.tie import SolidSurface, Surface
-from meshes import abaqus, deck_laws, deck_pairs, deck_solids, groups, held, nodal
+from meshes import abaqus, deck_joined, deck_laws, deck_pairs, deck_solids, groups, held, nodal
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -29,9 +28,6 @@ _ROUNDING = 1e-12
 
 # Of load factors; CalculiX' own is a hundredth.
 _ACCURACY = "1e-6"
-
-# Surfaces that are tied are one where their areas, of corners, differ by less.
-_SAME_AREA = 0.05
 
 _LATER = "--mesh-only writes the mesh alone"
 
@@ -119,14 +115,6 @@ class _Block(NamedTuple):
     dead: Array
 
 
-class _Size(NamedTuple):
-    """The area of a surface, that of each of its faces, and how far it extends."""
-
-    area: float
-    each: float
-    extent: float
-
-
 class _Problem:
     def __init__(
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
@@ -137,7 +125,9 @@ class _Problem:
                 raise InputError(f"support {k}: mean motions and springs are not written to .inp")
         self.kind = scene.analysis
         self.modes = settings.get("modes", {"modal": 10, "buckling": 1}.get(self.kind, 0))
-        laws = [law for body in model.bodies for law in body.laws] + [solid.law for solid in model.solids]
+        laws = [law for body in model.bodies for law in body.laws] + [
+            solid.law for solid in model.solids if solid.law is not None
+        ]
         self.linear = all(law.linear for law in laws)
         if not self.linear and any(law.linear for law in laws):
             raise InputError("laws of small and of large displacements in one scene are not written to .inp")
@@ -186,30 +176,36 @@ class _Problem:
         """Return the file."""
         supports = {k: self.scene.named(f"support {k}") for k in range(len(self.held))}
         loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
-        pairs = [
+        paired = [
             self.scene.named(f"{what} {k}")
             for what, several in (("tie", self.model.ties), ("contact", self.model.contacts))
             for k in range(len(several))
         ]
         bodies = [f"solid {one.name}" for one in self.bodies]
-        _once([*supports.values(), *loads.values(), *pairs, *bodies])
+        _once([*supports.values(), *loads.values(), *paired, *bodies])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
         whole = renamed(self.mesh, self.names)
         self.solids = [
             deck_solids.mesh_of(one, solid, name)
             for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
         ]
-        meshes = [whole, *self.solids]
         elements = [self.element, *(map(deck_solids.element, self.bodies, self.model.solids))]
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
-        joined = [*self._ties(meshes), *self._contacts(meshes, elements, dead)]
+        self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [whole, *self.solids], self.names)
+        joined = [*self.pairs.ties(), *self.pairs.contacts()]
+        self.said += self.pairs.said
         materials = [*self._materials()]
-        self.blocks, text, cells = [], [], 0
-        for mesh, element, forces in zip(meshes, elements, dead, strict=True):
+        for mesh in self.pairs.meshes[len(elements) :]:
+            elements.append("C3D8" if mesh.order == 1 else abaqus.BRICKS[mesh.order])
+            dead.append(np.zeros_like(mesh.points))
+        self.blocks: list[_Block] = []
+        text: list[str] = []
+        cells = 0
+        for mesh, element, forces in zip(self.pairs.meshes, elements, dead, strict=True):
             first = max((int(block.number.max()) for block in self.blocks), default=0)
-            own, number = abaqus.lines(mesh, element, {} if self.blocks else self.sets, first, cells)
+            part, number = abaqus.lines(mesh, element, {} if self.blocks else self.sets, first, cells)
             cells += len(mesh.cells)
-            text.append(own)
+            text.append(part)
             self.blocks.append(_Block(mesh, element, number, forces))
         self.number = self.blocks[0].number
         own = list(self._sets())
@@ -223,90 +219,6 @@ class _Problem:
             self.said,
         )
 
-    def _ties(self, meshes: list[Mesh]) -> Iterator[str]:
-        """Yield ties, and put what is a part of a face to the faces of its mesh."""
-        self.printed: list[str] = []
-        for k, tie in enumerate(self.model.ties):
-            title = self.scene.named(f"tie {k}")
-            if not k:
-                self.said.append("ties: CalculiX moves the nodes of the slave onto the master")
-                yield "** Ties: the slave's nodes follow the master"
-            (slave, mine), (master, other) = (
-                self._surface(meshes, one, f"{title} {side}")
-                for one, side in ((tie.slave, "slave"), (tie.master, "master"))
-            )
-            if other.each < mine.each:
-                # CalculiX ties nodes: those of the coarser side would leave others loose.
-                if abs(other.area - mine.area) < _SAME_AREA * mine.area:
-                    slave, master = master, slave
-                else:
-                    self.said.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
-            yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, mine.extent)
-            self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)}", "SOF,SOM"]
-
-    def _surface(self, meshes: list[Mesh], one: Surface, name: str) -> tuple[str, _Size]:
-        """Return the title of a surface in the file, which is made where it has none, and its size."""
-        if isinstance(one, SolidSurface):
-            at, found = 1 + one.solid, ""
-            faces = deck_solids.facets_of(self.model.solids[one.solid], one.facets)
-        else:
-            at = 0
-            found, faces = deck_pairs.surface_of(self.model, self.mesh, one)
-        mesh = meshes[at]
-        if not found:
-            found = name
-            meshes[at] = replace(mesh, faces={**mesh.faces, name: faces})
-        else:
-            rod, k, surface = found.split(" ")
-            found = f"{self.names[f'{rod} {k}']} {surface}"
-        area = deck_pairs.area(mesh, faces)
-        extent = float(np.ptp(mesh.points[faces].reshape(-1, 3), axis=0).max())
-        return abaqus.name_of(found), _Size(area, area / len(faces), extent)
-
-    def _contacts(self, meshes: list[Mesh], elements: list[str], dead: list[Array]) -> Iterator[str]:
-        """Yield contacts, and put obstacles to the meshes."""
-        self.obstacles: list[tuple[str, int]] = []
-        for k, contact in enumerate(self.model.contacts):
-            title = self.scene.named(f"contact {k}")
-            found, alone = deck_pairs.pairs(contact)
-            if alone and not found:
-                raise InputError(f"contact {k}: contact of a rod with itself is nothing that CalculiX has")
-            if alone:
-                self.said.append(f"{title}: rods do not touch themselves, which CalculiX has not")
-            yield from deck_pairs.interaction(contact, self.model, abaqus.name_of(title))
-            other = ""
-            if contact.facets is not None:
-                other = self._surface(meshes, contact.facets, f"{title} master")[0]
-            elif contact.obstacle is not None:
-                points = self.mesh.points[
-                    np.unique(self.mesh.cells[[c for a, _ in found for c in self.mesh.regions[f"rod {a}"]]])
-                ]
-                name = f"{title} obstacle"
-                meshes.append(deck_pairs.obstacle(contact, points, name))
-                elements.append(abaqus.BRICKS[meshes[-1].order] if meshes[-1].order == 2 else "C3D8")
-                dead.append(np.zeros_like(meshes[-1].points))
-                self.obstacles.append((name, k))
-                other = abaqus.name_of(name)
-            for first, second in found:
-                slave = self._touching(meshes, k, first, 0)
-                master = other or self._touching(meshes, k, second, 1)
-                yield f"*CONTACT PAIR,INTERACTION={abaqus.name_of(title)},TYPE=SURFACE TO SURFACE"
-                yield f"{slave},{master}"
-                self.printed += [f"*CONTACT PRINT,SLAVE={slave},MASTER={master},FREQUENCY=10000", "CF"]
-
-    def _touching(self, meshes: list[Mesh], k: int, rod: int, side: int) -> str:
-        """Return the title of a rod's surface that takes part in a contact."""
-        contact = self.model.contacts[k]
-        surface = "inner" if contact.is_inner(rod) else "lateral"
-        chosen = (contact.first_elements, contact.second_elements)[side]
-        if chosen is None:
-            return abaqus.name_of(f"{self.names[f'rod {rod}']} {surface}")
-        breaks = self.model.bodies[rod].space.axis.breaks
-        some = [deck_pairs.within(self.mesh, rod, f"rod {rod} {surface}", breaks[e], breaks[e + 1]) for e in chosen]
-        name = f"{self.scene.named(f'contact {k}')} {('first', 'second')[side]}"
-        meshes[0] = replace(meshes[0], faces={**meshes[0].faces, name: np.concatenate(some)})
-        return abaqus.name_of(name)
-
     def _materials(self) -> Iterator[str]:
         """Yield materials and sections, and put their sets of elements to the others."""
         for kind in groups.kinds(self.mesh, self.model, self.names):
@@ -315,7 +227,7 @@ class _Problem:
             yield from self._material(kind.name, kind.law, kind.density)
         for one, solid in zip(self.bodies, self.model.solids, strict=True):
             yield from self._material(f"solid {one.name}", solid.law, solid.density)
-        for name, _ in self.obstacles:
+        for name, _ in self.pairs.obstacles:
             title = abaqus.name_of(name)
             yield from [
                 f"*MATERIAL,NAME={title}",
@@ -361,7 +273,7 @@ class _Problem:
             stops = self._stops()
             for k, factor in enumerate(stops, 1):
                 yield f"** Step {k} of {len(stops)}: supports and loads at {factor:.6g} of what the scene says"
-                yield from ["*STEP,NLGEOM,INC=10000" if self.large else "*STEP,INC=10000"]
+                yield "*STEP,NLGEOM,INC=10000" if self.large else "*STEP"
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from self._boundary(factor)
                 yield from self._loaded(factor)
@@ -409,13 +321,13 @@ class _Problem:
     def _boundary(self, factor: float) -> Iterator[str]:
         """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
         bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
-        if self.held or bodies or self.obstacles:
+        if self.held or bodies or self.pairs.obstacles:
             yield "*BOUNDARY"
         for name, one in bodies:
             for component in ("xyz".index(letter) for letter in one.components):
                 title = abaqus.name_of(f"solid {name} {one.group}")
                 yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
-        for name, k in self.obstacles:
+        for name, k in self.pairs.obstacles:
             yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
         for k, one in enumerate(self.held):
             moved = one.displacement(factor)
@@ -457,5 +369,5 @@ class _Problem:
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]
-        yield from self.printed
+        yield from self.pairs.printed
         yield from ["*NODE FILE,FREQUENCY=10000", "U,RF", "*EL FILE,FREQUENCY=10000", "S,E", "*END STEP"]

@@ -1,6 +1,7 @@
 """What joins surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
 
         axis = np.array(one.axis) / np.linalg.norm(one.axis)
         middle = np.array(one.point) + axis * (axis @ (centre - one.point))
-        ends = [tuple(middle + side * size * axis) for side in (-1.0, 1.0)]
+        ends: list[Any] = [tuple(middle + side * size * axis) for side in (-1.0, 1.0)]
         rod = isorod.straight(ends[0], ends[1]).sweep(isorod.circle(8, one.radius))
         made = rods.build([rod], _ROUND)
         return Mesh(

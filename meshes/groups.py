@@ -65,13 +65,13 @@ def surfaces(scene: Any, model: Model, mesh: Mesh) -> dict[str, Index]:
         elif isinstance(load, Pressure):
             found[scene.named(f"load {k}")] = mesh.faces[nodal.face_of(load)]
     for k, contact in enumerate(model.contacts):
-        sides = ("first", "second") if len(contact.groups) > 1 else ("",)
-        for bodies, side in zip(contact.groups, sides, strict=True):
+        two = ("first", "second") if len(contact.groups) > 1 else ("",)
+        for bodies, which in zip(contact.groups, two, strict=True):
             surface = ["inner" if contact.is_inner(b) else "lateral" for b in bodies]
             own = [mesh.faces[f"rod {b} {what}"] for b, what in zip(bodies, surface, strict=True)]
-            found[f"{scene.named(f'contact {k}')} {side}".strip()] = np.concatenate(own)
+            found[f"{scene.named(f'contact {k}')} {which}".strip()] = np.concatenate(own)
     for k, tie in enumerate(model.ties):
-        for one, side in ((tie.slave, "slave"), (tie.master, "master")):
-            if not isinstance(one, SolidSurface):
-                found[f"{scene.named(f'tie {k}')} {side}"] = deck_pairs.surface_of(model, mesh, one)[1]
+        for what, which in ((tie.slave, "slave"), (tie.master, "master")):
+            if not isinstance(what, SolidSurface):
+                found[f"{scene.named(f'tie {k}')} {which}"] = deck_pairs.surface_of(model, mesh, what)[1]
     return {name: faces for name, faces in found.items() if len(faces)}

@@ -66,7 +66,7 @@ def _missing(scene: Any, model: Model) -> Any:
             if law.families or symbols.activation in law.stored.expression.free_symbols:
                 yield f"law {type(law).__name__}: fibres and activation are not written to .py"
             if not np.isfinite(law.constants).all():
-                yield f"law {type(law).__name__}: incompressible, as displacements alone cannot be; give it a bulk modulus"
+                yield f"law {type(law).__name__}: incompressible, displacements alone are not; give it a bulk modulus"
 
 
 def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[str]]:
@@ -138,7 +138,7 @@ def _loads(scene: Any, model: Model, names: deck.Names, kinds: list[groups.Kind]
         elif isinstance(load, Pressure):
             normal = "ufl.det(F) * ufl.inv(F).T * normal" if load.follows else "normal"
             work = f'over("{name}", -{load.pressure:.12g} * ufl.dot({normal}, v), ds)'
-        else:
+        elif isinstance(load, BodyForce | Weight):
             rod, parts = names[f"rod {load.body}"], []
             for kind in kinds:
                 if kind.name == rod or kind.name.startswith(f"{rod} law "):

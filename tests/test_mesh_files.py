@@ -185,7 +185,7 @@ sys.exit(main(["spring", "--coils", "1", "spring.inp"]))
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("spring a.stl", "mesh file: got 'a.stl', need a name that ends in .msh or .inp or .vtu"),
+        ("spring a.stl", "mesh file: got 'a.stl', need a name that ends in .msh or .py or .inp or .vtu"),
         ("spring nowhere/a.inp", "folder 'nowhere' does not exist"),
         ("spring folder.inp", "cannot write 'folder.inp'"),
         ("spring a.inp --level 0", "mesh: level: got 0"),
