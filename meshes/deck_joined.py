@@ -118,7 +118,10 @@ class Pairs:
         if chosen is None:
             return abaqus.name_of(f"{self.names[f'rod {rod}']} {surface}")
         breaks = self.model.bodies[rod].space.axis.breaks
-        some = [deck_pairs.within(self.mesh, rod, f"rod {rod} {surface}", breaks[e], breaks[e + 1]) for e in chosen]
+        some = [
+            deck_pairs.within(self.mesh, rod, f"rod {rod} {surface}", breaks[e], breaks[e + 1], breaks[-1])
+            for e in chosen
+        ]
         name = f"{self.scene.named(f'contact {k}')} {('first', 'second')[side]}"
         self.meshes[0] = replace(self.meshes[0], faces={**self.meshes[0].faces, name: np.concatenate(some)})
         return abaqus.name_of(name)

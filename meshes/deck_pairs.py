@@ -29,18 +29,17 @@ def surface_of(model: Model, mesh: Mesh, one: EndFace | LateralSurface) -> tuple
     name = f"rod {one.body} {one.which if isinstance(one, EndFace) else nodal.SURFACES[one.surface]}"
     if isinstance(one, EndFace) or one.along is None:
         return name, mesh.faces[name]
-    return "", within(mesh, one.body, name, *cuts.between(model.bodies[one.body].space, one))
+    space = model.bodies[one.body].space
+    return "", within(mesh, one.body, name, *cuts.between(space, one), float(space.axis.breaks[-1]))
 
 
-def within(mesh: Mesh, rod: int, name: str, low: float, high: float) -> Index:
-    """Return the faces of a rod's surface between two axis parameters."""
+def within(mesh: Mesh, rod: int, name: str, low: float, high: float, end: float) -> Index:
+    """Return the faces of a rod's surface between two axis parameters, of which that of its end is the last."""
     faces = mesh.faces[name]
     u = mesh.parameters_in(rod, faces)[..., 2]
     # The last layer of a closed rod ends in nodes of the start.
-    period = np.ptp(mesh.parameters_in(rod, mesh.faces[name].ravel())[:, 2])
-    last = np.ptp(u, axis=1, keepdims=True) > 0.5 * period
-    u = np.where(last & (u == u.min()), np.inf, u).clip(max=high if last.any() else np.inf)
-    middle = u.mean(axis=1)
+    last = np.ptp(u, axis=1, keepdims=True) > 0.5 * (end - u.min())
+    middle = np.where(last & (u == u.min()), end, u).mean(axis=1)
     return faces[(middle > low) & (middle < high)]
 
 
