@@ -1,16 +1,15 @@
 """What joins surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
 
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
 from isorod.contact.defaults import penalty
 from isorod.errors import InputError
-from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.contact import Contact, Plane
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, Tie
-from meshes import cuts, nodal, rods
+from meshes import cuts, nodal
 from meshes.mesh import Array, Index, Mesh, lexicographic
 
 # A tie's nodes may be as far from the master as its own extent, times this, where no gap is given: isorod has refused
@@ -19,9 +18,6 @@ _GAP = 0.5
 
 # Half the width of the block that is a plane, in sizes of the rods that touch it, and its height.
 _WIDE, _HIGH = 2.0, 0.2
-
-# The level of the mesh of a cylinder that is an obstacle: 24 cells round it and more.
-_ROUND = 4
 
 
 def surface_of(model: Model, mesh: Mesh, one: EndFace | LateralSurface) -> tuple[str, Index]:
@@ -99,25 +95,7 @@ def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
     centre, size = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
     if isinstance(one, Plane):
         return _block(np.array(one.point), np.array(one.normal), centre, size, name)
-    if isinstance(one, Cylinder):
-        import isorod
-
-        axis = np.array(one.axis) / np.linalg.norm(one.axis)
-        middle = np.array(one.point) + axis * (axis @ (centre - one.point))
-        ends: list[Any] = [tuple(middle + side * size * axis) for side in (-1.0, 1.0)]
-        rod = isorod.straight(ends[0], ends[1]).sweep(isorod.circle(8, one.radius))
-        made = rods.build([rod], _ROUND)
-        return Mesh(
-            made.shape,
-            made.order,
-            made.points,
-            made.cells,
-            made.reference,
-            {name: made.faces["rod 0 lateral"]},
-            made.face_reference,
-            regions={name: made.regions["rod 0"]},
-        )
-    raise InputError(f"{type(one).__name__} as an obstacle is not written to .inp; Plane and Cylinder are")
+    raise InputError(f"{type(one).__name__} as an obstacle is not written to .inp; Plane is")
 
 
 def _block(point: Array, normal: Array, centre: Array, size: float, name: str) -> Mesh:
