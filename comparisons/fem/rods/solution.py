@@ -14,8 +14,9 @@ from isorod.files.solid import OfBody
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.model import Model
+from isorod.output.places import parameters
 from isorod.output.section_forces import SectionForces, centroids, frames, normals
-from isorod.output.state import Deformation, parameters
+from isorod.output.state import Deformation
 from isorod.output.stress import von_mises
 from isorod.tensors import determinant
 from meshes.joined_mesh import Joined

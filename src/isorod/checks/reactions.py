@@ -193,6 +193,19 @@ def support_displacements(model: Model, displacement: Array) -> Array:
     return result
 
 
+def support_places(model: Model, displacement: Array) -> Array:
+    """Return the points about which `support_moments` and `carried` tell moments, ``(supports, 3)``."""
+    places, nodes = _places(model, displacement), model.bound // 3
+    result = np.zeros((len(model.supports), 3))
+    for k in range(len(model.supports)):
+        mine = np.unique(nodes[model.support_of == k])
+        carriers = mine[model.is_carrier[mine]]
+        result[k] = places[carriers].mean(axis=0) if carriers.size else 0.0
+    for k, one in model.means.items():
+        result[k] = averages.shares(model, one) @ places
+    return result
+
+
 def by_name(kind: str, name: str, rows: Array) -> dict[str, Array]:
     """Return columns, by their names, of what each support, or tie, has: vectors ``(rows, supports, 3)``."""
     return {f"{kind} {k} {name} {axis}": rows[:, k, a] for k in range(rows.shape[1]) for a, axis in enumerate("xyz")}

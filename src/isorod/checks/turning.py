@@ -12,6 +12,7 @@ from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.support import Support
+from isorod.output.rotations import APART, angles, followed, nearest, steps
 from isorod.tensors import rotation
 
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
@@ -20,15 +21,11 @@ LONGEST = 0.5 * np.pi
 # Most whole turns of a support: a load step has a quarter of one.
 _MOST = 100
 
-# A section that turns by more than this in a step, or by a quarter of a turn more than its neighbour, may have turned
-# the other way.
-_LOST, _APART = 0.75 * np.pi, 0.5 * np.pi
+# A section that turns by more than this in a step may have turned the other way.
+_LOST = 0.75 * np.pi
 
 # Sections looked at an element, and places round each.
 _SECTIONS, _AROUND = 8, 8
-
-# A half turn about an axis across leaves no turn about an axis: this share of a unit quaternion must be left.
-_SEEN = 0.2
 
 
 class Turning:
@@ -80,8 +77,8 @@ class Turning:
             Displacements, shape ``(dofs,)``.
         """
         for b in self._turned:
-            turned = _rotations(*(self._arms(b, state) for state in (before, after)))
-            if _angles(turned).max() > _LOST or _angles(_steps(turned)).max() > _APART:
+            turned = nearest(*(self._arms(b, state) for state in (before, after)))
+            if angles(turned).max() > _LOST or angles(steps(turned)).max() > APART:
                 return (
                     f"sections of body {b} rotate by half a turn at the minimum step size: snap-through to "
                     "another equilibrium, or loss of a full turn between its supports"
@@ -127,14 +124,14 @@ class Turning:
         if len(ends) < 2:
             return False
         first, last = ends[0], ends[space.layers - 1]
-        turned = _rotations(self._arms(body, np.zeros_like(displacement)), self._arms(body, displacement))
+        turned = nearest(self._arms(body, np.zeros_like(displacement)), self._arms(body, displacement))
         # As the supports say: from the turn of the one end back to none, and on to that of the other.
-        count = 2 + int(max(np.linalg.norm(first), np.linalg.norm(last)) / _APART * 4.0)
+        count = 2 + int(max(np.linalg.norm(first), np.linalg.norm(last)) / APART * 4.0)
         share = np.linspace(0.0, 1.0, count)
         wanted = np.array([*(rotation(f * first) for f in share[::-1]), *(rotation(f * last) for f in share[1:])])
         about = last - first if np.linalg.norm(last - first) > 0.0 else last
-        angles = [_followed(path, about / np.linalg.norm(about)) for path in (turned, wanted)]
-        return abs(angles[0] - angles[1]) < _APART
+        both = [followed(path, about / np.linalg.norm(about)) for path in (turned, wanted)]
+        return abs(both[0] - both[1]) < APART
 
 
 def refuse_small(model: Model) -> None:
@@ -152,40 +149,3 @@ def refuse_small(model: Model) -> None:
 def _turned(model: Model) -> list[int]:
     """Return the bodies that supports turn, in order."""
     return sorted({one.body for one, motion in zip(model.supports, model.motions, strict=True) if motion.turn.any()})
-
-
-def _rotations(before: Array, after: Array) -> Array:
-    """Return the rotations nearest to what takes places ``(t, q, 3)`` to others, shape ``(t, 3, 3)`` (Kabsch)."""
-    left, _, right = np.linalg.svd(np.einsum("tqa,tqb->tab", after, before))
-    left[..., 2] *= np.linalg.det(left @ right)[:, None]
-    return np.asarray(left @ right)
-
-
-def _angles(rotations: Array) -> Array:
-    """Return the angles of rotations ``(t, 3, 3)``, 0 to pi."""
-    return np.arccos(np.clip(0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
-
-
-def _steps(rotations: Array) -> Array:
-    """Return what takes each rotation to the next."""
-    return np.asarray(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
-
-
-def _followed(rotations: Array, axis: Array) -> float:
-    """Return the angle about an axis by which rotations along a path turn in all, NaN where it cannot be followed."""
-    steps = _steps(rotations)
-    if _angles(steps).max() > _APART:
-        return np.nan
-    # As quaternions, the real part of a small step first.
-    real = 0.5 * np.sqrt(1.0 + np.trace(steps, axis1=1, axis2=2))
-    skew = steps - steps.swapaxes(1, 2)
-    rest = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / (4.0 * real[:, None])
-    w, v = 1.0, np.zeros(3)
-    path = [(w, 0.0)]
-    for a, b in zip(real, rest, strict=True):
-        w, v = a * w - b @ v, a * v + w * b + np.cross(b, v)
-        path.append((w, float(v @ axis)))
-    seen = np.array(path)
-    if np.linalg.norm(seen, axis=1).min() < _SEEN:
-        return np.nan
-    return 2.0 * float(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))[-1])

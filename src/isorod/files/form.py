@@ -38,8 +38,8 @@ def _named(kind: str) -> Kind:
     return Kind(make, f"the name of a {kind}", kind)
 
 
-ROD, SUPPORT, CONTACT, TIE, PARTNER, SURFACE, GROUP = map(
-    _named, ("rod", "support", "contact", "tie", "rod, obstacle or solid", "surface", "group")
+ROD, SUPPORT, LOAD, CONTACT, TIE, PARTNER, SURFACE, GROUP = map(
+    _named, ("rod", "support", "load", "contact", "tie", "rod, obstacle or solid", "surface", "group")
 )
 
 

@@ -1,15 +1,19 @@
 """What a scene file can ask of a solution; of a motion, at each output."""
 
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.errors import InputError
 from isorod.output.words import Component as Stress
 
 if TYPE_CHECKING:
     from isorod.dynamics.history import History
+    from isorod.modal.kinds import Like
+    from isorod.modal.modes import Modes
     from isorod.statics.analysis import Equilibrium
 
 Component = Literal["x", "y", "z"]
@@ -19,6 +23,16 @@ Carried = Literal["axial", "shear_1", "shear_2", "torque", "bending_1", "bending
 Vector = Literal["force", "moment"]
 
 Slope = Literal["secant", "tangent"]
+
+# An axis, through a point of its own or a section.
+Axis = Literal["x", "y", "z"] | tuple[float, float, float]
+Tangent = Literal["x", "y", "z", "tangent"] | tuple[float, float, float]
+
+Point = tuple[float, float, float]
+Shape = Literal["bending", "torsion", "axial"]
+
+# Share from which a mode is what was asked for, and nothing is said.
+_PURE = 0.9
 
 
 def geometry() -> None:
@@ -35,11 +49,17 @@ def reaction(solution: "Equilibrium | History", support: int, component: Compone
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return _component(solution.reactions[..., support, :], component)
+    return component_of(solution.reactions[..., support, :], component)
 
 
-def moment(solution: "Equilibrium", support: int, component: Component | None = None) -> Any:
-    """Return the moment of a support on the model about the middle of its nodes (statics alone).
+def moment(
+    solution: "Equilibrium",
+    support: int,
+    component: Component | None = None,
+    point: Point | None = None,
+    about: Axis | None = None,
+) -> Any:
+    """Return the moment of a support on the model about the middle of its nodes, or a point (statics alone).
 
     Parameters
     ----------
@@ -47,8 +67,18 @@ def moment(solution: "Equilibrium", support: int, component: Component | None = 
         Which one.
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    point
+        About which it is, fixed in space; where not given the mean of the support's nodes in their present places.
+    about
+        An axis through that point, by its letter or a vector of any length: the moment about it alone.
     """
-    return _component(solution.moments[support], component)
+    from isorod.checks.reactions import support_places
+
+    found = solution.moments[support]
+    if point is not None:
+        arm = support_places(solution.model, solution.displacement)[support] - np.array(point)
+        found = found + np.cross(arm, solution.reactions[support])
+    return along(found, component, about)
 
 
 def displacement(
@@ -71,7 +101,34 @@ def displacement(
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return _component(_each(solution, lambda state: state.at(rod, "end" if u is None else u, xi)), component)
+    return component_of(_each(solution, lambda state: state.at(rod, "end" if u is None else u, xi)), component)
+
+
+def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None, about: Tangent | None = None) -> Any:
+    """Return by how much a section of a rod has turned in the mean, degrees: its vector, or the angle about an axis.
+
+    Parameters
+    ----------
+    rod
+        Whose section it is.
+    u
+        Axis parameter of the section; that of the end face where not given.
+    about
+        ``"x"``, ``"y"`` or ``"z"``, a vector of any length, or ``"tangent"``, that of the rod at rest: the angle about
+        it, right-handed, as mean supports have it, whole turns counted from a held end.  Where not given the vector,
+        along the axis of the rotation and as long as its angle.
+    """
+
+    def found(state: Any) -> Any:
+        place, axis = "end" if u is None else u, about
+        if about == "tangent":
+            space = state.model.bodies[rod].space
+            here = space.axis.breaks[-1] if u is None else u
+            axis = space.rod.grid(np.zeros((1, 2)), [here])[1][0, 0, :, 2]
+        turned = np.degrees(state.rotation(rod, place, None if axis is None else _axis(axis)))
+        return float(turned) if turned.ndim == 0 else turned
+
+    return _each(solution, found)
 
 
 def stress(
@@ -168,15 +225,38 @@ def stiffness(solution: "Equilibrium", support: int, slope: Slope = "secant") ->
     return rates.secant(solution, support) if slope == "secant" else rates.tangent(solution, support)
 
 
-def contact_force(solution: "Equilibrium", contact: int) -> float:
-    """Return the total normal force of a contact (statics alone; a motion's record has that of all contacts).
+def frequency(solution: "Modes", rod: int, shape: Shape, direction: Axis | None = None, number: int = 1) -> float:
+    """Return the frequency of a mode by its shape: the lowest that is mostly bending, torsion or stretching of a rod.
 
     Parameters
     ----------
-    contact
-        Which one.
+    rod
+        Whose motion it is.
+    shape
+        ``"bending"``, ``"torsion"`` or ``"axial"``: more than half of the rod's kinetic energy is in sections that move
+        across its axis, turn about it, or move along it (`isorod.modal.kinds`).
+    direction
+        Of bending, in which sections move: by its letter or a vector; any where not given.
+    number
+        1 for the lowest of them, 2 for the next.
     """
-    return float(solution.contacts[contact].force)
+    from isorod.modal import kinds
+
+    found = kinds.of_rod(solution, rod, shape, None if direction is None else _axis(direction), number)
+    return _mostly(found, shape)
+
+
+def frequency_like(solution: "Modes", load: int) -> float:
+    """Return the frequency of the mode most like the shape that a load gives the model from rest (the largest MAC).
+
+    Parameters
+    ----------
+    load
+        Which one; ``at_rest`` of the analysis leaves it out of what the modes are about.
+    """
+    from isorod.modal import kinds
+
+    return _mostly(kinds.of_load(solution, load), "what the load makes")
 
 
 def tie_force(solution: "Equilibrium | History", tie: int, component: Component | None = None) -> Any:
@@ -189,11 +269,17 @@ def tie_force(solution: "Equilibrium | History", tie: int, component: Component 
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return _component(_of_tie(solution, tie, "force"), component)
+    return component_of(_of_tie(solution, tie, "force"), component)
 
 
-def tie_moment(solution: "Equilibrium | History", tie: int, component: Component | None = None) -> Any:
-    """Return the moment that a tie exerts on its slave about the middle of its surface at rest.
+def tie_moment(
+    solution: "Equilibrium | History",
+    tie: int,
+    component: Component | None = None,
+    point: Point | None = None,
+    about: Axis | None = None,
+) -> Any:
+    """Return the moment that a tie exerts on its slave about the middle of its surface at rest, or a point.
 
     Explicit steps do not tell it.
 
@@ -203,8 +289,18 @@ def tie_moment(solution: "Equilibrium | History", tie: int, component: Component
         Which one.
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    point
+        About which it is, arms those at rest (statics alone); where not given the mean of the surface at rest.
+    about
+        An axis through that point, by its letter or a vector of any length: the moment about it alone.
     """
-    return _component(_of_tie(solution, tie, "moment"), component)
+    found = _of_tie(solution, tie, "moment")
+    if point is not None:
+        if not hasattr(solution, "ties"):
+            raise InputError("point: of motions the moment about the middle of the tie is known alone; leave it out")
+        one = solution.ties[tie]
+        found = found + np.cross(one.center - np.array(point), one.force)
+    return along(found, component, about)
 
 
 def _of_tie(solution: Any, tie: int, name: str) -> Any:
@@ -222,7 +318,35 @@ def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:
     return found if isinstance(found[0], tuple) else np.array(found)
 
 
-def _component(vector: Array, component: str | None) -> Any:
+def _mostly(found: "Like", what: str) -> float:
+    """Return the frequency of a mode, and warn where it is something else as well."""
+    if found.share < _PURE:
+        warnings.warn(
+            f"frequency {found.frequency:.6g}: {100.0 * found.share:.0f} % of this mode is {what}, the rest is not",
+            stacklevel=3,
+        )
+    return found.frequency
+
+
+def _axis(axis: Any) -> Array:
+    """Return the unit vector ``(3,)`` of an axis by its letter, or a vector."""
+    from isorod.output.rotations import direction
+
+    return np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else direction("about", axis)
+
+
+def along(vector: Array, component: str | None, about: Any) -> Any:
+    """Return a vector ``(3,)``, or such of a motion, its component, or what it has along an axis."""
+    if about is None:
+        return component_of(vector, component)
+    if component is not None:
+        raise InputError("about: beside component; need one of the two")
+    found = vector @ _axis(about)
+    return float(found) if np.ndim(found) == 0 else found
+
+
+def component_of(vector: Array, component: str | None) -> Any:
+    """Return a vector ``(3,)``, or such of a motion, or one component of it."""
     if component is None:
         return vector
     found = vector["xyz".index(component)] if vector.ndim == 1 else vector[:, "xyz".index(component)]

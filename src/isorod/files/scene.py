@@ -235,6 +235,10 @@ class FileScene(Scene):
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
             raise place.error(f"no measures in {self.analysis}: its results are reported without")
+        for _, at, table in self._named("measure"):
+            words = [word for word in table if word in schema.MEASURES]
+            if words and not fitting.keys() & {*words}:
+                raise (at / words[0]).error(f"not told in {self.analysis}; what is: {', '.join(fitting)}")
         for name, asked in self._choices("measure", fitting).items():
             if name in schema.RESERVED:
                 raise (place / name).error("a result has something else of this name; choose another")

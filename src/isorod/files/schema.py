@@ -9,7 +9,7 @@ from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
 from isorod.files.data import BOND, POINTS, VARYING
-from isorod.files.form import CONTACT, GROUP, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
+from isorod.files.form import CONTACT, GROUP, LOAD, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
@@ -135,24 +135,30 @@ ANALYSES = {
 
 def _measure(name: str, **kinds: Kind) -> Form:
     # The unit is a word for people.
-    return Form(f"isorod.files.measures:{name}", kinds=kinds, left=("solution",), more={"unit": str})
+    target = name if ":" in name else f"measures:{name}"
+    return Form(f"isorod.files.{target}", kinds=kinds, left=("solution",), more={"unit": str})
 
 
 MEASURES = {
     "reaction": _measure("reaction", support=SUPPORT),
     "moment": _measure("moment", support=SUPPORT),
     "displacement": _measure("displacement", rod=ROD),
+    "rotation": _measure("rotation", rod=ROD),
     "stress": _measure("stress", rod=ROD),
     "section_force": _measure("section_force", rod=ROD),
     "energy": _measure("energy", rod=ROD),
     "stiffness": _measure("stiffness", support=SUPPORT),
-    "contact_force": _measure("contact_force", contact=CONTACT),
+    "frequency": _measure("frequency", rod=ROD),
+    "frequency_like": _measure("frequency_like", load=LOAD),
+    "contact_force": _measure("contacts:contact_force", contact=CONTACT),
+    "contact_moment": _measure("contacts:contact_moment", contact=CONTACT),
+    "contact_patch": _measure("contacts:contact_patch", contact=CONTACT),
     "tie_force": _measure("tie_force", tie=TIE),
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
 # Those that the state of any load step tells.
-ALONG = ("reaction", "displacement", "stress", "section_force", "energy")
+ALONG = ("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy")
 
 # What a record has besides what is measured.
 RESERVED = frozenset(

@@ -237,14 +237,25 @@ class MeanSupport(Checked):
 
         ``nodal`` ``(nodes, 3)`` are the displacements of the space's nodes.
         """
-        trace = self._trace(space)
-        arms, weights = _arms(trace)[0], trace.weights
-        now = arms + trace.values @ nodal[trace.nodes[0]]
-        now -= weights @ now / weights.sum()
+        arms, now, weights = self._moved(space, nodal)
         sines = self.axes @ (weights @ np.cross(arms, now))
         both = weights @ np.einsum("qa,qa->q", arms, now)
         cosines = both - np.einsum("ma,mb,ab->m", self.axes, self.axes, (weights[:, None] * arms).T @ now)
         return np.asarray(np.arctan2(sines, cosines))
+
+    def rotation(self, space: Space, nodal: Array) -> Array:
+        """Return the rotation ``(3, 3)`` nearest to how the section's points move (Kabsch), of any axis."""
+        arms, now, weights = self._moved(space, nodal)
+        left, _, right = np.linalg.svd((weights[:, None] * now).T @ arms)
+        left[:, 2] *= np.linalg.det(left @ right)
+        return np.asarray(left @ right)
+
+    def _moved(self, space: Space, nodal: Array) -> tuple[Array, Array, Array]:
+        """Return places from the middle of the section, at rest and now, ``(q, 3)``, and their weights ``(q,)``."""
+        trace = self._trace(space)
+        arms, weights = _arms(trace)[0], trace.weights
+        now = arms + trace.values @ nodal[trace.nodes[0]]
+        return arms, now - weights @ now / weights.sum(), weights
 
     def radius(self, space: Space) -> float:
         """Return the radius of gyration of the section, units of length."""

@@ -15,10 +15,10 @@ from isorod.geometry.quadrature import WHOLE, section_points
 from isorod.geometry.rod import Rod
 from isorod.material.law import Material
 from isorod.model.body import Body
+from isorod.output.places import parameters
 from isorod.output.prism import Prism
 from isorod.output.progress import Teller
 from isorod.output.section_forces import centroids, frames, normals
-from isorod.output.state import parameters
 from isorod.space.basis import Functions
 from isorod.space.polynomial import fine_rule, polynomials
 from isorod.space.space import Space

@@ -22,6 +22,7 @@ from isorod.errors import InputError, expect, whole_number
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.model import Model
+from isorod.output.places import numbers_in, parameters
 from isorod.space.space import Space
 
 if TYPE_CHECKING:
@@ -92,6 +93,18 @@ class Deformation:
         _check_scale(scale)
         rest, _ = points.body.space.rod.grid(points.xi, points.u)
         return _on_grid(rest, points) + scale * self.at(body, u, xi)
+
+    def rotation(self, body: Named, u: float | str, about: ArrayLike | None = None) -> Array:
+        """Return the mean rotation of a section, radians (`isorod.output.rotations.of_section`): its vector ``(3,)``.
+
+        About an axis ``about``, a vector ``(3,)`` of any length, the angle alone.
+        """
+        from isorod.output import rotations
+
+        number = self._number(body)
+        axis = None if about is None else rotations.direction("about", about)
+        place, factor = float(parameters(self.model.bodies[number].space, u)), getattr(self, "factor", 1.0)
+        return rotations.of_section(self.model, self.displacement, number, place, axis, factor)
 
     def centre_line(self, body: Named, count: int = 101, scale: float = 1.0) -> Array:
         """Return the deformed centre line, of a hollow rod that of its hole, at evenly spaced axis parameters.
@@ -180,7 +193,7 @@ class Deformation:
             along, angle = parameters(body.space, u), np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
             round_it = hole * np.stack([np.cos(angle), np.sin(angle)], axis=1)
             return _Points(number, body, along.ravel(), round_it, along.shape, mean=True)
-        along, across = parameters(body.space, u), _numbers((0.0, 0.0) if xi is None else xi)
+        along, across = parameters(body.space, u), numbers_in((0.0, 0.0) if xi is None else xi)
         if across is None or across.ndim == 0 or across.shape[-1] != 2 or not across.size:
             raise InputError("disk points xi: need two numbers, or an array of shape (..., 2)")
         if (np.linalg.norm(across, axis=-1) < hole * (1.0 - 1e-12)).any():
@@ -370,28 +383,6 @@ class State(Deformation):
 def _on_grid(values: Array, points: _Points) -> Array:
     """Return vectors ``(t, q, 3)`` in the shape in which the points were given."""
     return (values.mean(axis=1) if points.mean else values).reshape(*points.shape, 3)
-
-
-def _numbers(given: ArrayLike) -> Array | None:
-    """Return an array of numbers, or None if these are none."""
-    try:
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        return None
-
-
-def parameters(space: Space, u: ArrayLike) -> Array:
-    """Return axis parameters as given, the names of ends replaced."""
-    low, high = space.axis.breaks[[0, -1]]
-    values = _numbers({"start": low, "end": high}.get(u, "") if isinstance(u, str) else u)
-    if values is None:
-        got = f"{u!r:.40}" if isinstance(u, str) else type(u).__name__
-    else:
-        inside = (values >= low) & (values <= high)
-        if values.size and inside.all():
-            return values
-        got = f"{values[~inside].flat[0]:g}" if values.size else "none"
-    raise InputError(f"axis parameter u: got {got}, need numbers from {low:g} to {high:g}, or 'start' or 'end'")
 
 
 def _check_scale(scale: float) -> None:

@@ -215,10 +215,10 @@ class Equilibrium(State, WithSolids, Animated):
                 factor=step.factor,
                 displacement=step.displacement,
                 reactions=step.reactions,
+                moments=step.moments,
                 pressures=step.pressures,
                 # These are of the last one alone.
                 contacts=(),
-                moments=np.full_like(self.moments, np.nan),
                 ties=(),
             )
             for step in self.path[:-1]

@@ -15,15 +15,16 @@ from isorod.errors import whole_number
 class Step(NamedTuple):
     """Where a load step ended.
 
-    Its load factor, the forces of the supports on the model ``(supports, 3)``, and the sum of the normal forces of
-    obstacles that move.  Without friction, and where supports hold all bodies, multipliers are added at the full load
-    alone, and what is before it is as the penalty says.  Displacement and pressures, as those of an
-    `isorod.statics.Equilibrium`, are there where they are to be kept.
+    Its load factor, the forces of the supports on the model ``(supports, 3)``, the sum of the normal forces of
+    obstacles that move, and the supports' moments.  Without friction, and where supports hold all bodies, multipliers
+    are added at the full load alone, and what is before it is as the penalty says.  Displacement and pressures, as
+    those of an `isorod.statics.Equilibrium`, are there where they are to be kept.
     """
 
     factor: float
     reactions: Array
     push: float = 0.0
+    moments: Array = np.empty((0, 3))
     displacement: Array | None = None
     pressures: Sequence[Array | None] = ()
 
@@ -58,8 +59,9 @@ class Path:
         step = Step(factor, np.empty((0, 3)))
         keep = self._keep and (not self.outputs or factor in self.outputs)
         if keep or assembler.contact is not None:
-            forces = carried(assembler, x, factor).reactions
-            step = Step(factor, forces, 0.0 if assembler.contact is None else assembler.contact.push())
+            own = carried(assembler, x, factor)
+            pushed = 0.0 if assembler.contact is None else assembler.contact.push()
+            step = Step(factor, own.reactions, pushed, own.moments)
         if keep:
             state = assembler.displacement(x, factor).copy(), assembler.pressures(x)
             step = step._replace(displacement=state[0], pressures=state[1])
