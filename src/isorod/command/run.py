@@ -32,6 +32,10 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         results.check_folder(found.output)
         if scenes.analyses(scene) != ("geometry",):
             vtk.require()
+    if scene.cases and scene.case is None:
+        from isorod.command import cases
+
+        return cases.run(scene, theirs, found, _analysis, _kept)
     solve = _geometry if scene.analysis == "geometry" else _analysis
     # What overflows ends as a number that is not finite, and no such number is reported.
     with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():

@@ -41,6 +41,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         chosen.find("sweep", ours, theirs, more)[2].print_help()
         return 0
     words = _without_old(ours)
+    cases = chosen.find("sweep", words, theirs, more)[1].cases
+    if cases and not any(word.partition("=")[0] == "--case" for word in words):
+        words += ["--case", ",".join(cases)]
     points = grid.read(words, _VALUED)
     scene, found = _understood(points, theirs)
     if scenes.analyses(scene) == ("geometry",):
@@ -233,7 +236,7 @@ def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:
 def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
     """Print the table, unless JSON was asked for, and warnings."""
     if not found.json:
-        for line in _table([records[k] for k in sorted(records)]):
+        for line in table([records[k] for k in sorted(records)]):
             print(line)
         print(_summary(records, seconds, before))
         sys.stdout.flush()
@@ -246,7 +249,7 @@ def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, 
         print(f"isorod: warning: {len(warned) - _WARNINGS} more warnings are in the records", file=sys.stderr)
 
 
-def _table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the lines of a table for people."""
     from isorod.command import sheet
 

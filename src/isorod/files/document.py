@@ -28,6 +28,7 @@ KEYS = (
     "contact",
     "tie",
     "measure",
+    "case",
 )
 
 # A scene is written by hand; what is longer are data, which go beside it; and bytes of those at the most.
@@ -87,6 +88,11 @@ class Document:
     def top(self) -> "Place":
         """The place of everything."""
         return Place(self, ())
+
+    def moved(self, path: lines.Path, other: lines.Path) -> None:
+        """Let what is at a path be said to stand where another is."""
+        if other in self._lines:
+            self._lines[path] = self._lines[other]
 
     def line(self, path: lines.Path) -> int:
         """Return the line of a key, or of the nearest thing that holds it."""

@@ -31,6 +31,9 @@ Tangent = Literal["x", "y", "z", "tangent"] | tuple[float, float, float]
 Point = tuple[float, float, float]
 Shape = Literal["bending", "torsion", "axial"]
 
+# So small a part of the largest force, or displacement, is rounding.
+_ROUNDING = 1e-10
+
 # Share from which a mode is what was asked for, and nothing is said.
 _PURE = 0.9
 
@@ -49,7 +52,7 @@ def reaction(solution: "Equilibrium | History", support: int, component: Compone
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return component_of(solution.reactions[..., support, :], component)
+    return component_of(rounded(solution.reactions[..., support, :], _largest(solution.reactions)), component)
 
 
 def moment(
@@ -78,7 +81,8 @@ def moment(
     if point is not None:
         arm = support_places(solution.model, solution.displacement)[support] - np.array(point)
         found = found + np.cross(arm, solution.reactions[support])
-    return along(found, component, about)
+    scale = max(_largest(solution.moments), _largest(solution.reactions) * solution.model.size)
+    return along(rounded(found, scale), component, about)
 
 
 def displacement(
@@ -101,7 +105,8 @@ def displacement(
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return component_of(_each(solution, lambda state: state.at(rod, "end" if u is None else u, xi)), component)
+    found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
+    return component_of(rounded(found, _largest(solution.displacement)), component)
 
 
 def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None, about: Tangent | None = None) -> Any:
@@ -126,6 +131,7 @@ def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None
             here = space.axis.breaks[-1] if u is None else u
             axis = space.rod.grid(np.zeros((1, 2)), [here])[1][0, 0, :, 2]
         turned = np.degrees(state.rotation(rod, place, None if axis is None else _axis(axis)))
+        turned = rounded(turned, np.degrees(_largest(state.displacement)) / state.model.size)
         return float(turned) if turned.ndim == 0 else turned
 
     return _each(solution, found)
@@ -326,6 +332,15 @@ def _mostly(found: "Like", what: str) -> float:
             stacklevel=3,
         )
     return found.frequency
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def rounded(values: Array, scale: float) -> Array:
+    """Return values in which what is rounding beside a scale, to which equilibria do not balance, is 0."""
+    return np.where(np.abs(values) < _ROUNDING * scale, 0.0, values)
 
 
 def _axis(axis: Any) -> Array:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
-from isorod.files import changes, schema
+from isorod.files import cases, schema
 from isorod.files.copies import Copies, placed
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
@@ -57,6 +57,8 @@ class FileScene(Scene):
         Where something small presses on rods, by their number (`closer`).
     changes
         Values in the place of the file's own (`isorod.files.changes`).
+    case
+        The load case (`isorod.files.cases`), of a file that has several.
 
     Attributes
     ----------
@@ -68,6 +70,8 @@ class FileScene(Scene):
         All that the file says, as `tomllib` reads it, and what its spaces are told besides.
     data
         SHA-256 sum of each data file, by its name in the scene's file.
+    cases
+        The names of the load cases.
     analysis
         ``"statics"``, ``"modal"``, ``"buckling"``, ``"dynamics"`` or ``"geometry"``.
     units
@@ -92,10 +96,11 @@ class FileScene(Scene):
     spaces: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     patches: "Mapping[int, Sequence[Patch]]" = field(default_factory=dict)
     changes: Sequence[str] = option((), _SET, flag="--set", metavar="PATH=VALUE")
+    case: str | None = option(None, "one of the file's load cases, alone")
 
     def __post_init__(self) -> None:
         document = Document(self.path)
-        changes.put(document, self.changes)
+        self.cases = cases.put(document, self.case, self.changes)
         self.name, self.content, self.data = Path(self.path).stem, document.content, document.read
         self._top = top = document.top
         for key in self.content:
@@ -106,7 +111,7 @@ class FileScene(Scene):
             raise (top / "title").error(f"got {shown(self.title)}, need a text")
         if "analysis" not in self.content:
             raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
-        self.analysis, self._explicit = self._analysis()
+        self.analysis, self._explicit = schema.analysis(top / "analysis", self.content["analysis"])
         self.plans, copies = self._rods()
         self._names = Names(
             self.plans,
@@ -136,7 +141,8 @@ class FileScene(Scene):
     @property
     def option_fields(self) -> list[Field[Any]]:
         """The fields that are options: of geometry alone none that spaces have."""
-        return [one for one in super().option_fields if self.analysis != "geometry" or one.name not in _SPACE]
+        left = {*(_SPACE if self.analysis == "geometry" else ()), *(() if self.cases else ("case",))}
+        return [one for one in super().option_fields if one.name not in left]
 
     def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
         """Return the rods, and the names of the copies of one by its own."""
@@ -194,21 +200,6 @@ class FileScene(Scene):
             patches=self.patches.get(number, ()),
         )
 
-    def _analysis(self) -> tuple[str, bool]:
-        """Return the word of the analysis, and whether it is of explicit steps; its keys are read by `settings`."""
-        place, said = self._top / "analysis", self.content["analysis"]
-        if isinstance(said, str):
-            if said not in schema.ANALYSES:
-                raise place.unknown(said, schema.ANALYSES)
-            return said, said == "dynamics"
-        strange = next((word for word in place.table(said) if word not in schema.ANALYSES), None)
-        if strange is not None:
-            raise (place / strange).unknown_key(schema.ANALYSES)
-        if len(said) != 1:
-            raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
-        ((word, keys),) = said.items()
-        return word, word == "dynamics" and not (isinstance(keys, dict) and keys.get("integrator") == "implicit")
-
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
@@ -236,9 +227,7 @@ class FileScene(Scene):
         if "measure" in self.content and not fitting:
             raise place.error(f"no measures in {self.analysis}: its results are reported without")
         for _, at, table in self._named("measure"):
-            words = [word for word in table if word in schema.MEASURES]
-            if words and not fitting.keys() & {*words}:
-                raise (at / words[0]).error(f"not told in {self.analysis}; what is: {', '.join(fitting)}")
+            schema.refuse_untold(at, table, self.analysis, fitting)
         for name, asked in self._choices("measure", fitting).items():
             if name in schema.RESERVED:
                 raise (place / name).error("a result has something else of this name; choose another")
@@ -286,12 +275,12 @@ class FileScene(Scene):
     @property
     def options(self) -> dict[str, Any]:
         """What a record keeps of the scene: all that the file says, and sums of the data beside it."""
-        return {"options": as_json(self.content), "data": self.data}
+        return {"options": as_json(self.content), "data": self.data} | ({"case": self.case} if self.case else {})
 
     @property
     def described(self) -> str:
         """The title."""
-        return str(self.title)
+        return f"{self.title}, case {self.case}" if self.case else str(self.title)
 
     def on(self, spaces: "Sequence[Space]") -> "FileScene":
         """Return the same scene with its rods on these spaces, one a rod."""
@@ -324,6 +313,8 @@ class FileScene(Scene):
         """Return the model; raises `InputError` with file, line and place."""
         from isorod.model.model import Model
 
+        if self.cases and not self.case:
+            raise (self._top / "case").error(f"several load cases; choose one: --case {' or '.join(self.cases)}")
         bodies = [plan.body(self._use(k)) for k, plan in enumerate(self.plans.values())]
 
         def made(one: Call) -> Any:

@@ -4,11 +4,13 @@ A new curve, section, law, support, load, obstacle or measure is one more line h
 are those of its signature, what they mean is in its docstring.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import DEGREES, RADIANS
 from isorod.files.data import BOND, POINTS, VARYING
+from isorod.files.document import Place
 from isorod.files.form import CONTACT, GROUP, LOAD, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
@@ -133,6 +135,21 @@ ANALYSES = {
 }
 
 
+def analysis(place: Place, said: Any) -> tuple[str, bool]:
+    """Return the word of the analysis that a file asks for, and whether it is of explicit steps."""
+    if isinstance(said, str):
+        if said not in ANALYSES:
+            raise place.unknown(said, ANALYSES)
+        return said, said == "dynamics"
+    strange = next((word for word in place.table(said) if word not in ANALYSES), None)
+    if strange is not None:
+        raise (place / strange).unknown_key(ANALYSES)
+    if len(said) != 1:
+        raise place.error(f"need one of {', '.join(ANALYSES)}")
+    ((word, keys),) = said.items()
+    return word, word == "dynamics" and not (isinstance(keys, dict) and keys.get("integrator") == "implicit")
+
+
 def _measure(name: str, **kinds: Kind) -> Form:
     # The unit is a word for people.
     target = name if ":" in name else f"measures:{name}"
@@ -160,10 +177,18 @@ MEASURES = {
 # Those that the state of any load step tells.
 ALONG = ("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy")
 
+
+def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, told: Mapping[str, Form]) -> None:
+    """Raise `InputError` where a table asks for what an analysis does not tell, but others do."""
+    words = [word for word in table if word in MEASURES]
+    if words and not told.keys() & {*words}:
+        raise (place / words[0]).error(f"not told in {analysis}; what is: {', '.join(told)}")
+
+
 # What a record has besides what is measured.
 RESERVED = frozenset(
-    "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
-    "machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
+    "scene options data case analysis dofs unknowns quadrature discretisation built seconds solver ranks versions "
+    "commit machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
     "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
     "augmentations residuals rigid below shift iterations frequencies times reactions tie_forces tie_moments "
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "

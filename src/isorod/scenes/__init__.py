@@ -60,6 +60,8 @@ class Scene(Checked):
         Initial number of equal load steps of statics.
     content
         All that the scene's file says; None where there is none.
+    cases, case
+        The names of its load cases, and which of them it is; none and None where it has none.
     """
 
     name: Any = ""
@@ -67,6 +69,8 @@ class Scene(Checked):
     stresses: Sequence[str] = ()
     along: Sequence[str] = ()
     content: Any = None
+    cases: Sequence[str] = ()
+    case: Any = None
     load_steps: ClassVar[int] = 1
 
     def __init_subclass__(cls) -> None:
