@@ -99,6 +99,8 @@ def subject(word: str) -> Subject:
         raise InputError(f"{word}: geometry alone, with nothing to solve; isorod run {word} tells its volume")
     if analysis == "dynamics":
         raise InputError(f"{word}: dynamics, of which there are no finite elements here; compare its statics or modes")
+    if scene.cases:
+        raise InputError(f"{word}: several load cases, of which none is compared; write one as a file of its own")
     options.initialize([])
     return Subject(word, scene, scene.model())
 

@@ -14,6 +14,7 @@ from isorod.files.solid import OfBody
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.model import Model
+from isorod.output import rotations
 from isorod.output.places import parameters
 from isorod.output.section_forces import SectionForces, centroids, frames, normals
 from isorod.output.state import Deformation
@@ -174,6 +175,16 @@ class Solution:
         moment = np.cross(places - centroid[:, None], pull).sum(axis=1)
         found = pull.sum(axis=1), moment, centroid, frames(moved, area)
         return SectionForces(*(one.reshape(*given.shape, *one.shape[1:]) for one in found))
+
+    def rotation(self, rod: int, u: ArrayLike, about: ArrayLike | None = None) -> Array:
+        """Return the mean rotation of a section, as `isorod.output.state.Deformation` does, up to half a turn."""
+        space = self.model.bodies[rod].space
+        where = np.atleast_1d(parameters(space, u))
+        xi, area = section_points(space.rod.section_points, _SECTION, rings=space.rod.rings)
+        rest, jacobian = space.rod.grid(xi, where)
+        weights = np.linalg.norm(normals(jacobian, area), axis=2)[0]
+        arms, now = (one - weights @ one / weights.sum() for one in (rest[0], rest[0] + self.at(rod, where, xi)[0]))
+        return rotations.of_points(arms, now, weights, None if about is None else rotations.direction("about", about))
 
     @property
     def _nodal(self) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.errors import InputError
-from isorod.files.measures import Axis, Component, Point, along, component_of
+from isorod.files.measures import Axis, Component, Point, along, component_of, refuse_others
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
@@ -75,11 +75,13 @@ def contact_patch(solution: "Equilibrium", contact: int, component: Patch = "are
         ``"area"``, at rest; ``"length"`` along a rod and ``"width"`` round it, of the largest place; ``"pressure"``,
         the largest, force per area at rest; ``"places"``, the number of places of contact apart from each other.
     """
+    refuse_others(solution, "contact_patch")
     return _patch(solution.model, contact, solution.contacts[contact], component)
 
 
 def _pushes(solution: "Equilibrium", number: int) -> tuple[Array, Array]:
     """Return where the second side acts on the first, friction too, ``(q, 3)``, and its forces there, ``(q, 3)``."""
+    refuse_others(solution, "contact")
     contact, result = solution.model.contacts[number], solution.contacts[number]
     if contact.second is None:
         raise InputError("contact: its rods touch each other, and no side acts on another; name a second one")

@@ -79,6 +79,7 @@ def moment(
 
     found = solution.moments[support]
     if point is not None:
+        refuse_others(solution, "point")
         arm = support_places(solution.model, solution.displacement)[support] - np.array(point)
         found = found + np.cross(arm, solution.reactions[support])
     scale = max(_largest(solution.moments), _largest(solution.reactions) * solution.model.size)
@@ -248,6 +249,7 @@ def frequency(solution: "Modes", rod: int, shape: Shape, direction: Axis | None 
     """
     from isorod.modal import kinds
 
+    refuse_others(solution, "frequency")
     found = kinds.of_rod(solution, rod, shape, None if direction is None else _axis(direction), number)
     return _mostly(found, shape)
 
@@ -262,6 +264,7 @@ def frequency_like(solution: "Modes", load: int) -> float:
     """
     from isorod.modal import kinds
 
+    refuse_others(solution, "frequency_like")
     return _mostly(kinds.of_load(solution, load), "what the load makes")
 
 
@@ -302,6 +305,7 @@ def tie_moment(
     """
     found = _of_tie(solution, tie, "moment")
     if point is not None:
+        refuse_others(solution, "point")
         if not hasattr(solution, "ties"):
             raise InputError("point: of motions the moment about the middle of the tie is known alone; leave it out")
         one = solution.ties[tie]
@@ -332,6 +336,12 @@ def _mostly(found: "Like", what: str) -> float:
             stacklevel=3,
         )
     return found.frequency
+
+
+def refuse_others(solution: Any, key: str) -> None:
+    """Raise `InputError` where a solution is one of finite elements, which do not tell what a key asks for."""
+    if not hasattr(solution, "built"):
+        raise InputError(f"{key}: finite elements do not tell it; leave it out of what is compared")
 
 
 def _largest(values: Array) -> float:

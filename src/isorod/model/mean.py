@@ -237,20 +237,9 @@ class MeanSupport(Checked):
 
         ``nodal`` ``(nodes, 3)`` are the displacements of the space's nodes.
         """
-        arms, now, weights = self._moved(space, nodal)
-        sines = self.axes @ (weights @ np.cross(arms, now))
-        both = weights @ np.einsum("qa,qa->q", arms, now)
-        cosines = both - np.einsum("ma,mb,ab->m", self.axes, self.axes, (weights[:, None] * arms).T @ now)
-        return np.asarray(np.arctan2(sines, cosines))
+        return turns_about(*self.moved(space, nodal), self.axes)
 
-    def rotation(self, space: Space, nodal: Array) -> Array:
-        """Return the rotation ``(3, 3)`` nearest to how the section's points move (Kabsch), of any axis."""
-        arms, now, weights = self._moved(space, nodal)
-        left, _, right = np.linalg.svd((weights[:, None] * now).T @ arms)
-        left[:, 2] *= np.linalg.det(left @ right)
-        return np.asarray(left @ right)
-
-    def _moved(self, space: Space, nodal: Array) -> tuple[Array, Array, Array]:
+    def moved(self, space: Space, nodal: Array) -> tuple[Array, Array, Array]:
         """Return places from the middle of the section, at rest and now, ``(q, 3)``, and their weights ``(q,)``."""
         trace = self._trace(space)
         arms, weights = _arms(trace)[0], trace.weights
@@ -261,6 +250,14 @@ class MeanSupport(Checked):
         """Return the radius of gyration of the section, units of length."""
         trace = section_trace(space, self.u)
         return float(np.sqrt(trace.weights @ np.sum(_arms(trace)[0] ** 2, axis=1) / trace.weights.sum()))
+
+
+def turns_about(arms: Array, now: Array, weights: Array, axes: Array) -> Array:
+    """Return the mean rotation, radians ``(m,)``, up to half a turn, of places ``(q, 3)`` about axes ``(m, 3)``."""
+    sines = axes @ (weights @ np.cross(arms, now))
+    both = weights @ np.einsum("qa,qa->q", arms, now)
+    cosines = both - np.einsum("ma,mb,ab->m", axes, axes, (weights[:, None] * arms).T @ now)
+    return np.asarray(np.arctan2(sines, cosines))
 
 
 def _arms(trace: Trace) -> tuple[Array, Array]:

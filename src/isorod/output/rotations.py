@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.mean import MeanSupport
+from isorod.model.mean import MeanSupport, turns_about
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.tensors import rotation
@@ -47,20 +47,25 @@ def of_section(
         Load factor of the state.
     """
     space, nodal = model.bodies[body].space, model.nodal(displacement, body)
-    axes = np.eye(3) if about is None else about[None]
-    mean = MeanSupport(u, np.eye(3), axes, body=body)
+    moved = MeanSupport(u, np.eye(3), np.eye(3), body=body).moved(space, nodal)
+    mean = of_points(*moved, about)
     path = _path(model, nodal, body, u, factor)
     if about is None:
-        found = vector(mean.rotation(space, nodal))
-        size = float(np.linalg.norm(found))
+        size = float(np.linalg.norm(mean))
         wound = sum((vector(one) for one in steps(path)), np.zeros(3))
         if np.linalg.norm(wound) > np.pi and size < _WHOLE:
             axis = wound / np.linalg.norm(wound)
         else:
-            axis = found / size if size else np.array([0.0, 0.0, 1.0])
-        return found + axis * _turns(followed(path, axis) - float(found @ axis))
-    angle = float(mean.turned(space, nodal)[0])
-    return np.asarray(angle + _turns(followed(path, about) - angle))
+            axis = mean / size if size else np.array([0.0, 0.0, 1.0])
+        return mean + axis * _turns(followed(path, axis) - float(mean @ axis))
+    return np.asarray(mean + _turns(followed(path, about) - float(mean)))
+
+
+def of_points(arms: Array, now: Array, weights: Array, about: Array | None) -> Array:
+    """Return the mean rotation of places from their middle, ``(q, 3)``, as `of_section`, up to half a turn."""
+    if about is not None:
+        return np.asarray(turns_about(arms, now, weights, about[None])[0])
+    return vector(nearest(arms[None], (weights[:, None] * now)[None])[0])
 
 
 def _turns(difference: float) -> float:
