@@ -147,7 +147,7 @@ def test_results_of_a_contact_are_in_the_record():
 
 def test_contact_is_one_line_of_the_summary():
     solution = quiet(strip(64))
-    scene = SimpleNamespace(units={}, stresses=(), described="strip", tie_names=list)
+    scene = SimpleNamespace(units={}, stresses=(), described="strip")
     said = printing.summary({**solution.record(), "scene": "strip", "analysis": "statics"}, scene)
     (line,) = [line for line in said.splitlines() if line.startswith("contact")]
     (result,) = solution.contacts

@@ -117,7 +117,7 @@ def test_ties_are_of_each_copy_and_of_the_same_of_two(tmp_path):
     copies = 'copy = {around = "z", count = 3}'
     tie = '[tie.weld]\nslave = "wire.end"\nmaster = "core.outer"\ngap = 10.0\n'
     scene = written(tmp_path, WIRE, copies, CORE, STATICS, tie)
-    assert scene.tie_names() == ["weld-1", "weld-2", "weld-3"]
+    assert scene.names["ties"] == ["weld-1", "weld-2", "weld-3"]
     scene = written(tmp_path, WIRE, copies, CORE, copies, STATICS, tie)
     assert [(one.slave.body, one.master.body) for one in scene.model().ties] == [(0, 3), (1, 4), (2, 5)]
     with pytest.raises(InputError, match=r"tie.weld: which copies are tied to which\? name them, as in 'wire-1.end'"):

@@ -23,6 +23,9 @@ _ROUNDING = 1e-9
 # So small a part of the largest of several numbers is rounding.
 _NOISE = 1e-10
 
+# Gaps and jumps of ties that are a smaller share of the size of their surface are rounding of places.
+_NOTHING = 1e-12
+
 
 @contextmanager
 def apart() -> Iterator[None]:
@@ -58,7 +61,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """
     rows = [
-        *_answer(record, scene.units, scene.stresses, scene.tie_names()),
+        *_answer(record, scene.units, scene.stresses),
         *(_buckling(record, scene) if "factors" in record else ()),
         *_shape(record, scene),
         *_effort(record),
@@ -76,10 +79,8 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     return "\n".join(lines)
 
 
-def _answer(
-    record: Mapping[str, Any], units: Mapping[str, str], stresses: Sequence[str], ties: Sequence[str] = ()
-) -> Iterator[tuple[str, str]]:
-    places = record.get("places", {})
+def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Sequence[str]) -> Iterator[tuple[str, str]]:
+    places, named = record.get("places", {}), record.get("names", {})
     for name, unit in units.items():
         if name not in record:
             continue
@@ -101,12 +102,13 @@ def _answer(
         yield name.replace("_", " "), f"{text} {unit}".rstrip() + where
     if record.get("analysis") == "modal":
         yield from _state(record)
-    touching = [one for one in record.get("contacts", ()) if one["active"]]
-    for one in touching[:_FEW]:
-        yield "contact", _contact(one)
+    names = named.get("contacts")
+    touching = [(k, one) for k, one in enumerate(record.get("contacts", ())) if one["active"]]
+    for k, one in touching[:_FEW]:
+        yield f"contact {names[k]}" if names else "contact", _contact(one)
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
-    welds = record.get("ties", ())
+    welds, ties = record.get("ties", ()), named.get("ties")
     for k, one in enumerate(welds[:_FEW]):
         yield f"tie {ties[k] if ties else k}", _tie(one)
     if welds[_FEW:]:
@@ -184,7 +186,8 @@ def _tie(one: Mapping[str, Any]) -> str:
     """Return what a tie carries, and how far apart its surfaces are and move."""
     force, moment = (_numbers(one[name], 4) for name in ("force", "moment"))
     slip = f", slip {one['slip']:.3g}" if one["slip"] else ""
-    return f"force {force}; moment {moment}; gap {one['gap']:.2g}, jump {one['jump']:.2g}{slip}"
+    gap, jump = (0.0 if one[name] < _NOTHING * np.sqrt(one["area"]) else one[name] for name in ("gap", "jump"))
+    return f"force {force}; moment {moment}; gap {gap:.2g}, jump {jump:.2g}{slip}"
 
 
 def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:

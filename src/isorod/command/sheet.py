@@ -18,6 +18,9 @@ NO_ERROR = 1e-9
 
 SOLVED = "solved"
 
+# What has as many numbers as there are modes; all other three are those of a vector.
+_LISTS = ("frequencies", "factors")
+
 Records = dict[int, dict[str, Any]]
 
 
@@ -39,7 +42,8 @@ def columns(record: Mapping[str, Any]) -> dict[str, str]:
             moving = "times" in record and value.shape[:1] == np.shape(record["times"])
             values = np.ravel(value[-1] if moving else value).tolist()
             single = value.ndim == 0 or len(values) == 1
-            names = [name] if single else [f"{name}[{k}]" for k in range(len(values))]
+            parts = "xyz" if value.shape[-1:] == (3,) and name not in _LISTS else [*map(str, range(len(values)))]
+            names = [name] if single else [f"{name}[{k}]" for k in parts]
             found |= zip(names, cells(values), strict=True)
     if sweep.get("estimated"):
         error = record.get("error_estimate")

@@ -275,4 +275,5 @@ def origin(scene: Any) -> dict[str, Any]:
 
 def _scene(scene: Any) -> dict[str, Any]:
     """Return what a scene is."""
-    return {"scene": scene.name, **scene.options, "analysis": scene.analysis}
+    names = {"names": scene.names} if scene.names else {}
+    return {"scene": scene.name, **scene.options, "analysis": scene.analysis, **names}

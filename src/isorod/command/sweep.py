@@ -17,7 +17,7 @@ from isorod import options, scenes
 from isorod.command import chosen, ending, grid, notes, pages
 from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
-from isorod.output.words import duration
+from isorod.output.words import duration, percent
 
 _HOW = (
     "Options have several values as from:to:count, evenly spaced (--travel 0:10:21), or a,b,c (--nu 0.3,0.4); every "
@@ -256,8 +256,10 @@ def table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = []
     for record in records:
         row = sheet.columns(record)
-        status = row.pop("status")
+        status, error = row.pop("status"), row.pop("error_estimate", None)
         row = {name: value for name, value in row.items() if _shown(name)}
+        if error is not None:
+            row["error"] = percent(float(error)) if error else ""
         if record.get("newton_iterations"):
             row["Newton"] = str(record["newton_iterations"])
         rows.append(row | ({} if status == sheet.SOLVED else {"status": status}))

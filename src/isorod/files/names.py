@@ -55,7 +55,7 @@ class Names:
             return rods | several | dict(self.obstacles) | facets
         if kind == "rod":
             return rods | several
-        return {name: k for k, name in enumerate(self._numbered[kind])}
+        return {name: k for k, name in enumerate(self.numbered[kind])}
 
     def check(self, top: Place) -> None:
         """Raise `InputError` if something is named that is not there, or which is not said."""
@@ -104,7 +104,7 @@ class Names:
         )
 
     @property
-    def _numbered(self) -> dict[str, Mapping[str, Any]]:
+    def numbered(self) -> dict[str, Mapping[str, Any]]:
         """What analyses know by their numbers."""
         return {
             "support": self.supports,
@@ -119,9 +119,12 @@ class Names:
         """Return a text with these names in the place of numbers."""
 
         def name(match: re.Match[str]) -> str:
-            names = [*self._numbered[match[1]]]
+            names = [*self.numbered[match[1]]]
             k = int(match[2])
-            return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
+            if k < len(names):
+                return f"{match[1].replace('body', 'rod')} {names[k]}"
+            # The weight of each rod comes behind loads that have names.
+            return "gravity" if match[1] == "load" else match[0]
 
         return re.sub(r"\b(support|load|contact|tie|body|solid) (\d+)\b", name, text)
 
@@ -131,7 +134,7 @@ class Names:
         if said.startswith(f"{at.document.name}:"):
             return type(problem)(self.named(said))
         first = re.match(r"(support|load|contact|tie) (\d+): ", said)
-        several = [*self._numbered[first[1]].values()] if first else []
+        several = [*self.numbered[first[1]].values()] if first else []
         if first and int(first[2]) < len(several):
             one = several[int(first[2])]
             return type(problem)(one.place.about(self.named(said[first.end() :]), one.keys))

@@ -268,9 +268,11 @@ class FileScene(Scene):
         """Return what the file says of its finite element bodies, in the order of the model's."""
         return [plan.of_body(name) for name, plan in self._names.solids.items()]
 
-    def tie_names(self) -> list[str]:
-        """Return the names of the ties."""
-        return [*self._names.ties]
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """What has names in the order in which records have it."""
+        found = {kind.replace("body", "rod"): [*several] for kind, several in self._names.numbered.items()}
+        return {f"{kind}s": names for kind, names in found.items() if names}
 
     @property
     def options(self) -> dict[str, Any]:

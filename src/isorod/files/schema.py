@@ -188,7 +188,8 @@ def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, told: M
 # What a record has besides what is measured.
 RESERVED = frozenset(
     "scene options data case analysis dofs unknowns quadrature discretisation built seconds solver ranks versions "
-    "commit machine time files settings petsc_options error_estimate estimate_seconds refinements newton_iterations "
+    "names commit machine time files settings petsc_options error_estimate estimate_seconds refinements "
+    "newton_iterations "
     "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
     "augmentations residuals rigid below shift iterations frequencies times reactions tie_forces tie_moments "
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "

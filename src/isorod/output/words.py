@@ -14,8 +14,14 @@ Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "
 STRESS_ERROR = "stress_error_estimate"
 
 
+# Relative errors below this are rounding.
+_NO_ERROR = 1e-10
+
+
 def percent(error: float) -> str:
-    """Return an estimate of an error, to one digit."""
+    """Return an estimate of an error, to one digit, rounding as 0."""
+    if abs(error) < _NO_ERROR:
+        return "0 %"
     return f"{float(f'{100.0 * error:.1g}'):g} %"
 
 

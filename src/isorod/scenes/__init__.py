@@ -143,9 +143,10 @@ class Scene(Checked):
         """Return the names of the finite element bodies, each with its mesh and the groups of that."""
         return []
 
-    def tie_names(self) -> list[str]:
-        """Return the names of the ties, where they have names."""
-        return []
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """What has names in the order in which records have it: rods, supports, loads, contacts, ties, solids."""
+        return {}
 
     def named(self, text: str) -> str:
         """Return a text with the scene's own names in the place of numbers."""
