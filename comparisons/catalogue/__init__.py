@@ -1,0 +1,72 @@
+"""Ten rods of catalogues: files of at most 20 lines, run with nothing chosen, beside values from elsewhere.
+
+``python -m comparisons.catalogue [NAME ...]`` runs them, all if none is named, and prints a table.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+FOLDER = Path(__file__).parent
+
+
+class Reference(NamedTuple):
+    """What a file measures, and a value of it that isorod has no part in; `by` is where it is from and how exact."""
+
+    name: str
+    measure: str
+    value: float
+    by: str
+    tolerance: float = 5e-3
+
+
+# Stresses of CalculiX are the largest at nodes, extrapolated from 8 points of each brick.
+_STRESS = 0.03
+# Beams: bending, torsion, shear and stretch of a thin wire, Winkler's curvature left out.
+REFERENCES = (
+    Reference("extension_spring", "pull", 0.144353, "CalculiX, 69,673 nodes"),
+    Reference("conical_spring", "rate", 2.323562, "CalculiX, 159,401 nodes"),
+    Reference("conical_spring", "stress", 13.999, "CalculiX, 159,401 nodes", _STRESS),
+    Reference("torsion_spring", "moment", 27.5157, "CalculiX, 37,249 nodes"),
+    Reference("torsion_spring", "stress", 40.82, "CalculiX, 37,249 nodes", _STRESS),
+    Reference("clock_spring", "moment", 2.31972, "CalculiX, 28,125 nodes"),
+    Reference("clock_spring", "stress", 36.09, "CalculiX, 28,125 nodes", _STRESS),
+    Reference("s_hook", "opening", 0.544464, "CalculiX, 14,089 nodes"),
+    Reference("s_hook", "stress", 392.79, "CalculiX, 14,089 nodes", _STRESS),
+    Reference("stabiliser_bar", "drop", 21.2354, "energy of a thin wire"),
+    Reference("stabiliser_bar", "stress", 153.65, "bending and torsion of a thin wire", _STRESS),
+    Reference("coat_hanger", "sag", -0.433853, "frame of 460 beams"),
+    Reference("paddle_shaft", "deflection", 0.522291, "Timoshenko's beam, exact"),
+    Reference("paddle_shaft", "edge", -0.103826, "Timoshenko's beam and torsion, exact"),
+    Reference("paddle_shaft", "stress", 50.87, "bending and torsion, exact", _STRESS),
+    Reference("three_wire_cable", "pull-1", 566.69, "Costello's strand of three wires"),
+)
+
+
+class Row(NamedTuple):
+    """What came of a reference: the value of isorod, by how much it is off, seconds of the run, warnings."""
+
+    reference: Reference
+    value: float
+    off: float
+    seconds: float
+    warnings: list[str]
+
+
+def compare(names: Sequence[str] = ()) -> Iterator[Row]:
+    """Yield the rows of files, each of which is run once by ``isorod run``."""
+    for name in names or dict.fromkeys(one.name for one in REFERENCES):
+        before = perf_counter()
+        words = [sys.executable, "-m", "isorod", "run", str(FOLDER / f"{name}.toml"), "--json"]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        seconds = perf_counter() - before
+        record = json.loads(done.stdout.splitlines()[-1])
+        warned = [line for line in done.stderr.splitlines() if line.startswith("isorod: warning: ")]
+        for one in REFERENCES:
+            if one.name == name:
+                value = record[one.measure]
+                yield Row(one, value, value / one.value - 1.0, seconds, warned)
