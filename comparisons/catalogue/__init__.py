@@ -33,6 +33,7 @@ REFERENCES = (
     Reference("conical_spring", "stress", 13.999, "CalculiX, 159,401 nodes", _STRESS),
     Reference("torsion_spring", "moment", 27.5157, "CalculiX, 37,249 nodes"),
     Reference("torsion_spring", "stress", 40.82, "CalculiX, 37,249 nodes", _STRESS),
+    Reference("wave_spring", "travel", -0.323760, "CalculiX, 55,944 nodes"),
     Reference("clock_spring", "moment", 2.31972, "CalculiX, 28,125 nodes"),
     Reference("clock_spring", "stress", 36.09, "CalculiX, 28,125 nodes", _STRESS),
     Reference("s_hook", "opening", 0.544464, "CalculiX, 14,089 nodes"),

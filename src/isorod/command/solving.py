@@ -174,6 +174,8 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     """
     if not hasattr(solution, "estimate"):
         return {}
+    if hasattr(solution, "displacement") and not solution.displacement.any():
+        warnings.warn("nothing loads or moves the model: it stays at rest", stacklevel=2)
     start = perf_counter()
     error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
     found = {"error_estimate": error, STRESS_ERROR: stress}
