@@ -1,9 +1,12 @@
 """Rods of catalogues are right by their files alone, which are short."""
 
+import warnings
+
 import pytest
 
 from comparisons.catalogue import FOLDER, REFERENCES, compare
 from comparisons.newcomer import lines
+from isorod.command import cli
 from isorod.files.scene import FileScene
 
 FILES = sorted(FOLDER.glob("*.toml"))
@@ -21,3 +24,11 @@ def test_ten_files_of_twenty_lines():
 def test_right_with_nothing_chosen(name):
     for row in compare([name]):
         assert abs(row.off) < row.reference.tolerance, row
+
+
+@pytest.mark.parametrize(("pull", "warned"), [("0", True), ("0.1", False)])
+def test_what_nothing_loads_or_moves_is_warned_of(pull, warned, capsys):
+    words = [str(FOLDER / "s_hook.toml"), "--set", f"load.lower.force.2={pull}"]
+    with warnings.catch_warnings():
+        assert cli.main(["run", *words]) == 0
+    assert ("nothing loads or moves the model" in capsys.readouterr().err) == warned
