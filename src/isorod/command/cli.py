@@ -27,6 +27,7 @@ COMMANDS = {
     "run": Command("solve a scene, or a scene file", petsc=True),
     "show": Command("show the rods of a scene with their control points, in a window or as a picture"),
     "plot": Command("plot results of a run: fields on the deformed shape, animations, or curves"),
+    "view": Command("turn, step through and read off results of a run, in a browser"),
     "sweep": Command("parameter study: solve a scene for all combinations of option values, into a table", petsc=True),
     "matrices": Command("write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),

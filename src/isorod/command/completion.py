@@ -56,8 +56,8 @@ def _candidates(words: list[str], begun: str) -> Iterable[str]:
         return ["--from", "--help"]
     if command not in pages.USAGES:
         return ["--help"]
-    if command == "plot":
-        return _words(import_module("isorod.command.plot").parser(), rest)
+    if command in ("plot", "view"):
+        return _words(import_module(f"isorod.command.{command}").parser(), rest)
     if not any(word in scenes.SCENES or word.endswith(".toml") for word in rest):
         return [*scenes.SCENES, *(str(path) for path in Path().glob(f"{begun}*.toml")), "--help"]
     if command not in _OPTIONS:

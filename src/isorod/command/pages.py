@@ -7,6 +7,7 @@ USAGES = {
     "run": f"{_SCENE} {_PETSC}",
     "show": _SCENE,
     "plot": "DIR [--option value ...]",
+    "view": "DIR [--run int] [--port int] [--no-browser]",
     "sweep": f"{_SCENE} {_PETSC}",
     "matrices": f"{_SCENE} {_PETSC} --output DIR",
     "mesh": "SCENE [FILE ...] [--option value ...]",
@@ -39,6 +40,13 @@ reads    a results folder (isorod run SCENE --output DIR), or a .vtu, .pvd or .c
 writes   with --png or --gif: a file; else a window opens
 example  isorod plot results --colour displacement --png shape.png
          isorod plot results --curve --png curve.pdf""",
+    "view": """\
+Shows what a run has left in a browser: to turn, to step through times, load steps and modes, and to read off
+fields at places that are clicked on. The server is on this machine alone; Ctrl-C ends it.
+reads    a results folder (isorod run SCENE --output DIR), or a .vtu or .pvd file of it
+writes   nothing
+example  isorod view results
+         isorod view results --port 8090 --no-browser     (on another machine: ssh -L 8090:127.0.0.1:8090 there)""",
     "sweep": """\
 Solves a scene for all combinations of option values, and prints them as a table.
 reads    the scene, and the data files that its file names

@@ -14,8 +14,9 @@ from isorod.output import animation, picture, reading
 from isorod.output.words import STRESS_ERROR, stress_error
 
 # What a field is called, and in which unit it is.
-_TITLES = {
+TITLES = {
     "von_mises": "von Mises stress\n(unit of E)",
+    "cauchy": "Cauchy stress\n(unit of E)",
     "mean_stress": "mean stress\n(unit of E)",
     "contact_pressure": "contact pressure\n(unit of E)",
     "displacement": "displacement\n(length)",
@@ -23,13 +24,13 @@ _TITLES = {
 }
 
 # Fields that are stresses, with whose pictures their error stands.
-_STRESSES = frozenset({"von_mises", "mean_stress", "cauchy"})
+STRESSES = frozenset({"von_mises", "mean_stress", "cauchy"})
 
 # What cells are made of, and no field.
 _INTERNAL = frozenset({"RationalWeights", "HigherOrderDegrees"})
 
 # Largest displacement of what is drawn so that it is seen, over the size of all.
-_SEEN = 0.12
+SEEN = 0.12
 
 
 def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
@@ -104,9 +105,9 @@ def _frames(
 ) -> tuple[list[picture.Frame], float, str]:
     """Return what is to be drawn, by how much it is moved, and what the colours are."""
     meshes = [[reading.mesh(path) for path in step.files] for step in steps]
-    modes = _modes(meshes[-1])
+    modes = modes_of(meshes[-1])
     if found.mode is not None and not modes:
-        raise InputError(f"--mode: {result.name} has no modes; there are {', '.join(_fields(meshes[-1]))}")
+        raise InputError(f"--mode: {result.name} has no modes; there are {', '.join(field_names(meshes[-1]))}")
     motion = "displacement"
     words = [result.title] * len(steps)
     if modes:
@@ -114,7 +115,7 @@ def _frames(
         if not 1 <= number <= len(modes):
             raise InputError(f"--mode: got {number}, need 1 to {len(modes)}")
         motion = f"mode_{number}"
-        words = [f"{result.title}\nmode {number}{_frequency(result, number)}"] * len(steps)
+        words = [f"{result.title}\nmode {number}{frequency(result, number)}"] * len(steps)
     elif len(result.steps) > 1:
         what = "load factor" if result.analysis == "statics" else "time"
         digits = animation.written([step.time for step in result.steps])
@@ -123,7 +124,7 @@ def _frames(
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)
     colour = _colour(meshes[-1], motion, found.colour, result.name)
-    notes = [_note(one) if colour in _STRESSES else "" for one in meshes]
+    notes = [note_of(one) if colour in STRESSES else "" for one in meshes]
     for mesh in (mesh for frame in meshes for mesh in frame):
         _prepare(mesh, motion, colour)
     scale = _scale(found.scale, meshes, bool(modes))
@@ -134,15 +135,16 @@ def _frames(
         if not modes:
             raise InputError(f"--gif: {result.name} has a single state, nothing to animate; use --png")
         frames = [picture.Frame(meshes[0], words[0], share) for share in animation.shares()]
-    title = _TITLES["displacement"].partition("\n")[0] if modes else _TITLES.get(colour, colour.replace("_", " "))
+    title = TITLES["displacement"].partition("\n")[0] if modes else TITLES.get(colour, colour.replace("_", " "))
     return frames, scale, title
 
 
-def _modes(meshes: Sequence[Any]) -> list[str]:
+def modes_of(meshes: Sequence[Any]) -> list[str]:
+    """Return the names of the modes' shapes."""
     return [name for name in meshes[0].point_data if name.startswith("mode_")]
 
 
-def _fields(meshes: Sequence[Any]) -> list[str]:
+def field_names(meshes: Sequence[Any]) -> list[str]:
     """Return the names of the fields that a body at least has, each once."""
     names = dict.fromkeys(name for mesh in meshes for name in mesh.point_data)
     return [name for name in names if name not in _INTERNAL]
@@ -150,7 +152,7 @@ def _fields(meshes: Sequence[Any]) -> list[str]:
 
 def _colour(meshes: Sequence[Any], motion: str, given: str | None, name: str) -> str:
     """Return the field that the colours show."""
-    fields = _fields(meshes)
+    fields = field_names(meshes)
     if motion.startswith("mode_"):
         if given not in (None, "displacement"):
             raise InputError(f"--colour: got {given}, a mode has displacement alone")
@@ -164,7 +166,7 @@ def _colour(meshes: Sequence[Any], motion: str, given: str | None, name: str) ->
     return given
 
 
-def _note(meshes: Sequence[Any]) -> str:
+def note_of(meshes: Sequence[Any]) -> str:
     """Return what stands with a state's stresses, as its files say."""
     known = [float(mesh.field_data[STRESS_ERROR][0]) for mesh in meshes if STRESS_ERROR in mesh.field_data]
     return stress_error(max(known, default=None))
@@ -205,10 +207,10 @@ def _scale(given: str | None, meshes: Sequence[Sequence[Any]], modes: bool) -> f
     points = np.concatenate([mesh.points for mesh in meshes[0]])
     size = float(np.ptp(points, axis=0).max())
     largest = max(float(np.linalg.norm(mesh.point_data["motion"], axis=1).max()) for one in meshes for mesh in one)
-    return _SEEN * size / largest if largest > 0.0 else 1.0
+    return SEEN * size / largest if largest > 0.0 else 1.0
 
 
-def _frequency(result: reading.Result, number: int) -> str:
+def frequency(result: reading.Result, number: int) -> str:
     """Return the frequency of a mode, or its load factor, in words, where the record says it."""
     for name, words in (("frequencies", "frequency"), ("factors", "load factor")):
         values = result.record.get(name, ())

@@ -118,9 +118,9 @@ def draw(
             for k, mesh in enumerate(frame.meshes):
                 one = skins[id(mesh)]
                 if rest:
-                    _add_edges(plotter, one.edges, "grey")
+                    add_edges(plotter, one.edges, "grey")
                 moved = one.moved(scale * frame.share)
-                _add_skin(plotter, moved, "colour", limits, "turbo", bar(title, size) if k == 0 else None)
+                add_skin(plotter, moved, "colour", limits, "turbo", bar(title, size) if k == 0 else None)
             for line in lines:
                 add_lines(plotter, [line], "grey", 1.5)
             if frame.words:
@@ -272,13 +272,13 @@ def add_flat(
     Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
     are what shares points.  ``bar`` describes the scale.
     """
-    _add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, colours, bar)
+    add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, colours, bar)
 
 
-def _add_skin(
+def add_skin(
     plotter: Any, one: Skin, field: str, scale: tuple[float, float], colours: str, bar: dict[str, Any] | None
-) -> None:
-    """Add a skin as `add_flat` does."""
+) -> Any:
+    """Add a skin as `add_flat` does, and return what shows its faces."""
     actor = plotter.add_mesh(
         one.faces,
         scalars=field,
@@ -291,10 +291,12 @@ def _add_skin(
     # Behind its own lines.
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    _add_edges(plotter, one.edges, "black")
+    add_edges(plotter, one.edges, "black")
     plotter.add_silhouette(one.whole, color="black", line_width=2.5)
+    return actor
 
 
-def _add_edges(plotter: Any, edges: Any, colour: str) -> None:
+def add_edges(plotter: Any, edges: Any, colour: str) -> None:
+    """Add lines, thin."""
     if edges.n_cells:
         plotter.add_mesh(edges, color=colour, line_width=1.0, opacity=0.5, lighting=False)

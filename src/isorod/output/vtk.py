@@ -107,6 +107,8 @@ def grid(
     mesh = pyvista.UnstructuredGrid(
         np.insert(cells, 0, cells.shape[1], axis=1).ravel(), np.full(len(cells), kind), points.reshape(-1, 3)
     )
+    # Where the points are: those of the disk, at each of the axis parameters.
+    mesh.field_data["u"], mesh.field_data["xi"] = u, xi
     pressure = fields.get("pressure")
     for name, nodal in fields.items():
         if name == "contact_pressure":

@@ -1,0 +1,198 @@
+"""``isorod view``: results to turn, step through and read off, in a browser on this machine."""
+
+import argparse
+import os
+import secrets
+import sys
+import webbrowser
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+from isorod.command import pages, plot
+from isorod.command.parser import Parser
+from isorod.command.viewed import View
+from isorod.errors import InputError
+from isorod.output import picture, reading, vtk
+
+# What of the page is not the picture, pixels.
+_PANEL = 300
+
+_STYLE = f"""
+body {{margin: 0; font: 14px system-ui, sans-serif; color: #222}}
+main {{display: flex; height: 100vh}}
+.panel {{width: {_PANEL}px; box-sizing: border-box; padding: 12px 16px; background: #f3f4f6; overflow: auto; flex: none}}
+.picture {{flex: 1; min-width: 0; height: 100vh}}
+h1 {{font-size: 17px; margin: 0 0 12px}}
+label {{display: block; margin: 12px 0 4px; color: #555}}
+input, select {{width: 100%; box-sizing: border-box; font: inherit; padding: 3px}}
+table {{width: 100%; border-collapse: collapse; margin-top: 8px}}
+td {{padding: 2px 0; border-bottom: 1px solid #ddd}}
+td:last-child {{text-align: right; font-variant-numeric: tabular-nums}}
+.three {{display: flex; gap: 6px}}
+.error {{color: #b00020}}
+small {{color: #555}}
+"""
+
+
+def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
+    """Show a result until Ctrl-C; return the exit code."""
+    found = parser().known(ours)
+    if not 0 <= found.port < 65536:
+        raise InputError(f"--port: got {found.port}, need 0 to 65535")
+    result = reading.find(found.place, found.run)
+    if not result.steps:
+        raise InputError(f"{found.place}: this run of {result.name} wrote no fields; isorod plot --curve draws curves")
+    for name in ("trame", "trame_vtk"):
+        if find_spec(name) is None:
+            raise InputError(f"isorod view needs {name}, which is not installed: pip install 'isorod[view]'")
+    vtk.require("results")
+    picture.without_display()
+    with picture.stage(picture.SIZE) as plotter:
+        _serve(View(result, plotter), plotter, found.port, found.browser)
+    return 0
+
+
+def parser() -> Parser:
+    """Return the parser of the command's options."""
+    result = Parser(
+        prog="isorod view",
+        description=pages.PAGES["view"],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    result.add_argument("place", metavar="DIR", help="a results folder, or a .vtu or .pvd file of it")
+    result.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    result.add_argument("--port", type=int, default=0, metavar="int", help="port of this machine (a free one)")
+    result.add_argument("--no-browser", action="store_false", dest="browser", help="print the address alone")
+    return result
+
+
+def _serve(view: View, plotter: Any, port: int, browser: bool) -> None:
+    """Serve the page on this machine alone, to whoever has the key, until Ctrl-C."""
+    key = secrets.token_urlsafe(16)
+    os.environ["WSLINK_READY_MSG"] = ""
+    before = sys.argv
+    # The server has no other way to take them.
+    sys.argv = [before[0], "--authKey", key]
+    try:
+        from trame.app import get_server
+
+        server = get_server(f"isorod-{key}")
+        _page(server, view, plotter)
+
+        def ready(**_: Any) -> None:
+            address = f"http://127.0.0.1:{server.port}/?secret={key}"
+            print(f"{address}   (Ctrl-C ends)", flush=True)
+            if browser and (sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+                webbrowser.open(address)
+
+        server.controller.on_server_ready.add(ready)
+        options: dict[str, Any] = {"open_browser": False, "show_connection_info": False, "disable_logging": True}
+        server.start(port=port, host="127.0.0.1", timeout=0, backend="aiohttp", **options)
+    except OSError as problem:
+        raise InputError(f"--port: got {port}, which cannot be used ({problem.strerror}); name another") from None
+    finally:
+        sys.argv = before
+
+
+def _page(server: Any, view: View, plotter: Any) -> None:
+    """Make the page: what is chosen and told at the left, the picture beside it."""
+    from trame.ui.html import DivLayout
+    from trame.widgets import client, html
+    from trame.widgets import vtk as widgets
+
+    state, control = server.state, server.controller
+    state.trame__title = f"isorod: {view.result.title}"
+    names = [one.name for one in view.states]
+    first = next((k for k, one in enumerate(view.states) if one.mode), len(names) - 1)
+    state.update({"names": names, "step": first, "scale": "", "body": 0, "u": "", "xi": "", "error": ""})
+    fields = view.fields(view.states[first])
+    state.field = next((one for one in ("von_mises", "displacement") if one in fields), next(iter(fields)))
+
+    def draw(**_: Any) -> None:
+        now = view.states[int(state.step)]
+        fields = view.fields(now)
+        state.fields = [{"key": key, "name": one.name} for key, one in fields.items()]
+        if state.field not in fields:
+            state.field = "displacement" if "displacement" in fields else next(iter(fields))
+        try:
+            state.used = float(state.scale) if str(state.scale).strip() else view.scale(now)
+            state.error = ""
+        except ValueError:
+            state.error = f"scale: got {state.scale!r:.20}, need a number"
+            return
+        view.draw(now, fields[state.field], state.used)
+        state.note, state.numbers, state.rest = view.note(now, fields[state.field]), view.numbers(now), view.at_rest(now)
+        if view.place is not None:
+            state.body = view.place.body
+            if view.place.u is not None:
+                state.u, state.xi = f"{view.place.u:.9g}", ", ".join(f"{x:.6g}" for x in view.place.xi)
+        control.update()
+
+    def go() -> None:
+        try:
+            xi = [float(word) for word in str(state.xi).split(",")] if str(state.xi).strip() else [0.0, 0.0]
+            if len(xi) != 2:
+                raise ValueError
+            view.go(view.states[int(state.step)], int(state.body), float(state.u), xi)
+        except ValueError:
+            state.error = "need a number u and two numbers xi, such as 0.5 and 1, 0"
+            return
+        except InputError as problem:
+            state.error = str(problem)
+            return
+        draw()
+
+    # Where a button went down: only where it comes up again it was a click, else the view was turned.
+    style, interactor = plotter.iren.interactor.GetInteractorStyle(), plotter.iren.interactor
+    pressed: list[tuple[int, int] | None] = [None]
+
+    def down(*_: Any) -> None:
+        rotates = style.GetState() == 1
+        pressed[0] = interactor.GetEventPosition() if rotates else None
+
+    def up(*_: Any) -> None:
+        if pressed[0] is not None and pressed[0] == interactor.GetEventPosition():
+            view.pick(view.states[int(state.step)], *pressed[0])
+            with state:
+                draw()
+
+    def fit(*_: Any) -> None:
+        camera = plotter.camera
+        draw()
+        view.fit([a - b for a, b in zip(camera.position, camera.focal_point, strict=True)], camera.up)
+
+    style.AddObserver("StartInteractionEvent", down)
+    style.AddObserver("EndInteractionEvent", up)
+    plotter.render_window.AddObserver("WindowResizeEvent", fit)
+    with DivLayout(server) as layout:
+        client.Style(_STYLE)
+        with html.Main():
+            with html.Div(classes="panel"):
+                html.H1(view.result.title)
+                if len(names) > 1:
+                    html.Label("{{ names[step] }}")
+                    html.Input(type="range", min=0, max=len(names) - 1, id="step", raw_attrs=['v-model.number="step"'])
+                html.Label("Colours")
+                with html.Select(v_model="field", id="field"):
+                    html.Option("{{ one.name }}", v_for="one in fields", value=("one.key",), key="one.key")
+                html.Label("Displacements times {{ used.toPrecision(3) }}")
+                html.Input(v_model_lazy="scale", id="scale", placeholder="by itself")
+                html.Label("Click on a rod, or type body, u and xi")
+                with html.Div(classes="three"):
+                    for name in ("body", "u", "xi"):
+                        html.Input(id=name, placeholder=name, change=go, raw_attrs=[f'v-model.lazy="{name}"'])
+                html.Div("{{ error }}", v_if="error", classes="error", id="error")
+                with html.Table(id="numbers"):
+                    with html.Tr(v_for="one in numbers", key="one[0]"):
+                        html.Td("{{ one[0] }}")
+                        html.Td("{{ one[1] }}")
+                html.Small("at rest at {{ rest }}", v_if="rest")
+                html.P("{{ note }}", v_if="note")
+            with html.Div(classes="picture"):
+                control.update = widgets.VtkRemoteView(plotter.render_window, interactive_ratio=1).update
+    state.change("step", "field", "scale")(draw)
+    draw()
+    view.fit(picture.VIEW)
+    del layout
