@@ -59,7 +59,7 @@ def browser(folder):
     """Open a browser that keeps what it keeps in a folder; skip the test where none is."""
     for program in ("chromium", "chromedriver"):
         if shutil.which(program) is None:
-            pytest.skip(f"{program} is not here")
+            pytest.skip(f"there is no {program}, by which a page is seen")
     words = ["chromedriver", "--port=0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as driver:
         try:

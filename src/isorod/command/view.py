@@ -9,19 +9,21 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
 
-from isorod.command import pages, plot
+import numpy as np
+
+from isorod.command import pages
 from isorod.command.parser import Parser
 from isorod.command.viewed import View
 from isorod.errors import InputError
 from isorod.output import picture, reading, vtk
 
-# What of the page is not the picture, pixels.
-_PANEL = 300
+# Width of what of the page is not the picture, and of the smallest picture, pixels.
+_PANEL, _SMALLEST = 300, 200
 
 _STYLE = f"""
 body {{margin: 0; font: 14px system-ui, sans-serif; color: #222}}
 main {{display: flex; height: 100vh}}
-.panel {{width: {_PANEL}px; box-sizing: border-box; padding: 12px 16px; background: #f3f4f6; overflow: auto; flex: none}}
+.panel {{width: {_PANEL}px; box-sizing: border-box; padding: 12px 16px; background: #eee; flex: none; overflow: auto}}
 .picture {{flex: 1; min-width: 0; height: 100vh}}
 h1 {{font-size: 17px; margin: 0 0 12px}}
 label {{display: block; margin: 12px 0 4px; color: #555}}
@@ -30,6 +32,8 @@ table {{width: 100%; border-collapse: collapse; margin-top: 8px}}
 td {{padding: 2px 0; border-bottom: 1px solid #ddd}}
 td:last-child {{text-align: right; font-variant-numeric: tabular-nums}}
 .three {{display: flex; gap: 6px}}
+#body {{width: 20%}}
+#u {{width: 35%}}
 .error {{color: #b00020}}
 small {{color: #555}}
 """
@@ -110,6 +114,9 @@ def _page(server: Any, view: View, plotter: Any) -> None:
     fields = view.fields(view.states[first])
     state.field = next((one for one in ("von_mises", "displacement") if one in fields), next(iter(fields)))
 
+    # The place as the server itself has put it into the page.
+    told: list[Any] = []
+
     def draw(**_: Any) -> None:
         now = view.states[int(state.step)]
         fields = view.fields(now)
@@ -123,21 +130,22 @@ def _page(server: Any, view: View, plotter: Any) -> None:
             state.error = f"scale: got {state.scale!r:.20}, need a number"
             return
         view.draw(now, fields[state.field], state.used)
-        state.note, state.numbers, state.rest = view.note(now, fields[state.field]), view.numbers(now), view.at_rest(now)
+        state.note, state.numbers, state.rest = view.note(now), view.numbers(now), view.at_rest(now)
         if view.place is not None:
             state.body = view.place.body
             if view.place.u is not None:
-                state.u, state.xi = f"{view.place.u:.9g}", ", ".join(f"{x:.6g}" for x in view.place.xi)
+                state.u, state.xi = f"{view.place.u:.6g}", ", ".join(f"{x:.4g}" for x in view.place.xi)
+        told[:] = state.body, state.u, state.xi
         control.update()
 
-    def go() -> None:
+    def go(**_: Any) -> None:
+        if told == [state.body, state.u, state.xi] or not str(state.u).strip():
+            return
         try:
-            xi = [float(word) for word in str(state.xi).split(",")] if str(state.xi).strip() else [0.0, 0.0]
-            if len(xi) != 2:
-                raise ValueError
-            view.go(view.states[int(state.step)], int(state.body), float(state.u), xi)
+            first, second = (float(word) for word in (str(state.xi).strip() or "0, 0").split(","))
+            view.go(view.states[int(state.step)], int(state.body), float(state.u), (first, second))
         except ValueError:
-            state.error = "need a number u and two numbers xi, such as 0.5 and 1, 0"
+            state.error = "need a body's number, a number u, and two xi: 0; 0.5; 1, 0"
             return
         except InputError as problem:
             state.error = str(problem)
@@ -159,9 +167,11 @@ def _page(server: Any, view: View, plotter: Any) -> None:
                 draw()
 
     def fit(*_: Any) -> None:
-        camera = plotter.camera
-        draw()
-        view.fit([a - b for a, b in zip(camera.position, camera.focal_point, strict=True)], camera.up)
+        # The page is small before it has its size.
+        if min(plotter.window_size) >= _SMALLEST:
+            camera = plotter.camera
+            view.fit(np.subtract(camera.position, camera.focal_point), np.asarray(camera.up))
+            draw()
 
     style.AddObserver("StartInteractionEvent", down)
     style.AddObserver("EndInteractionEvent", up)
@@ -177,12 +187,12 @@ def _page(server: Any, view: View, plotter: Any) -> None:
                 html.Label("Colours")
                 with html.Select(v_model="field", id="field"):
                     html.Option("{{ one.name }}", v_for="one in fields", value=("one.key",), key="one.key")
-                html.Label("Displacements times {{ used.toPrecision(3) }}")
-                html.Input(v_model_lazy="scale", id="scale", placeholder="by itself")
+                html.Label("Displacements times {{ Number(used.toPrecision(3)) }}")
+                html.Input(v_model_lazy="scale", id="scale", placeholder="automatic")
                 html.Label("Click on a rod, or type body, u and xi")
                 with html.Div(classes="three"):
                     for name in ("body", "u", "xi"):
-                        html.Input(id=name, placeholder=name, change=go, raw_attrs=[f'v-model.lazy="{name}"'])
+                        html.Input(id=name, placeholder=name, raw_attrs=[f'v-model.lazy="{name}"'])
                 html.Div("{{ error }}", v_if="error", classes="error", id="error")
                 with html.Table(id="numbers"):
                     with html.Tr(v_for="one in numbers", key="one[0]"):
@@ -193,6 +203,8 @@ def _page(server: Any, view: View, plotter: Any) -> None:
             with html.Div(classes="picture"):
                 control.update = widgets.VtkRemoteView(plotter.render_window, interactive_ratio=1).update
     state.change("step", "field", "scale")(draw)
+    state.change("body", "u", "xi")(go)
+    plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.14, 0.2))
     draw()
     view.fit(picture.VIEW)
     del layout

@@ -140,7 +140,11 @@ class View:
 
     def draw(self, state: State, field: Field, scale: float) -> None:
         """Draw a state, its motion ``scale`` times as large, in the colours of a field; the eye stays where it is."""
-        plotter, limits = self._plotter, self._limits[field[2:]]
+        plotter, (low, high) = self._plotter, self._limits[field[2:]]
+        # Between values of both signs that differ by rounding, the middle of the scale is 0.
+        limits = (-high, high) if abs(low + high) < 1e-9 * high else (low, high)
+        # Each of what is added would be drawn at once.
+        plotter.suppress_rendering = True
         plotter.clear_actors()
         plotter.scalar_bars.clear()
         self._follow(state)
@@ -161,10 +165,9 @@ class View:
             bar = None
             if self.place is not None and self.place.body == k:
                 point = self.place.point
-                words = f"{field.name} {self._number(field, colour[point])}"
-                here: dict[str, Any] = {"point_color": "magenta", "point_size": 12, "font_size": 14, "margin": 5}
-                where = mesh.points[point] + motion[point]
-                plotter.add_point_labels([where], [words], always_visible=True, shape_color="white", **here)
+                words = f"\u2022 {field.name} {self._number(field, colour[point])}"
+                picture.label(plotter, words, mesh.points[point] + motion[point])
+        plotter.suppress_rendering = False
 
     def fit(self, view: Sequence[float], up: Array | None = None) -> None:
         """Look from a direction at all that is drawn."""
@@ -199,11 +202,11 @@ class View:
         self._take(state, body, along * len(disk) + int(np.argmin(np.linalg.norm(disk - np.asarray(xi), axis=1))))
 
     def _take(self, state: State, body: int, point: int) -> None:
-        given, u, xi = self._read(state.step)[body].field_data, None, ()
+        given, place = self._read(state.step)[body].field_data, Place(body, point)
         if "u" in given:
             along, within = divmod(point, len(given["xi"]))
-            u, xi = float(given["u"][along]), tuple(map(float, given["xi"][within]))
-        self.place = Place(body, point, u, xi)
+            place = Place(body, point, float(given["u"][along]), tuple(map(float, given["xi"][within])))
+        self.place = place
 
     def _follow(self, state: State) -> None:
         """Find the place in a state, whose file may have other points, as contact has them."""
@@ -229,13 +232,14 @@ class View:
         found = [(field, field.of(mesh)[self.place.point]) for field in self.fields(state).values()]
         return [(field.name, self._number(field, value)) for field, value in found if np.isfinite(value)]
 
-    def note(self, state: State, field: Field) -> str:
+    def note(self, state: State) -> str:
         """Return what stands with stresses: how large their error is."""
-        return plot.note_of(self._read(state.step)) if field.source in plot.STRESSES else ""
+        stresses = any(field.source in plot.STRESSES for field in self.fields(state).values())
+        return plot.note_of(self._read(state.step)) if stresses else ""
 
     def _number(self, field: Field, value: float) -> str:
         largest = max(map(abs, self._limits[field[2:]]))
-        return f"{value if abs(value) > _ROUNDING * largest else 0.0:.6g}"
+        return f"{value if abs(value) > _ROUNDING * largest else 0.0:.5g}"
 
 
 def _vectors(mesh: Any, name: str) -> Array:

@@ -173,6 +173,19 @@ def write(plotter: Any, words: str, place: tuple[int, int], size: int = 11, colo
     text.prop.justification_vertical = "top" if below >= 0 else "bottom"
 
 
+def label(plotter: Any, words: str, place: Array) -> None:
+    """Write words, which begin with a dot, so that the dot is at a place, shape ``(3,)``, whatever is before it."""
+    import pyvista
+
+    text = pyvista.Text(words)
+    text.GetPositionCoordinate().SetCoordinateSystemToWorld()
+    text.GetPositionCoordinate().SetValue(*place)
+    text.prop.font_size, text.prop.color = 15, "black"
+    text.prop.background_color, text.prop.background_opacity = "white", 0.85
+    text.prop.justification_vertical = "center"
+    plotter.add_actor(text, reset_camera=False)
+
+
 def add_lines(plotter: Any, lines: Sequence[Array], colour: str, width: float, **more: Any) -> None:
     """Add lines through points, shape ``(m, 3)`` each."""
     import pyvista
