@@ -213,7 +213,7 @@ def took_wheels(done):
     venv, *pip, _, doctor = done.calls
     assert venv.startswith("python -m venv ") and "--system-site-packages" not in venv
     assert all("--only-binary=:all:" in call and "docker/constraints.txt" in call for call in pip)
-    assert pip[-1].endswith("[compare,dev,docs,referee,wheels]")
+    assert pip[-1].endswith("[compare,dev,docs,referee,view,wheels]")
     assert doctor == "venv -m isorod.command.doctor"
     return True
 

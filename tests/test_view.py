@@ -198,7 +198,7 @@ def test_without_trame_the_extra_is_named(bent):
     done = subprocess.run([sys.executable, "-c", code, "view", bent[0]], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (
         2,
-        "isorod: isorod view needs trame_vtk, which is not installed: pip install 'isorod[view]'\n",
+        "isorod: view needs trame_vtk, which is not installed: pip install 'isorod[view]'\n",
     )
 
 

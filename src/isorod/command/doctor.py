@@ -55,6 +55,7 @@ _OPTIONAL = {
     "vtk": f"for pictures; {_PIP}",
     "matplotlib": f"for plots; {_PIP}",
     "rich": f"for progress; {_PIP}",
+    "trame": "for isorod view; pip install 'isorod[view]' (docker/install does)",
 }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from isorod.command import pages
 from isorod.command.parser import Parser
-from isorod.command.viewed import View
+from isorod.command.viewed import Place, View
 from isorod.errors import InputError
 from isorod.output import picture, reading, vtk
 
@@ -49,7 +49,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         raise InputError(f"{found.place}: this run of {result.name} wrote no fields; isorod plot --curve draws curves")
     for name in ("trame", "trame_vtk"):
         if find_spec(name) is None:
-            raise InputError(f"isorod view needs {name}, which is not installed: pip install 'isorod[view]'")
+            raise InputError(f"view needs {name}, which is not installed: pip install 'isorod[view]'")
     vtk.require("results")
     picture.without_display()
     with picture.stage(picture.SIZE) as plotter:
@@ -123,18 +123,18 @@ def _page(server: Any, view: View, plotter: Any) -> None:
         state.fields = [{"key": key, "name": one.name} for key, one in fields.items()]
         if state.field not in fields:
             state.field = "displacement" if "displacement" in fields else next(iter(fields))
+        state.error = ""
         try:
             state.used = float(state.scale) if str(state.scale).strip() else view.scale(now)
-            state.error = ""
+            if not np.isfinite(state.used):
+                raise ValueError
         except ValueError:
-            state.error = f"scale: got {state.scale!r:.20}, need a number"
-            return
+            state.used, state.error = view.scale(now), f"displacements times {state.scale!r:.20}: need a number"
         view.draw(now, fields[state.field], state.used)
         state.note, state.numbers, state.rest = view.note(now), view.numbers(now), view.at_rest(now)
-        if view.place is not None:
-            state.body = view.place.body
-            if view.place.u is not None:
-                state.u, state.xi = f"{view.place.u:.6g}", ", ".join(f"{x:.4g}" for x in view.place.xi)
+        place = view.place or Place(0, 0)
+        state.body, state.u = place.body, "" if place.u is None else f"{place.u:.6g}"
+        state.xi = ", ".join(f"{x:.4g}" for x in place.xi)
         told[:] = state.body, state.u, state.xi
         control.update()
 
@@ -176,7 +176,7 @@ def _page(server: Any, view: View, plotter: Any) -> None:
     style.AddObserver("StartInteractionEvent", down)
     style.AddObserver("EndInteractionEvent", up)
     plotter.render_window.AddObserver("WindowResizeEvent", fit)
-    with DivLayout(server) as layout:
+    with DivLayout(server):
         client.Style(_STYLE)
         with html.Main():
             with html.Div(classes="panel"):
@@ -207,4 +207,3 @@ def _page(server: Any, view: View, plotter: Any) -> None:
     plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.14, 0.2))
     draw()
     view.fit(picture.VIEW)
-    del layout
