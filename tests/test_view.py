@@ -106,7 +106,7 @@ def test_what_is_clicked_on_is_the_point_that_is_seen_there(bent, viewed):
     mesh = reading.mesh(view.result.steps[-1].files[0])
     at = 2.0 * mesh.point_data["displacement"] + mesh.points
     # The nearest to the eye of those in the middle of the rod.
-    middle = np.flatnonzero(np.abs(mesh.points[:, 2] - 40.0) < 10.0)
+    middle = np.flatnonzero(np.abs(mesh.points[:, 2] - 35.0) < 12.0)
     point = middle[np.argmax(at[middle] @ [0.3, -1.0, 0.2])]
     plotter.renderer.SetWorldPoint(*at[point], 1.0)
     plotter.renderer.WorldToDisplay()

@@ -179,7 +179,8 @@ class View:
         from vtkmodules.vtkRenderingCore import vtkCellPicker
 
         picker = vtkCellPicker()
-        picker.SetTolerance(0.0)
+        # A tenth of a pixel, so that nothing is seen through where pieces meet.
+        picker.SetTolerance(1e-4)
         picker.PickFromListOn()
         for actor, _ in self._drawn:
             picker.AddPickList(actor)
