@@ -73,7 +73,7 @@ def _shape(rods: list[Any], view: tuple[float, float, float]) -> Any:
         points = rod.control_points.reshape(-1, 3)
         plotter.add_mesh(pyvista.PolyData(points), color="#c0392b", point_size=9, render_points_as_spheres=True)
         shown += [mesh.points, points]
-    picture.look(plotter.camera, np.concatenate(shown), np.asarray(view), SIZE)
+    picture.look(plotter.camera, np.concatenate(shown), view, SIZE, room=0)
     image = Image.fromarray(plotter.screenshot(return_img=True))
     plotter.close()
     return image

@@ -9,7 +9,7 @@ import pytest
 
 from isorod import InputError
 from isorod.command import cli
-from isorod.output import curves
+from isorod.output import curves, reading
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
@@ -29,7 +29,7 @@ def columns(table):
 
 
 def test_forces_are_drawn_over_the_displacements_they_make():
-    own, others = curves.panels(columns(STEPS))
+    own, others = curves.panels(columns(STEPS), {})
     assert own == (
         "displacement (length)",
         "force (unit of E × length²)",
@@ -41,7 +41,7 @@ def test_forces_are_drawn_over_the_displacements_they_make():
 
 def test_what_is_of_one_kind_shares_a_panel():
     table = {name: [0.0, 1.0] for name in ("time", "kinetic", "stored", "muscle work", "contact force", "penetration")}
-    found = curves.panels(columns(table))
+    found = curves.panels(columns(table), {})
     assert [(panel.below, panel.beside, len(panel.curves)) for panel in found] == [
         ("time (unit of time)", "energy (unit of E × length³)", 3),
         ("time (unit of time)", "force (unit of E × length²)", 1),
@@ -49,9 +49,21 @@ def test_what_is_of_one_kind_shares_a_panel():
     ]
 
 
+def test_axes_have_the_units_that_a_file_names():
+    """What is measured stands with the forces of supports, as it is in the same unit."""
+    options = {"measure": {"force": {"reaction": "upper", "unit": "(N)"}, "peak": {"stress": "wire"}}}
+    units = reading.Result("rod", {"options": options}, (), None).units
+    assert units == {"force": "N"}
+    table = {"load factor": [0.0, 1.0], "support upper force z": [0.0, 6.0], "force (N)": [0.0, 6.0]}
+    found = curves.panels(columns(table | {"work": [0.0, 1.0]}), units)
+    force = [("load factor", name) for name in ("support upper force z", "force (N)")]
+    assert found[0] == ("load factor", "force (N)", force)
+    assert found[1].beside == "energy (unit of E × length³)"
+
+
 def test_a_motion_has_displacements_over_time():
     table = {"time": [0.0, 1.0], "support 0 displacement x": [0.0, 1.0], "support 0 force x": [0.0, 1.0]}
-    assert [panel.curves for panel in curves.panels(columns(table))] == [
+    assert [panel.curves for panel in curves.panels(columns(table), {})] == [
         [("time", "support 0 displacement x")],
         [("time", "support 0 force x")],
     ]
@@ -62,7 +74,7 @@ def test_a_motion_has_displacements_over_time():
     [("frequency", "frequency (cycles per time)"), ("twist (degrees)", "twist (degrees)"), ("nu", "nu")],
 )
 def test_axes_say_quantity_and_unit(name, said):
-    assert curves.label(name) == said
+    assert curves.axis_label(name) == said
 
 
 SWEEP = """# isorod sweep spring --travel 1,2 --nu 0.3,0.4
@@ -90,7 +102,7 @@ def test_a_sweep_has_a_curve_for_each_answer_and_combination(typed):
     }
     assert [*found] == [*expected]
     np.testing.assert_array_equal([*found.values()], [*expected.values()])
-    (panel,) = curves.panels({"by": np.arange(2.0), **found})
+    (panel,) = curves.panels({"by": np.arange(2.0), **found}, {})
     assert (panel.below, panel.beside, len(panel.curves)) == ("by", "f", 4)
     with pytest.raises(InputError, match=r"^a.csv: is no table of a sweep"):
         curves.columns(text.replace("by,nu,", "on,nu,").splitlines(), "a.csv")

@@ -11,7 +11,7 @@ from comparisons.report.pictures import BAR
 from isorod.model import Model
 from isorod.output import vtk
 from isorod.output.animation import save
-from isorod.output.picture import add_flat, stage, taken, without_display
+from isorod.output.picture import COLOURS, add_flat, stage, taken, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 
@@ -143,7 +143,7 @@ def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
                 plotter.subplot(row, column)
                 last = column == columns - 1
                 mesh = rest[row] if last else side.at(TIMES[column - 1])
-                add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
+                add_flat(plotter, mesh, "von_mises", SCALE, None)
                 text = "equilibrium" if last else f"{1e3 * TIMES[column - 1]:g} ms"
                 plotter.add_text(text, position="upper_left", font_size=11, color="black")
                 _look(plotter)
@@ -162,7 +162,7 @@ def _scale(plotter: Any, bar: dict[str, Any]) -> None:
 
     nothing = pyvista.PolyData(np.zeros((2, 3)))
     nothing["von_mises"] = np.array(SCALE)
-    actor = plotter.add_mesh(nothing, scalars="von_mises", clim=SCALE, cmap="turbo", opacity=0.0, show_scalar_bar=False)
+    actor = plotter.add_mesh(nothing, scalars="von_mises", clim=SCALE, cmap=COLOURS, opacity=0.0, show_scalar_bar=False)
     plotter.add_scalar_bar(mapper=actor.mapper, **bar)
 
 
@@ -178,7 +178,7 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
                 if time == 0.0:
                     mesh.point_data["displacement"][:] = 0.0
                     mesh.point_data["von_mises"][:] = 0.0
-                add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
+                add_flat(plotter, mesh, "von_mises", SCALE, None)
                 plotter.add_text(name, position="upper_left", font_size=10, color="black")
                 if column == 0:
                     plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")

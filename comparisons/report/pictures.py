@@ -86,7 +86,7 @@ def _modes(mesh: Any, names: list[str], exaggeration: float, path: Path) -> None
             moved.point_data["size"] = length / length.max()
             moved.point_data["displacement"] = exaggeration * mesh.length / length.max() * shape
             plotter.add_mesh(rest, color="black", line_width=1)
-            add_flat(plotter, moved, "size", (0.0, 1.0), "viridis", None)
+            add_flat(plotter, moved, "size", (0.0, 1.0), None)
             plotter.add_text(name, position="upper_left", font_size=14, color="black")
             plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
             plotter.reset_camera()
@@ -101,7 +101,7 @@ def _beside(panels: Any, scale: tuple[float, float], path: Path) -> None:
     with stage(SIZE, shape=(1, len(panels))) as plotter:
         for k, (mesh, label) in enumerate(panels):
             plotter.subplot(0, k)
-            add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if k == len(panels) - 1 else None)
+            add_flat(plotter, mesh, "von_mises", scale, BAR if k == len(panels) - 1 else None)
             plotter.add_text(label, position="upper_left", font_size=14, color="black")
             plotter.camera_position = "xz"
             plotter.camera.elevation = 25

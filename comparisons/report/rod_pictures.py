@@ -233,7 +233,7 @@ def _draw(
             for column, mesh in enumerate(row):
                 plotter.subplot(k, column)
                 bar = picture.bar("displacement" if modal else "von Mises", PANEL) if column else None
-                picture.add_flat(plotter, mesh, "colour", scale, "viridis" if modal else "turbo", bar, "motion")
+                picture.add_flat(plotter, mesh, "colour", scale, bar, "motion")
                 for line in lines:
                     plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=2, lighting=False)
                 plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")

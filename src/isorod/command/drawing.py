@@ -13,13 +13,11 @@ from isorod.output.results import check_folder
 def add_options(parser: Parser) -> None:
     """Add the options of a picture."""
     parser.add_argument("--png", metavar="FILE", help="write the picture into this file; without it a window opens")
-    view = ",".join(f"{one:g}" for one in picture.VIEW)
     parser.add_argument(
         "--view",
         type=_view,
-        default=picture.VIEW,
         metavar="x,y,z",
-        help=f"view direction, from the rod to the eye ({view})",
+        help="view direction, from the rod to the eye (one from which little is foreshortened)",
     )
     size = "x".join(map(str, picture.SIZE))
     parser.add_argument(

@@ -11,20 +11,13 @@ from isorod.command import drawing, pages
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import animation, picture, reading
-from isorod.output.words import STRESS_ERROR, stress_error
-
-# What a field is called, and in which unit it is.
-TITLES = {
-    "von_mises": "von Mises stress\n(unit of E)",
-    "cauchy": "Cauchy stress\n(unit of E)",
-    "mean_stress": "mean stress\n(unit of E)",
-    "contact_pressure": "contact pressure\n(unit of E)",
-    "displacement": "displacement\n(length)",
-    "velocity": "velocity\n(length/time)",
-}
+from isorod.output.words import FIELDS, STRESS_ERROR, stress_error
 
 # Fields that are stresses, with whose pictures their error stands.
 STRESSES = frozenset({"von_mises", "mean_stress", "cauchy"})
+
+# Units of fields that a file names with what it measures.
+_UNITS = {"contact_pressure": "stress", "displacement": "length"} | dict.fromkeys(STRESSES, "stress")
 
 # What cells are made of, and no field.
 _INTERNAL = frozenset({"RationalWeights", "HigherOrderDegrees"})
@@ -45,8 +38,8 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     if not result.steps:
         raise InputError(f"{found.place}: this run of {result.name} wrote no fields; isorod show draws geometry")
     chosen = _chosen(result, found)
-    frames, scale, title = _frames(result, chosen, found)
-    images = picture.draw(frames, title, scale, found.view, found.size, window=window, rest=True)
+    frames, scale, title, shape = _frames(result, chosen, found)
+    images = picture.draw(frames, title, scale, found.view, found.size, window, shape)
     if found.gif:
         count = animation.save(images, Path(found.gif))
         print(f"{found.gif}: {count} frames of {found.size[0]} x {found.size[1]} pixels")
@@ -102,8 +95,8 @@ def _chosen(result: reading.Result, found: argparse.Namespace) -> tuple[reading.
 
 def _frames(
     result: reading.Result, steps: Sequence[reading.Step], found: argparse.Namespace
-) -> tuple[list[picture.Frame], float, str]:
-    """Return what is to be drawn, by how much it is moved, and what the colours are."""
+) -> tuple[list[picture.Frame], float, str, bool]:
+    """Return what is to be drawn, by how much it is moved, what the colours are, and whether it is a mode."""
     meshes = [[reading.mesh(path) for path in step.files] for step in steps]
     modes = modes_of(meshes[-1])
     if found.mode is not None and not modes:
@@ -128,15 +121,15 @@ def _frames(
     for mesh in (mesh for frame in meshes for mesh in frame):
         _prepare(mesh, motion, colour)
     scale = _scale(found.scale, meshes, bool(modes))
-    if scale != 1.0 and not modes:
-        words = [f"{one}\ndisplacements x {scale:.3g}" for one in words]
     frames = [picture.Frame(one, text, note=note) for one, text, note in zip(meshes, words, notes, strict=True)]
     if found.gif is not None and len(frames) == 1:
         if not modes:
             raise InputError(f"--gif: {result.name} has a single state, nothing to animate; use --png")
         frames = [picture.Frame(meshes[0], words[0], share) for share in animation.shares()]
-    title = TITLES["displacement"].partition("\n")[0] if modes else TITLES.get(colour, colour.replace("_", " "))
-    return frames, scale, title
+    title = FIELDS.get("displacement" if modes else colour, colour.replace("_", " "))
+    if unit := result.units.get(_UNITS.get(colour, "")):
+        title = f"{title.splitlines()[0]}\n({unit})"
+    return frames, scale, title, bool(modes)
 
 
 def modes_of(meshes: Sequence[Any]) -> list[str]:
@@ -230,7 +223,7 @@ def _curves(result: reading.Result, found: argparse.Namespace) -> int:
     if path is None:
         raise InputError(f"{found.place}: this run of {result.name} wrote no curves (.csv)")
     window = drawing.prepare("plot", found, curves=True)
-    curves.draw(curves.read(path), result.title, found.size, None if window else Path(found.png))
+    curves.draw(curves.read(path), result.title, found.size, None if window else Path(found.png), result.units)
     if not window:
         print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
     return 0

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from numpy.typing import ArrayLike
 
@@ -55,6 +55,8 @@ class Shape(Deformation, Animated, WithSolids):
             return [Moment(self, self._words, one) for one in shares()]
         places = [now * self.displacement + later * self.quarter for now, later in quarters()]
         return [Moment(replace(self, displacement=place, quarter=None), self._words) for place in places]
+
+    _shape: ClassVar[bool] = True
 
     def _scale(self, largest: float) -> float:
         return _EXAGGERATION * self.model.size / largest

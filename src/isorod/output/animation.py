@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isorod.output.picture import COLOURS
 from isorod.output.results import write_beside
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def _palette() -> "Image":
     from matplotlib import colormaps
     from PIL import Image
 
-    scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
+    scale = colormaps[COLOURS](np.linspace(0.0, 1.0, 44))[:, :3]
     shades = np.concatenate([scale * shade for shade in (1.0, 0.87, 0.72, 0.55, 0.35)])
     greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
     image = Image.new("P", (1, 1))

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,6 +36,9 @@ _QUANTITIES = (
     (r"frequenc", "frequency", "cycles per time"),
     (r"^time$", "time", "unit of time"),
 )
+
+# The units that files name with what they measure (`isorod.output.reading.Result.units`), by quantity.
+_NAMED = {"displacement": "length", "penetration": "length"}
 
 
 def read(path: Path) -> dict[str, Array]:
@@ -111,11 +114,18 @@ class Panel(NamedTuple):
     curves: list[tuple[str, str]]
 
 
-def panels(columns: dict[str, Array]) -> list[Panel]:
+def panels(columns: dict[str, Array], units: Mapping[str, str]) -> list[Panel]:
     """Return the curves in columns: forces of supports over their displacements, and all over the first column.
 
-    Columns that stay zero, or what rounding makes of it, are left out.
+    Columns that stay zero, or what rounding makes of it, are left out.  Axes have ``units``, of quantities such as
+    ``"force"`` or of columns, where these are given.
     """
+
+    def label(name: str) -> str:
+        quantity = (said := axis_label(name)).partition(" (")[0]
+        unit = units.get(_NAMED.get(quantity, quantity))
+        return f"{quantity} ({unit})" if unit else said
+
     first, *others = columns
     found: dict[tuple[str, str], list[tuple[str, str]]] = {}
     largest: dict[str, float] = {}
@@ -135,7 +145,7 @@ def panels(columns: dict[str, Array]) -> list[Panel]:
     return [Panel(*labels, curves) for labels, curves in found.items()]
 
 
-def label(name: str) -> str:
+def axis_label(name: str) -> str:
     """Return what an axis of a column says: the quantity and its unit."""
     for pattern, quantity, unit in _QUANTITIES:
         if re.search(pattern, name):
@@ -162,8 +172,12 @@ def check(path: Path | None) -> None:
     check_folder(str(path.parent))
 
 
-def draw(columns: dict[str, Array], title: str, size: tuple[int, int], path: Path | None) -> None:
+def draw(
+    columns: dict[str, Array], title: str, size: tuple[int, int], path: Path | None, units: Mapping[str, str]
+) -> None:
     """Draw columns over the first one, a panel for each quantity, in a window or a file of what its name ends in.
+
+    The ``units`` are as for `panels`.
 
     Raises
     ------
@@ -173,7 +187,7 @@ def draw(columns: dict[str, Array], title: str, size: tuple[int, int], path: Pat
     check(path)
     from matplotlib import pyplot
 
-    shown = panels(columns)
+    shown = panels(columns, units)
     across = 1 if len(shown) == 1 else 2
     figure, axes = pyplot.subplots(
         -(-len(shown) // across),
@@ -195,7 +209,7 @@ def draw(columns: dict[str, Array], title: str, size: tuple[int, int], path: Pat
             if separate:
                 axis.xaxis.get_major_locator().set_params(integer=True)
             if len(panel.curves) > 1 or panel.curves[0][1] not in panel.beside:
-                axis.legend(fontsize="x-small", loc="best", framealpha=0.8)
+                axis.legend(fontsize="small", loc="best", framealpha=0.8)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
         if path is None:

@@ -23,13 +23,27 @@ from isorod.output.skin import Skin, skin
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# From where one looks, and width and height of a picture in pixels, where nothing else is said.
+# From where one looks at what is as long in all directions, and, where that is along a rod, from its other side; width
+# and height of a picture in pixels.
 VIEW: tuple[float, float, float] = (1.0, -1.4, 0.55)
+_OTHER = (-1.0, -1.4, 0.55)
 SIZE: tuple[int, int] = (1000, 700)
 
+# Colours whose steps look alike, also in grey and to the colour-blind.
+COLOURS = "viridis"
+
 # The scale of colours, at the right of a picture, and how many pixels of its width are for that.
-_BAR = {"vertical": True, "position_y": 0.15, "height": 0.7, "color": "black", "fmt": "%.3g", "title_font_size": 16}
+_BAR = {"vertical": True, "color": "black", "fmt": "%.4g", "title_font_size": 16, "label_font_size": 15}
 _ROOM = 150
+
+# Below the scale: for the axes, and above them for words.
+_AXES, _WORDS = 100, 110
+
+# Parts of the scale, at most, whose ends are round numbers; values that differ by less than this share are one.
+_PARTS, _ALIKE = 5, 1e-3
+
+# How little of what is long is foreshortened: 0 is not at all.
+_FORESHORTENED = 0.3
 
 # Letters in a line of what is below it.
 _NARROW = 14
@@ -47,7 +61,8 @@ _ANGLE = 12.0
 class Frame(NamedTuple):
     """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and what is written above them.
 
-    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours.
+    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours, besides the
+    least and the largest value.
     """
 
     meshes: Sequence[Any]
@@ -56,17 +71,19 @@ class Frame(NamedTuple):
     note: str = ""
 
 
-def check(view: Sequence[float], size: Sequence[int], what: str = "plot") -> None:
+def check(view: Sequence[float] | None, size: Sequence[int], what: str = "plot") -> None:
     """Raise `InputError` if a direction is none, the size of a picture cannot be one, or pyvista is not installed."""
     vtk.require("pictures")
     without_display()
+    check_size(size, what)
+    if view is None:
+        return
     try:
         along = np.asarray(view, dtype=float)
     except (TypeError, ValueError):
         along = np.zeros(0)
     if along.shape != (3,) or not np.isfinite(along).all() or not along.any():
         raise InputError(f"{what}: got view {view!r:.40}, need a direction such as (1, -1, 0.5)")
-    check_size(size, what)
 
 
 def check_size(size: Sequence[int], what: str = "plot") -> None:
@@ -81,13 +98,14 @@ def draw(
     frames: Sequence[Frame],
     title: str,
     scale: float = 1.0,
-    view: Sequence[float] = VIEW,
+    view: Sequence[float] | None = None,
     size: Sequence[int] = SIZE,
-    lines: Sequence[Array] = (),
     window: bool = False,
-    rest: bool = False,
+    shape: bool = False,
 ) -> "Iterator[Image]":
     """Yield a picture of each frame, all with the same scale of colours and seen from the same place.
+
+    Grey is the outline of the bodies at rest.
 
     Parameters
     ----------
@@ -96,38 +114,44 @@ def draw(
     scale
         By how much motions are multiplied.
     view
-        Direction from which one looks.
+        Direction from which one looks; where not given that of `view_of`.
     size
         Width and height, pixels.
-    lines
-        Centre lines at rest, shape ``(m, 3)`` each, drawn thin and grey.
     window
         Show each in a window instead, until that is closed.
-    rest
-        Draw the edges of the bodies at rest thin and grey.
+    shape
+        Whether motions are a shape, whose size says nothing: colours are then over the largest, which is 1.
     """
     skins = {id(mesh): skin(mesh) for frame in frames for mesh in frame.meshes}
+    if shape:
+        largest = max(float(one.faces.point_data["colour"].max()) for one in skins.values())
+        for one in skins.values():
+            one.faces.point_data["colour"] /= largest or 1.0
+        title = f"{title.splitlines()[0]}\n(largest is 1)"
+    factor = "" if shape else f"displacements × {scale:.3g}"
     values = np.concatenate([one.faces.point_data["colour"] for one in skins.values()])
-    limits = (float(np.nanmin(values)), float(np.nanmax(values)))
-    shown: list[Array] = list(lines)
+    lowest, highest = float(np.nanmin(values)), float(np.nanmax(values))
+    ticks = scaled(lowest, highest)
+    limits, described = (float(ticks[0]), float(ticks[-1])), bar(title, size, len(ticks))
+    told = f"{lowest:.3g} to {highest:.3g}" if highest > lowest and not shape else ""
+    shown: list[Array] = [one.faces.points for one in skins.values()]
     for frame in frames:
         shown += [skins[id(mesh)].moved(scale * frame.share).faces.points for mesh in frame.meshes]
     everything = np.concatenate(shown)
-    for frame in frames:
+    words = [f"{frame.words}\n{factor}".strip() for frame in frames]
+    for frame, above in zip(frames, words, strict=True):
         with stage(size, window) as plotter:
             for k, mesh in enumerate(frame.meshes):
                 one = skins[id(mesh)]
-                if rest:
-                    add_edges(plotter, one.edges, "grey")
+                if scale * frame.share:
+                    plotter.add_silhouette(one.whole, color="grey", line_width=1.5)
                 moved = one.moved(scale * frame.share)
-                add_skin(plotter, moved, "colour", limits, "turbo", bar(title, size) if k == 0 else None)
-            for line in lines:
-                add_lines(plotter, [line], "grey", 1.5)
-            if frame.words:
-                write(plotter, frame.words, (10, 8))
-            if frame.note:
-                write(plotter, fill(frame.note, _NARROW), (size[0] - _ROOM + 10, -6))
-            look(plotter.camera, everything, np.asarray(view, dtype=float), size, words=frames[0].words)
+                add_skin(plotter, moved, "colour", limits, described if k == 0 else None)
+            write(plotter, above, (10, 8))
+            note = "\n".join(fill(one, _NARROW) for one in (told, frame.note))
+            write(plotter, note.strip(), (size[0] - _ROOM + 10, -_AXES))
+            add_axes(plotter, size)
+            look(plotter.camera, everything, view, size, words=words[0])
             if not window:
                 yield taken(plotter)
             else:
@@ -199,15 +223,48 @@ def add_lines(plotter: Any, lines: Sequence[Array], colour: str, width: float, *
     plotter.add_mesh(mesh, color=colour, line_width=width, lighting=False, **more)
 
 
-def bar(title: str, size: Sequence[int]) -> dict[str, Any]:
-    """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels."""
-    return _BAR | {"title": title, "position_x": 1.0 - 0.8 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
+def scaled(low: float, high: float) -> Array:
+    """Return the round numbers that stand beside a scale of colours for values from ``low`` to ``high``."""
+    from matplotlib.ticker import MaxNLocator
+
+    if high - low <= _ALIKE * max(abs(low), abs(high)):
+        # What rounding makes of a number.
+        low, high = min(low, 0.0), max(high, 0.0)
+    return np.asarray(MaxNLocator(_PARTS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+
+
+def bar(title: str, size: Sequence[int], numbers: int) -> dict[str, Any]:
+    """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels, with its numbers."""
+    below = (_AXES + _WORDS) / size[1]
+    place = {"position_x": 1.0 - 0.8 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
+    return _BAR | place | {"title": f"{title}\n ", "position_y": below, "height": 0.98 - below, "n_labels": numbers}
+
+
+def add_axes(plotter: Any, size: Sequence[int]) -> None:
+    """Add the directions of x, y and z, in the corner below the scale of colours."""
+    plotter.add_axes(color="black", line_width=2, viewport=(1.0 - _AXES / size[0], 0.0, 1.0, _AXES / size[1]))
+
+
+def view_of(points: Array) -> Array:
+    """Return the direction from which points ``(m, 3)`` are seen with little foreshortening.
+
+    That of `VIEW` without most of what is along those principal axes in which the points are far apart.
+    """
+    spread = np.cov(points.T)
+    spread /= np.trace(spread)
+
+    def across(view: Array) -> Array:
+        found = np.linalg.solve(spread + _FORESHORTENED * np.eye(3), view)
+        return np.asarray(found / np.linalg.norm(found))
+
+    first, other = (across(np.array(one)) for one in (VIEW, _OTHER))
+    return other if other @ spread @ other < first @ spread @ first - 0.5 * _FORESHORTENED else first
 
 
 def look(
     camera: Any,
     points: Array,
-    view: Array,
+    view: Sequence[float] | Array | None,
     size: Sequence[int],
     up: Array | None = None,
     room: int = _ROOM,
@@ -215,11 +272,12 @@ def look(
 ) -> None:
     """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
 
-    Upright is ``up``; where not given z, or y where one looks along z.  ``room`` are the pixels of the scale, and above
+    The direction is ``view``, or that of `view_of`.  Upright is ``up``; where not given z, or y where one looks along z.  ``room`` are the pixels of the scale, and above
     is some for ``words``.
     """
     above = _LINE * (words.count("\n") + 1) if words else 0
-    towards = view / np.linalg.norm(view)
+    along = view_of(points) if view is None else np.asarray(view, dtype=float)
+    towards = along / np.linalg.norm(along)
     if up is None:
         up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, towards)
@@ -276,7 +334,6 @@ def add_flat(
     mesh: Any,
     field: str,
     scale: tuple[float, float],
-    colours: str,
     bar: dict[str, Any] | None,
     motion: str = "displacement",
 ) -> None:
@@ -285,18 +342,16 @@ def add_flat(
     Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
     are what shares points.  ``bar`` describes the scale.
     """
-    add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, colours, bar)
+    add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, bar)
 
 
-def add_skin(
-    plotter: Any, one: Skin, field: str, scale: tuple[float, float], colours: str, bar: dict[str, Any] | None
-) -> Any:
+def add_skin(plotter: Any, one: Skin, field: str, scale: tuple[float, float], bar: dict[str, Any] | None) -> Any:
     """Add a skin as `add_flat` does, and return what shows its faces."""
     actor = plotter.add_mesh(
         one.faces,
         scalars=field,
         clim=scale,
-        cmap=colours,
+        cmap=COLOURS,
         lighting=False,
         show_scalar_bar=bar is not None,
         scalar_bar_args=bar,
@@ -304,12 +359,7 @@ def add_skin(
     # Behind its own lines.
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    add_edges(plotter, one.edges, "black")
+    if one.edges.n_cells:
+        plotter.add_mesh(one.edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
     plotter.add_silhouette(one.whole, color="black", line_width=2.5)
     return actor
-
-
-def add_edges(plotter: Any, edges: Any, colour: str) -> None:
-    """Add lines, thin."""
-    if edges.n_cells:
-        plotter.add_mesh(edges, color=colour, line_width=1.0, opacity=0.5, lighting=False)

@@ -12,6 +12,18 @@ from isorod.errors import InputError
 from isorod.output import results, vtk
 from isorod.output.folder import RECORDS
 
+# Of which quantity a measure of a scene's file is.
+MEASURED = {
+    "reaction": "force",
+    "contact_force": "force",
+    "tie_force": "force",
+    "moment": "moment",
+    "tie_moment": "moment",
+    "displacement": "length",
+    "stress": "stress",
+    "energy": "energy",
+}
+
 
 class Step(NamedTuple):
     """A state that was kept: its time, or load factor, and a file for each body."""
@@ -44,6 +56,17 @@ class Result(NamedTuple):
     def title(self) -> str:
         """What pictures say of it: the title of its file, or its name."""
         return str(dict(self.record.get("options", {})).get("title", self.name))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of ``"force"``, ``"length"`` and so on (`MEASURED`), as its file names them with what it measures."""
+        found: dict[str, str] = {}
+        for measure in dict(dict(self.record.get("options", {})).get("measure", {})).values():
+            for word, quantity in MEASURED.items():
+                # A unit may stand in brackets.
+                if word in measure and (unit := str(measure.get("unit", "")).strip("() ")):
+                    found.setdefault(quantity, unit)
+        return found
 
     @property
     def analysis(self) -> str | None:

@@ -44,7 +44,7 @@ _ARROW, _OUT = 0.12, 2.0
 
 def show(
     what: Rod | Space | Body | Model | Sequence[Rod],
-    view: tuple[float, float, float] = picture.VIEW,
+    view: tuple[float, float, float] | None = None,
     size: tuple[int, int] = picture.SIZE,
     title: str = "",
 ) -> "Image":
@@ -58,7 +58,7 @@ def show(
     what
         A rod, several, or a model of them.
     view
-        Direction from which one looks.
+        Direction from which one looks; where not given one from which little is foreshortened.
     size
         Width and height, pixels.
     title
@@ -84,7 +84,7 @@ def draw(
     model: Model | None,
     start: Array | None,
     title: str,
-    view: Sequence[float],
+    view: Sequence[float] | None,
     size: Sequence[int],
 ) -> None:
     """Draw what `show` does; ``start`` are the displacements in which a motion of the model begins."""
@@ -123,8 +123,9 @@ def draw(
     picture.write(plotter, _extents(everything), (10, -8), 9)
     for k, (name, colour) in enumerate(legend.items()):
         picture.write(plotter, name, (size[0] - _ROOM + 10, 8 + 22 * k), 11, colour)
-    plotter.add_axes(color="black", line_width=2, viewport=(1.0 - 130 / size[0], 0.0, 1.0, 130 / size[1]))
-    picture.look(plotter.camera, np.concatenate(seen), np.asarray(view, dtype=float), size, room=_ROOM, words=words)
+    picture.add_axes(plotter, size)
+    along = picture.view_of(everything) if view is None else view
+    picture.look(plotter.camera, np.concatenate(seen), along, size, room=_ROOM, words=words)
 
 
 def _rods(what: Any) -> Iterator[Rod]:

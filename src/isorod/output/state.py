@@ -128,12 +128,12 @@ class Deformation:
         self,
         colour: str | None = None,
         scale: float | None = None,
-        view: tuple[float, float, float] = (1.0, -1.4, 0.55),
+        view: tuple[float, float, float] | None = None,
         size: tuple[int, int] = (1000, 700),
     ) -> "Image":
         """Return a picture of all bodies, which a notebook shows; its ``save("name.png")`` keeps it.
 
-        Drawn off screen by pyvista, which is loaded now; a thin grey line is the centre line at rest.
+        Drawn off screen by pyvista, which is loaded now; grey is the outline at rest.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class Deformation:
         scale
             By how much displacements are multiplied; where not given 1, of a mode so that it can be seen.
         view
-            Direction from which one looks.
+            Direction from which one looks; where not given one from which little is foreshortened.
         size
             Width and height, pixels.
 
@@ -154,8 +154,9 @@ class Deformation:
         """
         return next(_pictures("plot", [Moment(self)], colour, scale, view, size))
 
-    # What `plot` can show, by default the first.
+    # What `plot` can show, by default the first; whether displacements are a shape alone, whose size says nothing.
     _colours: ClassVar[tuple[str, ...]] = ("displacement",)
+    _shape: ClassVar[bool] = False
 
     def _scale(self, largest: float) -> float:
         """Return by how much `plot` multiplies displacements, of which the largest is given."""
@@ -218,7 +219,7 @@ class Animated:
         path: str | Path,
         colour: str | None = None,
         scale: float | None = None,
-        view: tuple[float, float, float] = (1.0, -1.4, 0.55),
+        view: tuple[float, float, float] | None = None,
         size: tuple[int, int] = (800, 560),
     ) -> None:
         """Write an animated GIF: a motion or load steps one after the other, a mode as it swings.
@@ -265,7 +266,7 @@ def _pictures(
     moments: Sequence[Moment],
     colour: str | None,
     scale: float | None,
-    view: tuple[float, float, float],
+    view: tuple[float, float, float] | None,
     size: tuple[int, int],
 ) -> "Iterator[Image]":
     """Yield a picture of each moment (`Deformation.plot`)."""
@@ -278,17 +279,16 @@ def _pictures(
     if scale is not None:
         _check_scale(scale)
     picture.check(view, size, what)
-    bodies = one.model.bodies
     # A mode is the same in all frames.
     states = {id(moment.state): moment.state for moment in moments}
-    meshes = {key: [state._mesh(b, shown) for b in range(len(bodies))] for key, state in states.items()}
+    meshes = {key: [state._mesh(b, shown) for b in range(len(one.model.bodies))] for key, state in states.items()}
     moved = np.concatenate([mesh.point_data["motion"] for own in meshes.values() for mesh in own])
     largest = float(np.linalg.norm(moved, axis=1).max())
-    lines = [one.centre_line(b, 50 * body.space.axis.elements, 0.0) for b, body in enumerate(bodies)]
     known = [getattr(moment.state, "stress_error", None) for moment in moments]
     notes = [words.stress_error(error) if shown == "von Mises" else "" for error in known]
     frames = [picture.Frame(meshes[id(one.state)], *one[1:], note) for one, note in zip(moments, notes, strict=True)]
-    yield from picture.draw(frames, shown, one._scale(largest) if scale is None else scale, view, size, lines)
+    scale, title = one._scale(largest) if scale is None else scale, words.FIELDS[shown.lower().replace(" ", "_")]
+    yield from picture.draw(frames, title, scale, view, size, shape=one._shape)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,15 @@ CELLS = "auto", "curved", "linear"
 Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "zz", "xy", "yz", "xz", "along", "shear"]
 
 
+# What fields are called where they are drawn, and in which unit they are.
+FIELDS = {
+    "von_mises": "von Mises stress\n(unit of E)",
+    "mean_stress": "mean stress\n(unit of E)",
+    "contact_pressure": "contact pressure\n(unit of E)",
+    "displacement": "displacement\n(length)",
+    "velocity": "velocity\n(length/time)",
+}
+
 # Where files keep the estimate, as records do.
 STRESS_ERROR = "stress_error_estimate"
 
