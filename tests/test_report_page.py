@@ -162,7 +162,7 @@ def test_contents_lead_to_every_section(written):
 
 def test_the_answer_comes_first_then_what_it_is_about_then_the_contents(written):
     text = written[1]
-    places = [text.index(mark) for mark in ("<div class=answer>", words.INTRODUCTION, "<nav", "<dl>", "<h2 id=spring>")]
+    places = [text.index(mark) for mark in ("<div class=answer>", words.INTRODUCTION, "<nav", "<h2 id=spring>", "<dl>")]
     assert places == sorted(places)
     # Within 1 % 14 against 140 ms, within 0.1 % 32 against 320.
     assert "takes 1/10 of the time and 1/20 of the unknowns" in text
@@ -334,8 +334,8 @@ def test_colours_of_a_picture_are_those_of_its_scale():
     plane.point_data["stress"] = np.full(plane.n_points, 30.0)
     plane.point_data["displacement"] = np.zeros((plane.n_points, 3))
     plotter = pyvista.Plotter(off_screen=True, window_size=(60, 60))
-    pictures.add_flat(plotter, plane, "stress", (0.0, 50.0), "turbo", None)
+    pictures.add_flat(plotter, plane, "stress", (0.0, 50.0), None)
     plotter.camera_position = "xz"
     image = plotter.screenshot(return_img=True)
     plotter.close()
-    assert image[30, 30] == pytest.approx(255.0 * np.array(colormaps["turbo"](0.6)[:3]), abs=4.0)
+    assert image[30, 30] == pytest.approx(255.0 * np.array(colormaps["viridis"](0.6)[:3]), abs=4.0)

@@ -41,7 +41,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[
         )
 
     lines = [f"<tr>{cells('td', row)}</tr>" for row in rows]
-    return f"<div class=wide><table><tr>{cells('th', head)}</tr>\n" + "\n".join(lines) + "\n</table></div>"
+    return (
+        f"<div class=wide tabindex=0><table><thead><tr>{cells('th', head)}</tr></thead>\n"
+        + "\n".join(lines)
+        + "\n</table></div>"
+    )
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

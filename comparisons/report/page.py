@@ -20,7 +20,8 @@ _STYLE = Path(__file__).with_name("style.css")
 def write(folder: Path) -> Path:
     """Write ``report.html`` and its plots from the newest complete run of each study; return its path.
 
-    The answers come first, then what a stranger has to know, the contents, and the studies one by one.
+    The answers come first, then what it is about, the contents, the studies one by one, where the numbers come from,
+    and in the end what words and letters mean.
 
     Raises
     ------
@@ -29,13 +30,14 @@ def write(folder: Path) -> Path:
     """
     found = _found(folder)
     answers: list[str] = []
-    parts = [heading(2, "Words and letters"), words.words(found)]
+    parts: list[str] = []
     for study, records in found.items():
         with _read(folder, study):
             answers += ["<div>", *_answer(study, records), "</div>"]
             parts.extend(_part(study).section(records, folder))
     with _read(folder, *found):
         parts += [heading(2, "Where these numbers come from"), _provenance(found)]
+    parts += [heading(2, "Words and letters"), words.words(found)]
     body = "\n".join(parts)
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'

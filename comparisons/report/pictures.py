@@ -19,7 +19,7 @@ SIZE = (1600, 640)
 
 # The scale of stresses, at the right of a panel.
 BAR: dict[str, Any] = {
-    "title": "von Mises",
+    "title": "von Mises\n(MPa)\n ",
     "vertical": True,
     "position_x": 0.89,
     "position_y": 0.15,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -177,18 +178,60 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], path: Path) -> N
 
 
 def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) -> None:
-    """Write labels of places, each in its colour, above or below, where they meet no other; else they are left out."""
-    size = 9.0
-    taken: list[tuple[float, float, float, float]] = []
+    """Write labels of places, each in its colour, where they meet no other and no marker, and lines least.
+
+    Those for which there is no such place near enough are left out.
+    """
+    import numpy as np
+
+    size, dots = 9.0, 72.0 / axis.get_figure().dpi
+    drawn = [dots * axis.transData.transform(np.column_stack(one.get_data())) for one in axis.lines]
+    marks = [
+        place
+        for one, points in zip(axis.lines, drawn, strict=True)
+        if one.get_linestyle() == "None"
+        for place in points
+    ]
+    between = np.linspace(0.0, 1.0, 60)[:, None]
+    lines = [(1.0 - between) * a + between * b for points in drawn for a, b in pairwise(points)]
+    on_lines = np.concatenate([*lines, np.zeros((0, 2))])
+    frame = dots * axis.bbox.get_points()
+    # Of markers.
+    taken = [(np.array(place) - 4.0, np.array(place) + 4.0) for place in marks]
     for text, place, colour in labels:
-        x, y = axis.transData.transform(place) * 72.0 / axis.get_figure().dpi
-        for offset in (5.0, -12.0, 15.0, -22.0):
-            # Letters are about 0.6 times as wide as high.
-            box = x + 4.0, x + 4.0 + 0.6 * size * len(text), y + offset, y + offset + size
-            if all(box[1] < a or b < box[0] or box[3] < c or d < box[2] for a, b, c, d in taken):
-                taken.append(box)
-                axis.annotate(text, place, (4.0, offset), textcoords="offset points", fontsize=size, color=colour)
-                break
+        at = dots * axis.transData.transform(place)
+        # Letters are about 0.6 times as wide as high.
+        half = 0.5 * np.array([0.6 * size * len(text), size])
+        free = []
+        for far in (0.0, 8.0, 18.0, 30.0):
+            for angle in np.radians([30, 150, -30, -150, 90, -90, 0, 180]):
+                towards = np.array([np.cos(angle), np.sin(angle)])
+                middle = at + (half + 6.0) * np.sign(np.round(towards, 9)) + far * towards
+                low, high = middle - half, middle + half
+                meets = any((low < b).all() and (high > a).all() for a, b in taken)
+                nearer = (
+                    float(np.linalg.norm(np.array(marks) - middle, axis=1).min()) < np.linalg.norm(at - middle) - 0.5
+                )
+                if not meets and (low > frame[0]).all() and (high < frame[1]).all():
+                    crossed = int(((on_lines > low) & (on_lines < high)).all(axis=1).sum())
+                    free.append((far + 3.0 * crossed + 12.0 * nearer, len(free), far or float(nearer), *low, *high))
+        if not free:
+            continue
+        _, _, far, *box = min(free)
+        low, high = np.array(box[:2]), np.array(box[2:])
+        taken.append((low, high))
+        thread = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 3.0}
+        axis.annotate(
+            text,
+            place,
+            0.5 * (low + high) - at,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=size,
+            color=colour,
+            arrowprops=thread if far else None,
+        )
 
 
 def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> list[tuple[str, tuple[float, float], str]]:

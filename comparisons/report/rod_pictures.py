@@ -15,7 +15,7 @@ from comparisons.measure.study import Run
 from isorod.arrays import Array, Index
 from isorod.output import picture, solids, vtk
 from isorod.output.results import write_beside
-from isorod.output.words import STRESS_ERROR, stress_error
+from isorod.output.words import FIELDS, STRESS_ERROR, stress_error
 from meshes.mesh import lexicographic
 
 # Width and height of a panel, pixels.
@@ -23,9 +23,6 @@ PANEL = (800, 560)
 
 # Modes that are shown, as many as rows.
 SHAPES = 3
-
-# Directions from which one may look, all of them from above.
-VIEWS = ((1.0, -1.4, 0.55), (-1.0, -1.4, 0.55), (0.35, -1.0, 0.3), (1.0, -0.35, 0.3), (0.35, -0.5, 1.0))
 
 # How many times larger what is upright must look if it is not z.
 LYING = 1.3
@@ -64,14 +61,14 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
     rows = _modes(solution, sample, records[0]) if modal else [_equilibrium(solution, sample)]
     peak = max(float(np.max(mesh.point_data["colour"])) for row in rows for mesh in row)
     # Stresses at held edges have no limit: what nearly all of the rods have fills the scale.
-    scale = (0.0, 1.0 if modal else min(peak, 1.02 * max(_most(mesh) for mesh in rows[0])))
+    ticks = picture.scaled(0.0, 1.0 if modal else min(peak, max(_most(mesh) for mesh in rows[0])))
     lines = [_at_rest(body) for body in solution.model.bodies] if modal else []
     names = f"isorod ({family(records[0])})", "dolfinx"
     labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(names, records, strict=True)]
     if not modal:
         labels[0] += f"\n{stress_error(records[0].get(STRESS_ERROR))}"
     file = f"{study.study}-picture.png"
-    write_beside(study.folder / file, partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal))
+    write_beside(study.folder / file, partial(_draw, rows, lines, _captions(rows, labels, records), ticks, modal))
     said = _MODES if modal else _EQUILIBRIUM
     alt = "mode shapes of both sides" if modal else "von Mises stress of both sides on the deformed rods"
     study.record("picture", {"file": file, "alt": alt, "caption": said})
@@ -219,7 +216,7 @@ def _draw(
     rows: Sequence[Any],
     lines: Sequence[Array],
     captions: Sequence[Sequence[str]],
-    scale: tuple[float, float],
+    ticks: Array,
     modal: bool,
     path: Path,
 ) -> None:
@@ -228,16 +225,20 @@ def _draw(
     moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
     everything = np.concatenate([*moved, *lines])
     view, up = _direction(everything)
+    title = "displacement\n(largest is 1)" if modal else FIELDS["von_mises"]
     with picture.stage((2 * PANEL[0], len(rows) * PANEL[1]), shape=(len(rows), 2)) as plotter:
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
                 plotter.subplot(k, column)
-                bar = picture.bar("displacement" if modal else "von Mises", PANEL) if column else None
-                picture.add_flat(plotter, mesh, "colour", scale, bar, "motion")
+                bar = picture.bar(title, PANEL, len(ticks)) if column else None
+                picture.add_flat(plotter, mesh, "colour", (ticks[0], ticks[-1]), bar, "motion")
                 for line in lines:
                     plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=2, lighting=False)
-                plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")
-                picture.look(plotter.camera, everything, view, PANEL, up)
+                said = captions[k][column] if modal else f"{captions[k][column]}\ndisplacements × 1"
+                plotter.add_text(said, position="upper_left", font_size=11, color="black")
+                if column:
+                    picture.add_axes(plotter, PANEL)
+                picture.look(plotter.camera, everything, view, PANEL, up, words=said)
         plotter.screenshot(str(path))
 
 
@@ -251,5 +252,8 @@ def _direction(points: Array) -> tuple[Array, Array]:
         wide, high = (float(np.ptp(points @ axis)) for axis in (right, np.cross(towards, right)))
         return max(high, wide * PANEL[1] / PANEL[0]) * (1.0 if up[2] else LYING)
 
-    seen = [(np.roll(view, turn), np.roll((0.0, 0.0, 1.0), turn)) for turn in range(3) for view in VIEWS]
+    upright = np.array([0.0, 0.0, 1.0])
+    seen = [
+        (np.roll(picture.view_of(np.roll(points, -turn, axis=1)), turn), np.roll(upright, turn)) for turn in range(3)
+    ]
     return min(seen, key=lambda one: height(*one))

@@ -61,8 +61,8 @@ _ANGLE = 12.0
 class Frame(NamedTuple):
     """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and what is written above them.
 
-    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours, besides the
-    least and the largest value.
+    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours, besides
+    the least and the largest value.
     """
 
     meshes: Sequence[Any]
@@ -272,8 +272,8 @@ def look(
 ) -> None:
     """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
 
-    The direction is ``view``, or that of `view_of`.  Upright is ``up``; where not given z, or y where one looks along z.  ``room`` are the pixels of the scale, and above
-    is some for ``words``.
+    The direction is ``view``, or that of `view_of`.  Upright is ``up``; where not given z, or y where one looks
+    along z.  ``room`` are the pixels of the scale, and above is some for ``words``.
     """
     above = _LINE * (words.count("\n") + 1) if words else 0
     along = view_of(points) if view is None else np.asarray(view, dtype=float)
