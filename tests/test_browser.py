@@ -67,7 +67,7 @@ SEEN = ((1300, ""), (420, ""), (1300, "dark"), (420, "dark"), (680, "print"))
 def browser(folder, *words):
     """Run the browser, with a profile of its own, and return what it prints."""
     if BROWSER is None:
-        pytest.skip("chromium is not installed")
+        pytest.skip("no browser here (apt install chromium)")
     own = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
     options = [*OPTIONS, f"--user-data-dir={folder / 'profile'}"]
     done = subprocess.run([BROWSER, *options, *words], capture_output=True, text=True, timeout=120, env=own)

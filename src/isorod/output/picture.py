@@ -36,8 +36,11 @@ COLOURS = "viridis"
 _BAR = {"vertical": True, "color": "black", "fmt": "%.4g", "title_font_size": 16, "label_font_size": 15}
 _ROOM = 150
 
-# Below the scale: for the axes, and above them for words.
-_AXES, _WORDS = 100, 110
+# Pixels below the scale for the axes, and above them for words; and above it.
+_AXES, _WORDS, _ABOVE = 100, 90, 26
+
+# Height of pictures in pixels below which there is no room for axes, nor for numbers between the ends of the scale.
+_LOW = 400
 
 # Parts of the scale, at most, whose ends are round numbers; values that differ by less than this share are one.
 _PARTS, _ALIKE = 5, 1e-3
@@ -130,10 +133,10 @@ def draw(
         title = f"{title.splitlines()[0]}\n(largest is 1)"
     factor = "" if shape else f"displacements × {scale:.3g}"
     values = np.concatenate([one.faces.point_data["colour"] for one in skins.values()])
-    lowest, highest = float(np.nanmin(values)), float(np.nanmax(values))
+    lowest, highest = 0.0 if shape else float(np.nanmin(values)), float(np.nanmax(values))
     ticks = scaled(lowest, highest)
     limits, described = (float(ticks[0]), float(ticks[-1])), bar(title, size, len(ticks))
-    told = f"{lowest:.3g} to {highest:.3g}" if highest > lowest and not shape else ""
+    told = f"least {lowest:.3g}\nlargest {highest:.3g}" if highest > lowest and not shape else ""
     shown: list[Array] = [one.faces.points for one in skins.values()]
     for frame in frames:
         shown += [skins[id(mesh)].moved(scale * frame.share).faces.points for mesh in frame.meshes]
@@ -148,9 +151,13 @@ def draw(
                 moved = one.moved(scale * frame.share)
                 add_skin(plotter, moved, "colour", limits, described if k == 0 else None)
             write(plotter, above, (10, 8))
-            note = "\n".join(fill(one, _NARROW) for one in (told, frame.note))
-            write(plotter, note.strip(), (size[0] - _ROOM + 10, -_AXES))
-            add_axes(plotter, size)
+            write(
+                plotter,
+                f"{told}\n{fill(frame.note, _NARROW)}".strip(),
+                (size[0] - _ROOM + 10, -6 if size[1] < _LOW else -_AXES),
+            )
+            if size[1] >= _LOW:
+                add_axes(plotter, size)
             look(plotter.camera, everything, view, size, words=words[0])
             if not window:
                 yield taken(plotter)
@@ -235,9 +242,11 @@ def scaled(low: float, high: float) -> Array:
 
 def bar(title: str, size: Sequence[int], numbers: int) -> dict[str, Any]:
     """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels, with its numbers."""
-    below = (_AXES + _WORDS) / size[1]
+    low = size[1] < _LOW
+    below = (_WORDS + (0 if low else _AXES)) / size[1]
     place = {"position_x": 1.0 - 0.8 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
-    return _BAR | place | {"title": f"{title}\n ", "position_y": below, "height": 0.98 - below, "n_labels": numbers}
+    place |= {"position_y": below, "height": 1.0 - _ABOVE / size[1] - below}
+    return _BAR | place | {"title": f"{title}\n ", "n_labels": 2 if low else numbers}
 
 
 def add_axes(plotter: Any, size: Sequence[int]) -> None:
