@@ -1,4 +1,4 @@
-"""The tables of docs/files.md, made from the schema: ``python -m tests.files_page`` writes them anew."""
+"""The pages of docs/keys, made from the schema: ``python -m tests.files_page`` writes them anew."""
 
 import inspect
 import re
@@ -9,8 +9,23 @@ from typing import Any
 from isorod.files import schema
 from isorod.files.form import ROD, Form
 
-PAGE = Path(__file__).parent.parent / "docs" / "files.md"
-BEGIN, END = "<!-- tables from here on: python -m tests.files_page -->\n", "<!-- to here -->\n"
+FOLDER = Path(__file__).parent.parent / "docs" / "keys"
+
+# Pages by their files: what they are called, and with which of the titles below they begin.
+PAGES = {
+    "analyses": ("Analyses", "Analyses:"),
+    "curves": ("Curves", "Curves:"),
+    "sections": ("Sections", "Sections:"),
+    "laws": ("Laws", "Laws:"),
+    "rods": ("More of rods", "More keys of a rod"),
+    "solids": ("Finite element bodies", "Finite element bodies:"),
+    "supports": ("Supports", "Supports:"),
+    "loads": ("Loads", "Loads:"),
+    "contacts": ("Obstacles, contacts and ties", "Obstacles:"),
+    "measures": ("Measures", "What is measured:"),
+}
+
+_HEAD = "| key | value | if not given | |\n|---|---|---|---|\n"
 
 TITLES: dict[str, Mapping[str, Form]] = {
     'Analyses: `[analysis.WORD]`, or `analysis = "WORD"`': schema.ANALYSES,
@@ -36,21 +51,27 @@ TITLES: dict[str, Mapping[str, Form]] = {
 }
 
 
-def tables() -> str:
-    """Return all tables."""
-    parts = []
+def pages() -> dict[str, str]:
+    """Return the pages by their files' names: a heading for each title and each word, and a table of its keys."""
+    found: dict[str, list[str]] = {}
+    begin = {first: name for name, (_, first) in PAGES.items()}
     for title, words in TITLES.items():
-        rows = [row for word, form in words.items() for row in _rows(word.strip(), form)]
-        parts.append(f"### {title}\n\n| | key | value | if not given | |\n|---|---|---|---|---|\n" + "".join(rows))
-    return "\n".join(parts)
+        for name in (name for first, name in begin.items() if title.startswith(first)):
+            found[name] = [f"# {PAGES[name][0]}\n\n[Scenes from files](../files.md) says how these are read.\n"]
+        parts = found[[*found][-1]]
+        parts.append(f"## {title}\n")
+        parts += [part for word, form in words.items() for part in _word(word.strip(), form)]
+    # Of forms without a word all keys are in one table.
+    return {f"{name}.md": "\n".join(parts).replace(f"|\n\n{_HEAD}", "|\n") for name, parts in found.items()}
 
 
-def _rows(word: str, form: Form) -> Iterator[str]:
+def _word(word: str, form: Form) -> Iterator[str]:
     documentation = inspect.getdoc(form.function) or ""
     if word:
         first = " ".join(documentation.split("\n\n")[0].split())
-        yield _row(f"`{word}`", "", "", "", _capital(first.removeprefix("Return ")))
+        yield f"### `{word}`\n\n{_capital(first.removeprefix('Return '))}\n"
     told = _parameters(documentation)
+    rows = []
     for key, one in form.parameters.items():
         main = " (main)" if word and key == form.principal else ""
         default = "needed" if one.required else f"`{_shown(one.default)}`" if one.default is not None else ""
@@ -59,7 +80,9 @@ def _rows(word: str, form: Form) -> Iterator[str]:
             meant = "A word for people, beside the number." if one.kind is str else "`rotation`, as files had it once."
         if one.kind == ROD and not one.required:
             default, meant = "the only one", "What it acts on."
-        yield _row("", f"`{key}`{main}", one.words, default, meant)
+        rows.append(_row(f"`{key}`{main}", one.words, default, meant))
+    if rows:
+        yield _HEAD + "".join(rows)
 
 
 def _row(*cells: str) -> str:
@@ -90,5 +113,6 @@ def _capital(text: str) -> str:
 
 
 if __name__ == "__main__":
-    before, _, after = PAGE.read_text().partition(BEGIN)
-    PAGE.write_text(before + BEGIN + "\n" + tables() + "\n" + END + after.partition(END)[2])
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text)

@@ -1,14 +1,24 @@
-"""docs/files.md: its tables are those of the schema, its example runs."""
+"""docs/files.md and docs/keys: their tables are those of the schema, the examples run."""
 
 import re
 
 from isorod.command import new
-from tests.files_page import BEGIN, PAGE, tables
+from tests.files_page import FOLDER, PAGES, TITLES, pages
+
+PAGE = FOLDER.parent / "files.md"
 
 
 def test_the_tables_are_those_of_the_schema():
     """``python -m tests.files_page`` writes them anew."""
-    assert f"{BEGIN}\n{tables()}\n" in PAGE.read_text()
+    assert pages() == {one.name: one.read_text() for one in FOLDER.glob("*.md")}
+
+
+def test_all_words_are_on_a_page_and_all_pages_are_linked():
+    text = "\n".join(pages().values())
+    assert all(f"## {title}\n" in text for title in TITLES)
+    words = [word.strip() for forms in TITLES.values() for word in forms if word.strip()]
+    assert len(words) > 60 and all(f"### `{word}`\n" in text for word in words)
+    assert all(f"](keys/{name}.md)" in PAGE.read_text() for name in PAGES)
 
 
 def test_the_example_runs(tmp_path, command):
