@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from comparisons.measure.study import Run
-from comparisons.report.pictures import BAR
 from isorod.model import Model
 from isorod.output import vtk
 from isorod.output.animation import save
-from isorod.output.picture import COLOURS, add_flat, stage, taken, without_display
+from isorod.output.picture import COLOURS, add_flat, bar, stage, taken, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 
@@ -148,7 +147,7 @@ def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
                 plotter.add_text(text, position="upper_left", font_size=11, color="black")
                 _look(plotter)
             plotter.subplot(row, columns)
-        _scale(plotter, BAR | {"title": "von Mises\nN/cm²", "position_x": 0.38})
+        _scale(plotter, bar("von Mises stress\n(N/cm²)", (int(0.45 / (columns + 0.45) * 1640), 590), 4))
         plotter.screenshot(str(path))
 
 
@@ -156,14 +155,14 @@ def _names(model: Model) -> tuple[str, str]:
     return f"isorod ({model.bodies[0].space.basis.family})", "Q2 bricks (dolfinx)"
 
 
-def _scale(plotter: Any, bar: dict[str, Any]) -> None:
+def _scale(plotter: Any, described: dict[str, Any]) -> None:
     """Draw the scale alone into a panel."""
     import pyvista
 
     nothing = pyvista.PolyData(np.zeros((2, 3)))
     nothing["von_mises"] = np.array(SCALE)
     actor = plotter.add_mesh(nothing, scalars="von_mises", clim=SCALE, cmap=COLOURS, opacity=0.0, show_scalar_bar=False)
-    plotter.add_scalar_bar(mapper=actor.mapper, **bar)
+    plotter.add_scalar_bar(mapper=actor.mapper, **described)
 
 
 def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:

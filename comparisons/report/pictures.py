@@ -12,22 +12,14 @@ from comparisons.measure.study import Run
 from isorod import scenes, statics
 from isorod.modal import Modes
 from isorod.output import vtk
-from isorod.output.picture import add_flat, stage, without_display
+from isorod.output.picture import add_flat, bar, look, stage, without_display
 from isorod.output.results import write_beside
+from isorod.output.words import FIELDS
 
 SIZE = (1600, 640)
 
-# The scale of stresses, at the right of a panel.
-BAR: dict[str, Any] = {
-    "title": "von Mises\n(MPa)\n ",
-    "vertical": True,
-    "position_x": 0.89,
-    "position_y": 0.15,
-    "height": 0.7,
-    "color": "black",
-    "n_labels": 6,
-    "fmt": "%.0f",
-}
+# Beside the scale of the published figure.
+_NUMBERS = 6
 
 
 def spring(study: Run) -> None:
@@ -85,23 +77,20 @@ def _modes(mesh: Any, names: list[str], exaggeration: float, path: Path) -> None
             length = np.linalg.norm(shape, axis=1)
             moved.point_data["size"] = length / length.max()
             moved.point_data["displacement"] = exaggeration * mesh.length / length.max() * shape
-            plotter.add_mesh(rest, color="black", line_width=1)
+            plotter.add_mesh(rest, color="grey", line_width=1)
             add_flat(plotter, moved, "size", (0.0, 1.0), None)
             plotter.add_text(name, position="upper_left", font_size=14, color="black")
-            plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
-            plotter.reset_camera()
-            plotter.camera.zoom(1.35)
-            # To the right of its label.
-            plotter.camera.SetWindowCenter(-0.3, 0.0)
+            look(plotter.camera, moved.points, None, (1700 // columns, 500), room=0, words=name)
         plotter.screenshot(str(path))
 
 
 def _beside(panels: Any, scale: tuple[float, float], path: Path) -> None:
     """Draw panels side by side."""
+    described = bar(FIELDS["von_mises"], (SIZE[0] // len(panels), SIZE[1]), _NUMBERS)
     with stage(SIZE, shape=(1, len(panels))) as plotter:
         for k, (mesh, label) in enumerate(panels):
             plotter.subplot(0, k)
-            add_flat(plotter, mesh, "von_mises", scale, BAR if k == len(panels) - 1 else None)
+            add_flat(plotter, mesh, "von_mises", scale, described if k == len(panels) - 1 else None)
             plotter.add_text(label, position="upper_left", font_size=14, color="black")
             plotter.camera_position = "xz"
             plotter.camera.elevation = 25
