@@ -52,7 +52,7 @@ def test_the_whole_rod_is_seen_and_fills_the_picture(colour, view, bent):
     assert image.size == (WIDTH, HEIGHT)
     top, bottom, left, right = extent(image)
     assert min(top, left) > 2 and bottom < HEIGHT - 3
-    assert bottom - top > 0.6 * HEIGHT or right - left > 0.6 * LEFT
+    assert bottom - top > 0.55 * HEIGHT or right - left > 0.55 * LEFT
     # A notebook asks for this.
     assert image._repr_png_().startswith(b"\x89PNG")
 
@@ -88,7 +88,7 @@ def test_the_scale_ends_at_round_numbers():
     assert picture.scaled(1.77, 53.0).tolist() == [0.0, 20.0, 40.0, 60.0]
     # What rounding makes of a number is no range.
     assert picture.scaled(100.0, 100.0 + 1e-9).tolist() == [0.0, 25.0, 50.0, 75.0, 100.0]
-    assert picture.scaled(-3e-4, 1e-4)[[0, -1]].tolist() == [-3e-4, 1e-4]
+    assert picture.scaled(-3e-4, 1e-4)[[0, -1]] == pytest.approx([-3e-4, 1e-4])
 
 
 @pytest.mark.parametrize("longest", [(0, 0, 1), (1, 0, 0), picture.VIEW, (-1.0, -1.4, 0.55), (1.0, -1.4, 0.0)])

@@ -202,7 +202,7 @@ def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) ->
         at = dots * axis.transData.transform(place)
         # Letters are about 0.6 times as wide as high.
         half = 0.5 * np.array([0.6 * size * len(text), size])
-        free = []
+        free: list[tuple[float, ...]] = []
         for far in (0.0, 8.0, 18.0, 30.0):
             for angle in np.radians([30, 150, -30, -150, 90, -90, 0, 180]):
                 towards = np.array([np.cos(angle), np.sin(angle)])

@@ -204,6 +204,6 @@ def _page(server: Any, view: View, plotter: Any) -> None:
                 control.update = widgets.VtkRemoteView(plotter.render_window, interactive_ratio=1).update
     state.change("step", "field", "scale")(draw)
     state.change("body", "u", "xi")(go)
-    plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.14, 0.2))
+    picture.add_axes(plotter, plotter.window_size)
     draw()
     view.fit(picture.VIEW)

@@ -11,6 +11,7 @@ from isorod.command import plot
 from isorod.errors import InputError
 from isorod.output import animation, picture, reading
 from isorod.output.skin import Skin, skin
+from isorod.output.words import FIELDS
 
 # What is told of a field of so many components: its size, and they themselves, of tensors in VTK's order.
 _PARTS = {1: ("",), 3: ("", "x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "yz", "xz")}
@@ -123,7 +124,7 @@ class View:
         for name, source in sources.items():
             if name.startswith(("mode_", "quarter_")):
                 continue
-            title, _, unit = plot.TITLES.get(name, name.replace("_", " ")).partition("\n")
+            title, _, unit = FIELDS.get(name, name.replace("_", " ")).partition("\n")
             values = next(mesh.point_data[source] for mesh in meshes if source in mesh.point_data)
             for part in _PARTS.get(1 if values.ndim == 1 else values.shape[1], ("",)):
                 field = Field(f"{title} {part}".rstrip(), "" if state.mode else unit, source, part)
@@ -142,13 +143,17 @@ class View:
         """Draw a state, its motion ``scale`` times as large, in the colours of a field; the eye stays where it is."""
         plotter, (low, high) = self._plotter, self._limits[field[2:]]
         # Between values of both signs that differ by rounding, the middle of the scale is 0.
-        limits = (-high, high) if abs(low + high) < 1e-9 * high else (low, high)
+        low = -high if abs(low + high) < 1e-9 * high else low
+        ticks = picture.scaled(low, high)
+        limits = float(ticks[0]), float(ticks[-1])
         # Each of what is added would be drawn at once.
         plotter.suppress_rendering = True
         plotter.clear_actors()
         plotter.scalar_bars.clear()
         self._follow(state)
-        bar: dict[str, Any] | None = picture.bar(f"{field.name}\n{field.unit}".rstrip(), plotter.window_size)
+        bar: dict[str, Any] | None = picture.bar(
+            f"{field.name}\n{field.unit}".rstrip(), plotter.window_size, len(ticks)
+        )
         self._drawn = []
         for k, (mesh, rest) in enumerate(zip(self._read(state.step), self._skins(state.step), strict=True)):
             motion, colour = scale * _vectors(mesh, state.motion), field.of(mesh)
@@ -159,9 +164,9 @@ class View:
                 if part.n_points:
                     part.point_data["motion"] = motion[part.point_data["place"]]
                     part.point_data["colour"] = colour[part.point_data["place"]]
-            picture.add_edges(plotter, rest.edges, "grey")
+            plotter.add_silhouette(rest.whole, color="grey", line_width=1.5)
             moved = rest.moved(1.0)
-            self._drawn.append((picture.add_skin(plotter, moved, "colour", limits, "turbo", bar), moved))
+            self._drawn.append((picture.add_skin(plotter, moved, "colour", limits, bar), moved))
             bar = None
             if self.place is not None and self.place.body == k:
                 point = self.place.point

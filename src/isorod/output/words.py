@@ -13,6 +13,7 @@ Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "
 # What fields are called where they are drawn, and in which unit they are.
 FIELDS = {
     "von_mises": "von Mises stress\n(unit of E)",
+    "cauchy": "Cauchy stress\n(unit of E)",
     "mean_stress": "mean stress\n(unit of E)",
     "contact_pressure": "contact pressure\n(unit of E)",
     "displacement": "displacement\n(length)",
