@@ -56,9 +56,9 @@ def test_the_error_of_stresses_is_in_record_files_and_pictures(said, tmp_path):
     ):
         said.clear()
         assert cli.main(["plot", place, "--png", file, *SIZE, *more]) == 0
-        assert said[-1] == note
+        assert said[-1].endswith(f"\n{note}")
     assert cli.main(["plot", place, "--png", file, *SIZE, "--colour", "displacement"]) == 0
-    assert not said[-1].startswith("stress")
+    assert "stress" not in said[-1]
 
 
 def test_a_picture_of_a_solution_says_its_error_once_it_is_estimated(said):
@@ -66,12 +66,12 @@ def test_a_picture_of_a_solution_says_its_error_once_it_is_estimated(said):
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.0))
     bent = statics.solve(Model([Body(space, NeoHookean(2.0, 0.3))], ends))
     bent.plot(size=(360, 280))
-    assert said == ["stress error\nnot estimated"]
+    assert said[-1].endswith("\nstress error\nnot estimated")
     error = bent.errors().stress
     bent.plot(size=(360, 280))
-    assert said[1:] == [f"stress error\nabout {words.percent(error)}"]
+    assert said[-1].endswith(f"\nstress error\nabout {words.percent(error)}")
     bent.plot("displacement", size=(360, 280))
-    assert len(said) == 2
+    assert "stress" not in said[-1]
 
 
 @pytest.mark.parametrize(("error", "told"), [(0.0234, "about 2 %"), (4.87e-3, "about 0.5 %"), (None, "not estimated")])
