@@ -214,7 +214,8 @@ def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) ->
                 )
                 if not meets and (low > frame[0]).all() and (high < frame[1]).all():
                     crossed = int(((on_lines > low) & (on_lines < high)).all(axis=1).sum())
-                    free.append((far + 3.0 * crossed + 12.0 * nearer, len(free), far or float(nearer), *low.tolist(), *high.tolist()))
+                    cost = float(far + 3.0 * crossed + 12.0 * nearer)
+                    free.append((cost, len(free), far or float(nearer), *low.tolist(), *high.tolist()))
         if not free:
             continue
         _, _, far, *box = min(free)
