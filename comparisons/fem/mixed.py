@@ -138,8 +138,7 @@ def solve(
         for k in range(1, steps + 1):
             factor.value = k / steps
             supports = [_support(state.function_space, domain, one, k / steps) for one in held]
-            newton = Newton(state, *forms, supports, None)
-            newton.matrix.setOption(PETSc.Mat.Option.SPD, False)
+            newton = Newton(state, *forms, supports, None, definite=False)
             newton.solve(first)
             reactions, moments = newton.reactions(), _moments(newton)
             iterations += newton.snes.getIterationNumber()

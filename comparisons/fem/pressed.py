@@ -62,9 +62,16 @@ class Pressed(Newton):
     """
 
     def __init__(
-        self, nodal: Nodal, residual: Any, tangent: Any, supports: Sequence[Any], contacts: Sequence[Touching]
+        self,
+        nodal: Nodal,
+        residual: Any,
+        tangent: Any,
+        supports: Sequence[Any],
+        contacts: Sequence[Touching],
+        definite: bool = True,
     ) -> None:
-        super().__init__(nodal.state, residual, tangent, supports, None)
+        # Pressed together bodies may be close to buckling: symmetric is all that is sure.
+        super().__init__(nodal.state, residual, tangent, supports, None, definite and not contacts)
         self.nodal, self.contacts = nodal, contacts
         self.contact_seconds = 0.0
         self._pattern: sparse.csr_array | None = None
@@ -73,8 +80,6 @@ class Pressed(Newton):
         for support in supports:
             self._is_held[support.dofs] = True
         if contacts:
-            # Pressed together bodies may be close to buckling: symmetric is all that is sure.
-            self.matrix.setOption(PETSc.Mat.Option.SPD, False)
             # Contact couples nodes of which the forms know nothing.
             self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
 

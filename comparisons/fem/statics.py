@@ -249,9 +249,20 @@ class Support:
 
 
 class Newton:
-    """SNES on compiled forms; a subclass may add forces that no form knows, and their derivative."""
+    """SNES on compiled forms; a subclass may add forces that no form knows, and their derivative.
 
-    def __init__(self, u: Any, residual: Any, tangent: Any, supports: Sequence[Any], matrix_type: str | None) -> None:
+    ``definite`` says that the tangent is positive definite, on which its factors then count: the solver is made here.
+    """
+
+    def __init__(
+        self,
+        u: Any,
+        residual: Any,
+        tangent: Any,
+        supports: Sequence[Any],
+        matrix_type: str | None,
+        definite: bool = True,
+    ) -> None:
         self.residual, self.tangent, self.supports = residual, tangent, supports
         self.conditions = [support.condition for support in supports]
         self.state = compat.petsc_vector(u)
@@ -260,7 +271,7 @@ class Newton:
         self.matrix = compat.create_matrix(tangent, matrix_type)
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
-        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self.matrix.setOption(PETSc.Mat.Option.SPD, definite)
         self.seconds = 0.0
         self.norms: list[float] = []
         self.snes = PETSc.SNES().create(self.state.getComm())

@@ -1,11 +1,13 @@
 """A mesh of rods, perhaps with bodies, in dolfinx: isoparametric displacement at the mesh's nodes.  Serial."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
 import basix
 import dolfinx.fem
 import numpy as np
+import ufl
 from mpi4py import MPI
 
 from comparisons.fem.numbering import Numbered
@@ -28,13 +30,20 @@ class Elements(Numbered):
         ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such); perhaps regions ``"solid 0"`` ...
     rods
         What it is a mesh of.
+    mixed
+        Numbers of the rods in which pressures are unknowns too, see `pressures`.
 
     Attributes
     ----------
     source
         The `Mesh`.
     mesh, space, state
-        The dolfinx mesh, the space of displacements, and a function of it.
+        The dolfinx mesh, the space of displacements, and a function of all unknowns: displacements alone, or with
+        pressures.
+    mixed
+        Whether pressures are unknowns of each cell, in the source's order, shape ``(cells,)``.
+    idle
+        Unknowns that belong to no such cell: pressures, which are held at zero.
     rows
         Row in the source's cells of each dolfinx cell, shape ``(cells,)``.
     node_dofs
@@ -43,33 +52,83 @@ class Elements(Numbered):
         Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
     """
 
-    def __init__(self, mesh: Mesh, rods: list[Rod]) -> None:
+    def __init__(self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = ()) -> None:
         missing = [name for k in range(len(rods)) if (name := f"rod {k}") not in mesh.regions]
         if missing or mesh.parameters is None:
             raise InputError("mesh: need cells with parameters and a region for each rod: rod 0, rod 1, ...")
         self.source, self.rods = mesh, rods
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
         self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
-        self.space = compat.function_space(
-            self.mesh, compat.element(self.mesh, "Lagrange", mesh.order, 3, equispaced=True)
-        )
-        self.state = dolfinx.fem.Function(self.space)
+        displacement = compat.element(self.mesh, "Lagrange", mesh.order, 3, equispaced=True)
+        self.space = compat.function_space(self.mesh, displacement)
         self.rows = compat.original_cells(self.mesh)
         self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
-        self.node_dofs[mesh.cells[self.rows][:, order]] = compat.cell_dofs(self.space, len(self.rows))
+        self._nodes = mesh.cells[self.rows][:, order]
+        self.node_dofs[self._nodes] = compat.cell_dofs(self.space, len(self.rows))
         self.rod_of: Index = np.full(len(mesh.cells), -1)
         for k in range(len(rods)):
             self.rod_of[mesh.regions[f"rod {k}"]] = k
+        self.mixed: Index = np.isin(self.rod_of, list(mixed))
+        self.idle: Index = np.empty(0, dtype=np.int64)
+        self._among: Index | None = None
+        whole = self._with_pressures(displacement) if len(mixed) else self.space
+        self.state = dolfinx.fem.Function(whole)
+
+    def _with_pressures(self, displacement: Any) -> Any:
+        """Return the space of displacements and pressures, of one degree less.
+
+        Of bricks those of each cell are polynomials for themselves, so that they jump where laws do; tetrahedra have
+        Taylor and Hood's, which do not.
+        """
+        bricks, order = self.source.shape == "hexahedron", self.source.order
+        if order < 2:
+            raise InputError("degree: got 1, pressures (nearly incompressible laws) need displacements of degree 2")
+        pressure = compat.element(self.mesh, "DPC" if bricks else "Lagrange", order - 1)
+        whole = compat.function_space(self.mesh, compat.mixed_element([displacement, pressure]))
+        self.space, self._among = compat.collapsed(whole.sub(0))
+        self.node_dofs[self._nodes] = compat.cell_dofs(self.space, len(self.rows))
+        alone, among = compat.collapsed(whole.sub(1))
+        of_cells = compat.cell_dofs(alone, len(self.rows))
+        acting = np.unique(of_cells[self.mixed[self.rows]])
+        self.idle = np.sort(among[np.setdiff1d(np.arange(len(among)), acting)])
+        return whole
+
+    @property
+    def places(self) -> Index:
+        """Place of the coefficients of each node among all unknowns, shape ``(nodes, 3)``."""
+        own = super().places
+        return own if self._among is None else self._among[own]
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, held and idle ones included."""
+        return int(self.state.x.array.size)
+
+    @property
+    def split(self) -> tuple[Any, Any]:
+        """The displacement, and the pressure or None, in UFL."""
+        return (self.state, None) if self._among is None else ufl.split(self.state)
 
     @property
     def dofs(self) -> int:
-        """Number of degrees of freedom, held ones included."""
-        return 3 * len(self.source.points)
+        """Number of degrees of freedom, held ones included, without those that are idle."""
+        return self.unknowns - len(self.idle)
 
     @property
     def family(self) -> str:
         """UFL's name of polynomials in each cell for itself."""
         return "DQ" if self.source.shape == "hexahedron" else "DG"
+
+    def nodal_pressure(self, unit: float, flags: Sequence[str]) -> Array | None:
+        """Return the present pressure at the nodes of each cell, ``(cells, nodes per cell)``; NaN where it is none."""
+        _, pressure = self.split
+        if pressure is None:
+            return None
+        at = compat.expression(unit * pressure, self.source.reference, flags)
+        found = np.empty(self.source.cells.shape)
+        found[self.rows] = at(self.mesh, np.arange(len(self.rows), dtype=np.int32))
+        found[~self.mixed] = np.nan
+        return found
 
     def cells(self, rod: int) -> Index:
         """Return the numbers of a rod's cells in the source."""

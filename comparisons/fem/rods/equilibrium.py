@@ -12,7 +12,7 @@ from comparisons.fem.continuation import lead
 from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.laws import Laws, with_pressures
 from comparisons.fem.rods.loads import centrifugal, dead, following
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
@@ -60,10 +60,10 @@ class _Loaded(Pressed):
         self._loads = elements.to_dofs(loads)
         self._carried = 0.0
         self._course: list[float] = []
-        self._definite = symmetric and not contacts
-        super().__init__(elements, *forms, supports.conditions, contacts)
+        mixed = elements.split[1] is not None
+        self._definite = symmetric and not contacts and not mixed
+        super().__init__(elements, *forms, supports.conditions, contacts, self._definite)
         if not symmetric:
-            self.matrix.setOption(PETSc.Mat.Option.SPD, False)
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, False)
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, False)
         self.snes.setConvergenceTest(self._converged)
@@ -116,7 +116,7 @@ def solve(
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
     clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
     laws = Laws(elements, model, rule)
     supports = Supports(elements, model, bodies)
     refuse_free(model)
@@ -142,6 +142,7 @@ def solve(
             newton.add_forces(newton.force)
             nodal = elements.to_nodes(newton.force.array_r)
             displacement = elements.to_nodes(newton.state.array_r).copy()
+            pressure = elements.nodal_pressure(laws.unit, flags)
             reactions, moments = supports.forces(nodal, displacement)
             touches = contacts.outcome(newton)
             typed = dict(PETSc.Options().getAll())
@@ -164,6 +165,7 @@ def solve(
         peak_memory=peak_memory(),
         iterations=counts,
         displacement=displacement,
+        pressure=pressure,
         reactions=reactions,
         moments=moments,
         contacts=touches,
@@ -175,13 +177,14 @@ def solve(
 
 def _forms(elements: Elements, laws: Laws, model: Model, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:
     """Return internal forces, with those of loads that change with the displacement, and their derivative."""
-    state, space = elements.state, elements.space
-    stored = laws.energy(state)
+    state, (u, pressure) = elements.state, elements.split
+    stored = laws.energy()
     if model.spin is not None:
-        stored += laws.activation * centrifugal(laws, model.spin, state)
+        stored += laws.activation * centrifugal(laws, model.spin, u)
+    space = state.function_space
     test = ufl.TestFunction(space)
     residual = ufl.derivative(stored, state, test)
-    pressed = following(elements, model, rule, state, test)
+    pressed = following(elements, model, rule, u, test if pressure is None else ufl.split(test)[0])
     if pressed is not None:
         residual += laws.activation * pressed
     tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))

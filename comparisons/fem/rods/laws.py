@@ -1,5 +1,6 @@
 """The laws of a model's bodies on the cells of their mesh: one form for each stored energy, its constants fields."""
 
+from collections.abc import Callable
 from typing import Any
 
 import dolfinx.fem
@@ -11,6 +12,7 @@ from comparisons.fem import quadrature
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.places import on_rod
 from isorod.fenics import compat
+from isorod.errors import InputError
 from isorod.fenics.stored import constants_of, density
 from isorod.material import symbols
 from isorod.material.law import Material
@@ -20,6 +22,26 @@ from meshes.within import lagrange
 
 # How far bodies at rest are taken to be compressed.
 _SLACK = 1e-12
+
+
+def with_pressures(model: Model) -> list[int]:
+    """Return the bodies of a model whose pressures are unknowns of finite elements: those of isorod's own that are.
+
+    Bodies whose volumetric energy is no square are left out unless they are incompressible.
+    """
+    found = []
+    for b, body in enumerate(model.bodies):
+        if body.formulation != "mixed":
+            continue
+        bent = [np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic for law in body.laws]
+        if not any(bent):
+            found.append(b)
+        elif any(not np.isfinite(law.lame) for law in body.laws):
+            raise InputError(
+                f"material of body {b}: incompressible beside one whose volumetric energy is no square of ln J, which "
+                "finite elements with pressures do not have"
+            )
+    return found
 
 
 class Laws:
@@ -42,6 +64,8 @@ class Laws:
         All laws and densities, a rod's elements and rings one after the other, those of bodies last.
     activation
         A dolfinx constant: the load factor, with which the activation of muscles grows.
+    unit
+        What pressures are counted in: the middle shear modulus, force / area.
     density
         Mass per volume, a dolfinx function constant on each cell.
     """
@@ -49,11 +73,17 @@ class Laws:
     def __init__(self, elements: Elements, model: Model, rule: int) -> None:
         self.elements, self.rule = elements, rule
         self.place, self.laws, densities = _places(elements, model)
+        mixed = np.zeros(len(self.laws), dtype=bool)
+        mixed[self.place[elements.mixed]] = True
         stored = [law.stored for law in self.laws]
-        # In the order in which they come first.
-        self._energies = list({one.expression: one for one in stored}.values())
-        expressions = [one.expression for one in self._energies]
-        kinds = np.array([1 + expressions.index(one.expression) for one in stored])[self.place]
+        # In the order in which they come first: energies, and whether pressures are beside them, of which measure.
+        keys = [
+            (one.expression, bool(with_pressure), law.logarithmic if with_pressure else None)
+            for one, law, with_pressure in zip(stored, self.laws, mixed, strict=True)
+        ]
+        self._kinds = list(dict.fromkeys(keys))
+        self._energies = [stored[keys.index(key)] for key in self._kinds]
+        kinds = np.array([1 + self._kinds.index(key) for key in keys])[self.place]
         self.present = sorted(set(kinds.tolist()))
         tags = kinds[elements.rows].astype(np.int32)
         where = np.arange(len(tags), dtype=np.int32)
@@ -61,26 +91,43 @@ class Laws:
         self.dx = ufl.Measure("dx", domain=elements.mesh, subdomain_data=regions, metadata=quadrature.measure(rule))
         self.activation = dolfinx.fem.Constant(elements.mesh, 1.0)
         self.density = elements.constants(densities[self.place][:, None])[0]
-        constants = np.zeros((len(self.laws), max(len(one.constants) for one in stored)))
-        for row, law in zip(constants, self.laws, strict=True):
-            row[: len(law.constants)] = constants_of(law)
+        # What a pressure of one takes of the volume is a field behind the constants.
+        constants = np.zeros((len(self.laws), 1 + max(len(one.constants) for one in stored)))
+        for k in np.unique(self.place):
+            law = self.laws[k]
+            constants[k, : len(law.constants)] = constants_of(law.shear if mixed[k] else law)
+            constants[k, -1] = 1.0 / law.lame if mixed[k] else 0.0
         self._constants = elements.constants(constants[self.place])
+        self.unit = float(np.median([law.shear_modulus for law in self.laws]))
         self._fibres = self._directions()
 
-    def energy(self, u: Any) -> Any:
-        """Return the energy of a displacement: a sum of integrals."""
+    def energy(self) -> Any:
+        """Return the energy of the state, a sum of integrals; with pressures what is stationary in them."""
+        u, pressure = self.elements.split
         F = ufl.Identity(3) + ufl.grad(u)
-        return sum(self._density(kind, F, self.activation) * self.dx(kind) for kind in self.present)
+        total = sum(self._density(kind, F, self.activation) * self.dx(kind) for kind in self.present)
+        return total + self._volumetric(pressure, lambda log: ufl.ln(ufl.det(F)) if log else ufl.div(u))
 
-    def at_rest(self, u: Any) -> Any:
+    def at_rest(self) -> Any:
         """Return the energy of a small displacement from rest, with no activation: a sum of integrals."""
         i, j, k, m = ufl.indices(4)
+        u, pressure = self.elements.split
         # From the slack side: fibres that bear tension alone bear nothing at rest, where they are 1 but for rounding.
         rest, turned = ufl.variable((1.0 - _SLACK) * ufl.Identity(3)), ufl.grad(u)
         total = 0.0
         for kind in self.present:
             moduli = ufl.diff(ufl.diff(self._density(kind, rest, 0.0), rest), rest)
             total += 0.5 * moduli[i, j, k, m] * turned[i, j] * turned[k, m] * self.dx(kind)
+        return total + self._volumetric(pressure, lambda _: ufl.div(u))
+
+    def _volumetric(self, pressure: Any, theta: Callable[[bool], Any]) -> Any:
+        """Return what pressures add to the energy, ``p theta - p^2 / (2 lame)`` where they act."""
+        total = 0.0
+        for kind in self.present:
+            _, mixed, logarithmic = self._kinds[kind - 1]
+            if mixed:
+                p, soft = self.unit * pressure, self._constants[len(self._constants) - 1]
+                total += (p * theta(logarithmic) - 0.5 * soft * p**2) * self.dx(kind)
         return total
 
     def _density(self, kind: int, F: Any, activation: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.fem import modal
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.laws import Laws, with_pressures
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
@@ -35,7 +35,7 @@ def solve(
                 f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
             )
     begin = perf_counter()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
     laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
@@ -64,13 +64,16 @@ def solve(
 
 
 def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
-    free = np.setdiff1d(np.arange(elements.dofs), supports.held)
+    free = np.setdiff1d(np.arange(elements.unknowns), supports.held)
     if supports.whole:
         free = free[::3] // 3
-    order = elements.source.order
+    order, state, (u, pressure) = elements.source.order, elements.state, elements.split
+    stored = laws.at_rest()
+    if pressure is not None:
+        count = elements.dofs - 3 * len(elements.source.points)
+        return modal.Body(state, u, stored, laws.density, None, free, order, settings, whole=False, pressures=count)
     scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
-    state = elements.state
-    return modal.Body(state, state, laws.at_rest(state), laws.density, scalar, free, order, settings, supports.whole)
+    return modal.Body(state, u, stored, laws.density, scalar, free, order, settings, supports.whole)
 
 
 def _shapes(elements: Elements, found: modal.Modes) -> Array:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from comparisons.fem import runs
 from comparisons.fem.arguments import option, positive
 from comparisons.fem.rods import joined
+from comparisons.fem.rods.laws import with_pressures
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
@@ -111,8 +112,6 @@ def run(
         _refuse_unknown(model)
         if scene.analysis == "modal":
             _refuse_loaded(configuration.name, model, given)
-            # Modes know no pressures.
-            model = model.in_displacements()
         tied = bool(model.ties or model.solids)
         told: list[str] = []
         bodies = scene.bodies() if tied else []
@@ -147,7 +146,7 @@ def run(
         "shape": mesh.shape,
         **({"mesh_notes": told} if told else {}),
         **solution.iterations,
-        "formulation": "displacement",
+        "formulation": "mixed" if with_pressures(model) else "displacement",
         "units": scene.units,
         "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
         "scene_options": scene.options["options"],

@@ -59,6 +59,9 @@ class Solution:
         Row of each cell's law among those of all bodies, one behind the other, shape ``(cells,)``.
     displacement
         Of the mesh's nodes, shape ``(nodes, 3)``; None of modes.
+    pressure
+        What ``theta`` of the law (`isorod.material.law.Material`) works against, force / area, where that was unknown:
+        at the nodes of each cell, shape ``(cells, nodes per cell)``, NaN elsewhere.
     reactions, moments
         Force and moment of each support on the model, shape ``(supports, 3)``; moments are about the same point as
         those of `isorod.statics.Equilibrium`.
@@ -99,6 +102,7 @@ class Solution:
     peak_memory: int
     iterations: dict[str, int]
     displacement: Array | None = None
+    pressure: Array | None = None
     reactions: Array = field(default_factory=lambda: np.zeros((0, 3)))
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     contacts: Sequence[Touch] = ()
@@ -133,10 +137,7 @@ class Solution:
         """Return the stress at points of a rod, ``"cauchy"`` or ``"pk1"``, as `isorod.output.state.State` does."""
         points, cells, where = self._located(rod, u, xi)
         F, _ = self._gradients(cells, where, _EACH)
-        at = np.einsum("cn,cnp->cp", self._functions(where), self.cell_parameters[cells])
-        found = np.empty_like(F)
-        for own, law in self._laws(cells, at[:, None]):
-            found[own] = law.stress(F[own, None])[:, 0]
+        found = self._pk1(cells, F[:, None], self._functions(where)[:, None])[:, 0]
         return (found if kind == "pk1" else _cauchy(found, F)).reshape(*points.shape, 3, 3)
 
     def energy(self, rod: int) -> float:
@@ -144,17 +145,23 @@ class Solution:
         where, weights = gauss(self.mesh.shape, 2 * self.mesh.order)
         cells = self.mesh.regions[f"rod {rod}"]
         F, jacobian = self._gradients(cells, where, _ALL)
-        at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
+        functions = self._functions(where)
+        at = np.einsum("qn,cnp->cqp", functions, self.cell_parameters[cells])
         volumes = weights * determinant(jacobian)
-        return float(sum(np.sum(volumes[own] * law.energy(F[own])) for own, law in self._laws(cells, at)))
+        total = 0.0
+        for own, law in self._laws(cells, at):
+            p = self._pressures(cells[own], functions)
+            stored = law.energy(F[own])
+            if p is not None:
+                theta = np.log(determinant(F[own])) if law.logarithmic else np.trace(F[own], axis1=-2, axis2=-1) - 3.0
+                stored = law.shear.energy(F[own]) + p * theta - 0.5 / law.lame * p**2
+            total += float(np.sum(volumes[own] * stored))
+        return total
 
     def internal_forces(self, cells: Index, where: Array, weights: Array) -> Array:
         """Return the nodal forces ``(nodes, 3)`` of the stress in some cells, by a rule on the reference cell."""
         F, jacobian = self._gradients(cells, where, _ALL)
-        at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
-        stress = np.empty_like(F)
-        for own, law in self._laws(cells, at):
-            stress[own] = law.stress(F[own])
+        stress = self._pk1(cells, F, self._functions(where))
         slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
         pull = stress @ np.linalg.inv(jacobian).swapaxes(2, 3) * (weights * determinant(jacobian))[:, :, None, None]
         found = np.zeros_like(self.mesh.points)
@@ -221,6 +228,32 @@ class Solution:
             if own.size:
                 yield own, law if rod is None else law.placed(on_rod(rod, parameters[own]))
 
+    def _pk1(self, cells: Index, F: Array, functions: Array) -> Array:
+        """Return the first Piola-Kirchhoff stress at points of cells, shape of ``F`` ``(c, q, 3, 3)``.
+
+        Parameters
+        ----------
+        functions
+            Those of the nodes at the points: ``(q, nodes)``, or ``(c, q, nodes)`` where they differ by cell.
+        """
+        which = "qn,cnp->cqp" if functions.ndim == 2 else "cqn,cnp->cqp"
+        found, parameters = np.empty_like(F), np.einsum(which, functions, self.cell_parameters[cells])
+        for own, law in self._laws(cells, parameters):
+            p = self._pressures(cells[own], functions if functions.ndim == 2 else functions[own])
+            if p is None:
+                found[own] = law.stress(F[own])
+            else:
+                change = np.linalg.inv(F[own]).swapaxes(-1, -2) if law.logarithmic else np.eye(3)
+                found[own] = law.shear.stress(F[own]) + p[..., None, None] * change
+        return found
+
+    def _pressures(self, cells: Index, functions: Array) -> Array | None:
+        """Return the pressures ``(c, q)`` at points of cells of one law; None where there are none."""
+        if self.pressure is None or np.isnan(self.pressure[cells[0], 0]):
+            return None
+        which = "qn,cn->cq" if functions.ndim == 2 else "cqn,cn->cq"
+        return np.asarray(np.einsum(which, functions, self.pressure[cells]))
+
     def _functions(self, where: Array) -> Array:
         return lagrange(self.mesh.order, self.mesh.reference, where)
 
@@ -279,9 +312,7 @@ class Solution:
         every = np.arange(len(mesh.cells))
         F, _ = self._gradients(every, where, _ALL)
         places = np.einsum("qn,cnp->cqp", values, self.cell_parameters)
-        stress = np.empty_like(F)
-        for own, law in self._laws(every, places):
-            stress[own] = law.stress(F[own])
+        stress = self._pk1(every, F, values)
         rods = np.full(len(mesh.cells), -1)
         for b, body in enumerate(self.model.bodies):
             rods[mesh.regions[f"rod {b}"]] = b

@@ -45,9 +45,9 @@ class Supports:
     conditions
         For `comparisons.fem.statics.Newton`.
     held
-        Degrees of freedom under them, sorted.
+        Degrees of freedom under them, and pressures that are idle, sorted.
     whole
-        Whether every node is held in all components or none.
+        Whether every node is held in all components or none, and there are no pressures.
     """
 
     def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
@@ -67,29 +67,35 @@ class Supports:
             self._owner[one.nodes[:, None], one.components] = k
         self._nodal = np.zeros_like(elements.source.points)
         rows, components = np.nonzero(self._owner >= 0)
-        self.held: Index = np.sort(3 * elements.node_dofs[rows] + components)
+        self.held: Index = np.sort(np.concatenate([elements.places[rows, components], elements.idle]))
         count = (self._owner >= 0).sum(axis=1)
-        self.whole = bool(np.isin(count, (0, 3)).all())
+        self.whole = elements.split[1] is None and bool(np.isin(count, (0, 3)).all())
         self._values: list[tuple[Any, Any]] = []
         self.conditions: list[Condition] = self._conditions(np.unique(rows), rows, components)
 
     def _conditions(self, nodes: Index, rows: Index, components: Index) -> list[Condition]:
-        space, blocks = self._elements.space, self._elements.node_dofs
-        if not len(nodes):
-            return []
+        elements = self._elements
+        space, blocks = elements.space, elements.node_dofs
         if self.whole:
+            if not len(nodes):
+                return []
             value = dolfinx.fem.Function(space)
             self._values = [(value, None)]
             held = np.sort(blocks[nodes]).astype(np.int32)
             return [Condition(dolfinx.fem.dirichletbc(value, held), self.held)]
+        unknowns = elements.state.function_space
+        displacements = unknowns if elements.split[1] is None else unknowns.sub(0)
+        every = [
+            (displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)
+        ]
+        if len(elements.idle):
+            every.append((unknowns.sub(1), elements.idle))
         found = []
-        for c in range(3):
-            part = space.sub(c)
+        for part, dofs in every:
             plain, back = compat.collapsed(part)
             value = dolfinx.fem.Function(plain)
-            here = np.empty(3 * len(blocks), dtype=np.int32)
+            here = np.empty(elements.unknowns, dtype=np.int32)
             here[back] = np.arange(len(back))
-            dofs = np.sort(3 * blocks[rows[components == c]] + c)
             self._values.append((value, back))
             both = [dofs.astype(np.int32), here[dofs]]
             found.append(Condition(dolfinx.fem.dirichletbc(value, both, part), dofs))
