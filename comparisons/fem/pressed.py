@@ -87,6 +87,11 @@ class Pressed(Newton):
         """Return the present positions of the nodes, numbered as the source mesh."""
         return self.nodal.source.points + self.nodal.to_nodes(self.state.array_r)
 
+    def stiffness_of_contacts(self) -> list[sparse.coo_array]:
+        """Return the contacts' stiffness in the present state."""
+        positions = self.positions()
+        return [contact.stiffness(positions) for contact in self.contacts]
+
     def press(self, out: PETSc.Vec) -> list[Pressing]:
         """Add the contacts' forces to ``out`` and return their states."""
         if not self.contacts:
@@ -108,8 +113,7 @@ class Pressed(Newton):
         if not self.contacts:
             return
         start = perf_counter()
-        positions = self.positions()
-        parts = [contact.stiffness(positions) for contact in self.contacts]
+        parts = self.stiffness_of_contacts()
         if any(part.nnz for part in parts):
             to_dof = self.nodal.places.ravel()
             rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))

@@ -38,7 +38,7 @@ _STALLED = 0.3
 _WILD = 5.0
 
 
-class _Loaded(Pressed):
+class Loaded(Pressed):
     """Newton's method with dead loads and contacts, and an end that knows rounding.
 
     Attributes
@@ -128,7 +128,7 @@ def solve(
     symmetric = not model.following
     direct = DIRECT if symmetric else DIRECT | {"pc_type": "lu"}
     with defaults(NEWTON | dict(direct if options is None else options)):
-        newton = _Loaded(elements, forms, supports, loads, contacts.all, symmetric)
+        newton = Loaded(elements, forms, supports, loads, contacts.all, symmetric)
         clock.lap("setup")
 
         def load(factor: float) -> None:

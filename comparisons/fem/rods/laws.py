@@ -13,7 +13,7 @@ from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.places import on_rod
 from isorod.fenics import compat
 from isorod.errors import InputError
-from isorod.fenics.stored import constants_of, density
+from isorod.fenics.stored import constants_of, density, density_of
 from isorod.material import symbols
 from isorod.material.law import Material
 from isorod.model.model import Model
@@ -119,6 +119,30 @@ class Laws:
             moduli = ufl.diff(ufl.diff(self._density(kind, rest, 0.0), rest), rest)
             total += 0.5 * moduli[i, j, k, m] * turned[i, j] * turned[k, m] * self.dx(kind)
         return total + self._volumetric(pressure, lambda _: ufl.div(u))
+
+    def between(self, before: Any, place: float, test: Any) -> Any:
+        """Return the virtual work of the stress at a place from 0 to 1 on the way from one displacement to the state.
+
+        See `isorod.fenics.forms.between`; of laws of small strains it is that in the middle.
+        """
+        u, _ = self.elements.split
+        first, last = (ufl.Identity(3) + ufl.grad(one) for one in (before, u))
+        middle = 0.5 * (first + last)
+        total = 0.0
+        for kind in self.present:
+            one = self._energies[kind - 1]
+            given = {symbol: self._constants[k] for k, symbol in enumerate(one.constants)}
+            given[symbols.activation] = self.activation
+            if one.small:
+                F = ufl.variable(middle)
+                stress = ufl.diff(density(one.expression, F, given, self._fibres), F)
+            else:
+                C = first.T * first
+                C = ufl.variable(C + place * (last.T * last - C))
+                slope = ufl.diff(density_of(one.expression, C, given, self._fibres), C)
+                stress = middle * (slope + slope.T)
+            total += ufl.inner(stress, ufl.grad(test)) * self.dx(kind)
+        return total
 
     def _volumetric(self, pressure: Any, theta: Callable[[bool], Any]) -> Any:
         """Return what pressures add to the energy, ``p theta - p^2 / (2 lame)`` where they act."""

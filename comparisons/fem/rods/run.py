@@ -13,6 +13,7 @@ from comparisons.fem import runs
 from comparisons.fem.arguments import option, positive
 from comparisons.fem.rods import joined
 from comparisons.fem.rods.laws import with_pressures
+from comparisons.fem.rods.motion import Steps
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
@@ -28,7 +29,14 @@ from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
 
 # What is known of an analysis here.
-_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",)}
+_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
+
+# What a record has of what is found.
+_KEPT = {
+    "statics": ("residual_norms", "reactions", "moments"),
+    "modal": ("residuals", "rigid", "below"),
+    "dynamics": ("times", "reactions"),
+}
 
 
 @dataclass(frozen=True)
@@ -102,8 +110,7 @@ def run(
     scene: Any = files.find(configuration.name)
     if scene.analysis not in _SETTINGS:
         raise InputError(
-            f"{configuration.name}: got {scene.analysis}; the finite element side has statics and modes only"
-            + ("; biceps has a study of its own" if scene.analysis == "dynamics" else "")
+            f"{configuration.name}: got {scene.analysis}; the finite element side has statics, modes and dynamics only"
         )
     given = scene.settings()
     settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
@@ -127,18 +134,21 @@ def run(
             mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
 
-        def once() -> Any:
-            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **settings)
+        asked = {"steps": Steps(**settings)} if scene.analysis == "dynamics" else settings
 
-        solution, record = runs.measured(once, repeat, comm, meshing)
+        def once() -> Any:
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **asked)
+
+        found, record = runs.measured(once, repeat, comm, meshing)
+    # Of a motion that in the end.
+    solution = found[-1] if scene.analysis == "dynamics" else found
     if fields is not None:
         write_arrays(fields, **solution.fields())
-    kept = ("residuals", "rigid", "below") if scene.analysis == "modal" else ("residual_norms", "reactions", "moments")
     return {
         "scene": scene.name,
         "analysis": scene.analysis,
-        **scene.measure(solution),
-        **{name: getattr(solution, name) for name in kept},
+        **scene.measure(found),
+        **{name: getattr(found, name) for name in _KEPT[scene.analysis]},
         **({"contacts": [one._asdict() for one in solution.contacts]} if solution.contacts else {}),
         "dofs": solution.dofs,
         "unknowns": solution.unknowns,

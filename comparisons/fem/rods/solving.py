@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from comparisons.fem.rods import equilibrium
+from comparisons.fem.rods import equilibrium, motion
 from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.statics import Element
@@ -23,7 +23,8 @@ def solve(
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
     bodies: Sequence[OfBody] = (),
-) -> Solution:
+    steps: motion.Steps | None = None,
+) -> Solution | motion.Motion:
     """Solve a model with displacement elements whose nodes are those of the mesh.
 
     Parameters
@@ -34,7 +35,7 @@ def solve(
         Hexahedra of the rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
         (`meshes.rods.build`), or tetrahedra of rods and bodies (`meshes.joined_mesh.build`).
     analysis
-        ``"statics"``, or ``"modal"`` about the state of rest.
+        ``"statics"``, ``"modal"`` about the state of rest, or ``"dynamics"``.
     modes
         Number of modes besides the rigid ones.
     options
@@ -45,6 +46,8 @@ def solve(
         Equal steps to start with (statics).
     bodies
         What holds and loads the model's bodies, which have that of their own meshes alone.
+    steps
+        Those of dynamics.
 
     Raises
     ------
@@ -61,4 +64,6 @@ def solve(
         return equilibrium.solve(model, mesh, rule, load_steps, options, flags, bodies)
     if analysis == "modal":
         return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies)
-    raise InputError(f"analysis {analysis}: the finite element side has statics and modes only")
+    if analysis == "dynamics" and steps is not None:
+        return motion.solve(model, mesh, rule, steps, options, flags)
+    raise InputError(f"analysis {analysis}: the finite element side has statics, modes and dynamics only")

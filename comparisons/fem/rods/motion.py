@@ -1,0 +1,266 @@
+"""The motion of rods in isorod's own implicit steps, so that what is compared is space and not time.
+
+Steps are those of `isorod.dynamics.implicit.assembler`: energy-momentum conserving, with the stress between two states
+of `isorod.fenics.forms.between`, and loads and contact in the middle of the step.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import dolfinx.fem
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from comparisons.fem.rods.contacts import Contacts
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.equilibrium import Loaded
+from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.loads import dead, following
+from comparisons.fem.rods.solution import Solution
+from comparisons.fem.rods.supports import Supports
+from comparisons.fem.statics import DIRECT, NEWTON
+from comparisons.measure.timing import Clock, peak_memory
+from isorod.errors import InputError, SolveError
+from isorod.fenics import compat
+from isorod.model.model import Model
+from isorod.options import defaults
+from meshes.mesh import Array, Mesh
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The keys of a file's ``[analysis.dynamics]``, see `isorod.dynamics.solve`."""
+
+    end_time: float
+    time_step: float | None = None
+    outputs: int = 50
+    damping: float = 0.0
+    ramp: float = 0.0
+    integrator: str = "explicit"
+
+    def __post_init__(self) -> None:
+        if self.integrator != "implicit" or self.time_step is None:
+            raise InputError(
+                "integrator: got explicit steps, finite elements are compared in implicit ones; add integrator = "
+                "'implicit' and a time_step"
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of steps to each output."""
+        assert self.time_step is not None
+        return max(1, int(np.ceil(self.end_time / self.outputs / self.time_step - 1e-9)))
+
+    @property
+    def step(self) -> float:
+        """The time step that is taken."""
+        return self.end_time / self.outputs / self.count
+
+    def level(self, time: float) -> float:
+        """Return the share of the full activation at a time."""
+        return 1.0 if self.ramp <= 0.0 else float(np.clip(time / self.ramp, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion at its outputs, each a `Solution` at a time.
+
+    Attributes
+    ----------
+    states
+        Solutions, the first one at time 0.
+    times
+        Shape ``(o,)``.
+    reactions
+        Force of each support on the model, shape ``(o, supports, 3)``.
+    energy
+        Kinetic and stored, less the work of dead loads, shape ``(o,)``: constant without damping and activation.
+    """
+
+    states: Sequence[Solution]
+    times: Array
+    reactions: Array
+
+    def __getitem__(self, k: int) -> Solution:
+        return self.states[k]
+
+    def __iter__(self) -> Iterator[Solution]:
+        return iter(self.states)
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time by part."""
+        return self.states[-1].seconds
+
+    @property
+    def peak_memory(self) -> int:
+        """Largest resident set so far, bytes."""
+        return self.states[-1].peak_memory
+
+
+class _Step(Loaded):
+    """Newton's method for the state at the end of a step; contact is that of the mean of both states."""
+
+    start: Array
+
+    def positions(self) -> Array:
+        """Return the mean positions of the nodes during the step."""
+        return 0.5 * (self.start + super().positions())
+
+    def stiffness_of_contacts(self) -> list[Any]:
+        """Return the contacts' stiffness against the end of the step."""
+        return [0.5 * one for one in super().stiffness_of_contacts()]
+
+
+def solve(
+    model: Model, mesh: Mesh, rule: int, steps: Steps, options: Mapping[str, object] | None, flags: Sequence[str]
+) -> Motion:
+    """Return the motion from rest, see `comparisons.fem.rods.solve`."""
+    for b, body in enumerate(model.bodies):
+        if not body.densities.min() > 0.0:
+            raise InputError(f"density of body {b}: got {body.densities.min():g}, need a positive mass per volume")
+    clock = Clock()
+    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    laws, supports, contacts = Laws(elements, model, rule), Supports(elements, model), Contacts(elements, model)
+    clock.lap("setup")
+    forms = _Forms(elements, laws, model, rule, steps, flags)
+    clock.lap("forms")
+    supports.move(1.0)
+    counts = {"steps": 0, "newton_iterations": 0}
+    found: list[tuple[Array, Array]] = []
+    direct = DIRECT | {"pc_type": "lu"}
+    with defaults(NEWTON | dict(direct if options is None else options)):
+        loads = dead(elements, model)
+        newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, contacts.all, symmetric=False)
+        newton.factor = 1.0
+        state, zero = newton.x, newton.x.duplicate()
+        zero.set(0.0)
+        dolfinx.fem.petsc.set_bc(state, newton.conditions, zero, 1.0)
+        guess = state.duplicate()
+        loaded = elements.to_dofs(loads)
+
+        def record() -> None:
+            nodal = elements.to_nodes(forms.carried(state, supports.held, loaded, newton)).copy()
+            displacement = elements.to_nodes(state.array_r).copy()
+            found.append((displacement, supports.forces(nodal, displacement)[0]))
+
+        try:
+            record()
+            for k in range(steps.outputs * steps.count):
+                forms.begin(state, steps.level((k + 0.5) * steps.step))
+                newton.start = mesh.points + elements.to_nodes(state.array_r)
+                guess.array[:] = state.array_r + steps.step * forms.velocity.x.array
+                guess.array[supports.held] = state.array_r[supports.held]
+                newton.norms.clear()
+                try:
+                    newton.solve(guess)
+                except SolveError as problem:
+                    raise SolveError(f"time {(k + 1) * steps.step:.4g}: {problem}; take a smaller time step") from None
+                forms.end(newton.x)
+                counts["newton_iterations"] += newton.snes.getIterationNumber()
+                counts["steps"] += 1
+                if (k + 1) % steps.count == 0:
+                    record()
+            typed = dict(PETSc.Options().getAll())
+        finally:
+            newton.destroy()
+            forms.destroy()
+        clock.lap("solve")
+    last = Solution(
+        model=model,
+        mesh=mesh,
+        analysis="dynamics",
+        cell_parameters=elements.parameters,
+        place=laws.place,
+        seconds=clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds},
+        dofs=elements.dofs,
+        unknowns=elements.dofs - supports.held.size,
+        options=typed,
+        peak_memory=peak_memory(),
+        iterations=counts,
+    )
+    states = [replace(last, displacement=one, reactions=carried) for one, carried in found]
+    times = np.arange(steps.outputs + 1) * steps.end_time / steps.outputs
+    return Motion(states, times, np.array([carried for _, carried in found]))
+
+
+class _Forms:
+    """The balance of a step, and of a moment.
+
+    Attributes
+    ----------
+    residual, tangent
+        Compiled forms of the step's balance and its derivative, of the state at its end.
+    velocity
+        At the start of a step, a dolfinx function.
+    """
+
+    def __init__(
+        self, elements: Elements, laws: Laws, model: Model, rule: int, steps: Steps, flags: Sequence[str]
+    ) -> None:
+        space, u = elements.space, elements.state
+        self.elements, self.laws, self.steps = elements, laws, steps
+        self.before, self.velocity, self.moment = (dolfinx.fem.Function(space) for _ in range(3))
+        test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
+        dt, c = (dolfinx.fem.Constant(elements.mesh, value) for value in (steps.step, steps.damping))
+        dx = ufl.dx(domain=elements.mesh, metadata={"quadrature_degree": 2 * elements.source.order})
+        change = u - self.before
+        push = laws.density * ufl.inner((2.0 / dt**2 + c / dt) * change - (2.0 / dt) * self.velocity, test) * dx
+        residual = push + sum(
+            0.5 * weight * laws.between(self.before, 0.5 * (1.0 + point), test)
+            for point, weight in zip(_POINTS, _WEIGHTS, strict=True)
+        )
+        now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
+        for middle, where in ((0.5 * (u + self.before), "step"), (u, "moment")):
+            pressed = following(elements, model, rule, middle, test)
+            if pressed is not None:
+                residual, now = (residual + pressed, now) if where == "step" else (residual, now + pressed)
+        self.residual, self.tangent = (compat.form(one, flags) for one in (residual, ufl.derivative(residual, u, trial)))
+        self._now = compat.form(now, flags)
+        self.mass = compat.create_matrix(mass := compat.form(laws.density * ufl.inner(trial, test) * dx, flags), None)
+        compat.assemble_matrix(self.mass, mass, [])
+        self._ksp: PETSc.KSP | None = None
+
+    def begin(self, state: PETSc.Vec, level: float) -> None:
+        """Set the state that a step starts from, and the activation in its middle."""
+        self.before.x.array[:] = state.array_r
+        self.laws.activation.value = level
+
+    def end(self, state: PETSc.Vec) -> None:
+        """Set the velocity at the end of a step."""
+        self.velocity.x.array[:] = 2.0 / self.steps.step * (state.array_r - self.before.x.array) - self.velocity.x.array
+
+    def carried(self, state: PETSc.Vec, held: Array, loads: Array, newton: _Step) -> Array:
+        """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
+        newton.state.array[:] = state.array_r
+        newton.start = newton.nodal.source.points + newton.nodal.to_nodes(state.array_r)
+        balance = newton.force
+        compat.assemble_vector(balance, self._now)
+        newton.press(balance)
+        balance.array[:] -= loads
+        if self._ksp is None:
+            # What is held does not accelerate.
+            own = self.mass.copy()
+            own.zeroRowsColumns(held.astype(PETSc.IntType), 1.0)
+            self._ksp = PETSc.KSP().create(own.getComm())
+            self._ksp.setOptionsPrefix("mass_")
+            self._ksp.setOperators(own)
+            self._ksp.setType("cg")
+            self._ksp.getPC().setType("jacobi")
+            self._ksp.setTolerances(rtol=1e-10)
+        right, acceleration = balance.copy(), balance.duplicate()
+        right.scale(-1.0)
+        right.array[held] = 0.0
+        self._ksp.solve(right, acceleration)
+        self.mass.multAdd(acceleration, balance, right)
+        return np.array(right.array_r)
+
+    def destroy(self) -> None:
+        """Give back the matrices."""
+        if self._ksp is not None:
+            self._ksp.destroy()
+        self.mass.destroy()
