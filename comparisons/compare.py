@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from comparisons import COMPARED
+from comparisons.fem import known
 from comparisons.measure import distance, quantities, timing
 from comparisons.measure.records import Record
 from comparisons.measure.rod import find, solve
@@ -97,12 +99,15 @@ def subject(word: str) -> Subject:
     analysis = scenes.analyses(scene)[0]
     if analysis == "geometry":
         raise InputError(f"{word}: geometry alone, with nothing to solve; isorod run {word} tells its volume")
-    if analysis == "dynamics":
-        raise InputError(f"{word}: dynamics, of which there are no finite elements here; compare its statics or modes")
     if scene.cases:
         raise InputError(f"{word}: several load cases, of which none is compared; write one as a file of its own")
     options.initialize([])
-    return Subject(word, scene, scene.model())
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError("compare: on one rank, whose run times are compared; leave out mpiexec")
+    with scene.locating():
+        model = scene.model()
+        known.refuse_scene(scene, model)
+    return Subject(word, scene, model)
 
 
 def main(word: str, level: str, folder: str) -> str:
@@ -164,6 +169,8 @@ class Comparison:
         default = self._ours(judge, [one.level for one in meshes if one.record["dofs"] <= MOST_OF_BODIES])
         with self.steps.step("pictures"):
             solution, _ = solve(scene, scene.settings(), 1)
+            # Of a motion that in the end.
+            solution = solution[-1] if self._moves else solution
             rod_pictures.write(self.study, solution, (default, finest.record), finest.sample)
         self._record("end", {})
 
@@ -209,7 +216,7 @@ class Comparison:
     def _mesh(self, level: int, dofs: float, degree: int = DEGREE) -> _Solved:
         file = self.folder / f"fem-{degree}-{level}.npz"
         arguments = _words(level, degree)
-        repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
+        repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most and not self._moves), 1)
         words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
         if self.what.model.solids:
             words += ["--bodies", str(self._bodies(level))]
@@ -256,7 +263,12 @@ class Comparison:
     @property
     def _repeat(self) -> int:
         """How often isorod solves each."""
-        return REPEAT_COUPLED if self.what.model.solids else REPEAT
+        return REPEAT_COUPLED if self.what.model.solids or self._moves else REPEAT
+
+    @property
+    def _moves(self) -> bool:
+        """Whether it is a motion, whose steps are many."""
+        return bool(self.what.scene.analysis == "dynamics")
 
     def _bodies(self, level: int) -> Path:
         """Return the folder of the bodies' meshes that are cut out of finite elements'."""

@@ -138,10 +138,14 @@ class Sample:
 
 
 def fields(solution: Any, places: Places) -> dict[str, Array]:
-    """Return a solution's ``displacement`` ``(n, 3)`` and ``von_mises`` ``(m,)``, or ``modes`` ``(modes, n, 3)``."""
+    """Return ``displacement`` ``(n, 3)`` and ``von_mises`` ``(m,)`` of a solution, or ``modes`` ``(modes, n, 3)``.
+
+    Of a motion they are those in the end.
+    """
     first = places.rod, places.xi, places.u
     if hasattr(solution, "vectors"):
         return {"modes": np.array([_displaced(solution, one, *first) for one in list(solution)[solution.rigid :]])}
+    solution = solution[-1] if hasattr(solution, "times") else solution
     second = places.stress_rod, places.stress_xi, places.stress_u
     return {"displacement": _displaced(solution, solution, *first), "von_mises": _stresses(solution, *second)}
 

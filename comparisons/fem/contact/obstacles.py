@@ -13,9 +13,6 @@ from meshes.mesh import Array
 class Obstacle:
     """Energy ``sum 1/2 penalty gap^2 dA`` over points that are inside an obstacle, ``dA`` on the reference surface.
 
-    With multipliers ``lambda``, pressures, it is the augmented Lagrangian: pressures are ``max(0, lambda - penalty
-    gap)``.
-
     Parameters
     ----------
     points
@@ -27,8 +24,7 @@ class Obstacle:
     """
 
     def __init__(self, points: Points, what: Plane | Cylinder, penalty: float) -> None:
-        self._points, self._what, self._penalty = points, what, penalty
-        self._multipliers = np.zeros(len(points.weights))
+        self._points, self._what, self.penalty = points, what, penalty
         direction = np.array(what.normal if isinstance(what, Plane) else what.axis, dtype=float)
         self._direction = direction / np.linalg.norm(direction)
 
@@ -45,7 +41,7 @@ class Obstacle:
         return distance - self._what.radius, across / np.maximum(distance, 1e-300)[:, None], distance
 
     def _pressures(self, gaps: Array) -> Array:
-        return np.maximum(0.0, self._multipliers - self._penalty * gaps)
+        return np.maximum(0.0, -self.penalty * gaps)
 
     def add_forces(self, nodes: Array, out: Array) -> Pressing:
         """Add the gradient of the energy to ``out``, both arrays of shape ``(nodes, 3)``."""
@@ -56,7 +52,7 @@ class Obstacle:
         force = -(pressures * weights)[active, None] * normals[active]
         np.add.at(out, supports[active], shares[active][:, :, None] * force[:, None])
         return Pressing(
-            float(0.5 * (pressures**2 / self._penalty) @ weights),
+            float(0.5 * (pressures**2 / self.penalty) @ weights),
             float(pressures @ weights),
             float(weights[active].sum()),
             -force.sum(axis=0),
@@ -70,7 +66,7 @@ class Obstacle:
         pressures = self._pressures(gaps)
         active = np.flatnonzero(pressures)
         normal = normals[active]
-        local = self._penalty * np.einsum("mi,mj->mij", normal, normal)
+        local = self.penalty * np.einsum("mi,mj->mij", normal, normal)
         # A cylinder's normal turns as the point moves round.
         round_it = np.eye(3) - np.einsum("mi,mj->mij", normal, normal) - np.outer(self._direction, self._direction)
         local -= (pressures / distance)[active, None, None] * round_it
@@ -81,7 +77,3 @@ class Obstacle:
         rows, columns = (np.repeat(unknowns, n, axis=1), np.tile(unknowns, n))
         size = 3 * len(nodes)
         return sparse.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
-
-    def augment(self, nodes: Array) -> None:
-        """Make the pressures at present positions the new multipliers."""
-        self._multipliers = self._pressures(self._gaps(nodes)[0])

@@ -11,10 +11,10 @@ from comparisons.fem.contact.surfaces import Contact as Surfaces
 from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.solution import Touch
-from isorod.errors import InputError, SolveError
-from isorod.model.contact import Contact, Sphere
+from isorod.contact.defaults import penalty, smallest_radius
+from isorod.errors import SolveError
+from isorod.model.contact import Contact, Cylinder, Plane
 from isorod.model.model import Model
-from isorod.model.triangle_mesh import TriangleMesh
 from meshes.mesh import Index, Mesh
 
 # Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
@@ -25,8 +25,11 @@ _FEWEST, _MOST = 3, 6
 # Points of two rods that are farther apart than this share of that radius are left alone for a while.
 _REACH = 0.5
 
-# Multipliers of the augmented Lagrangian are updated at most this many times, as in isorod.
-AUGMENTATIONS = 50
+# How deep contacts may be whose penalty was not given, in radii (`isorod.model.contact.Contact`).
+_DEPTH = 1e-3
+
+# A penalty rises by this factor, at most so many times.
+_RISE, _MOST_RISES = 3.0, 15
 
 
 class Contacts:
@@ -47,41 +50,36 @@ class Contacts:
         found = newton.press(newton.force)
         return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in found]
 
-    def augment(self, newton: Pressed) -> int:
-        """Update multipliers until no point is deeper than its contact allows; return how often."""
-        asked = [(k, one.penetration) for k, one in enumerate(self._model.contacts) if one.penetration is not None]
-        if not asked:
-            return 0
-        for count in range(AUGMENTATIONS):
+    def stiffen(self, newton: Pressed) -> int:
+        """Raise penalties until no point is deeper than its contact allows, as in isorod; return how often."""
+        for count in range(_MOST_RISES):
             depths = [touch.penetration for touch in self.outcome(newton)]
-            if all(depths[k] <= most for k, most in asked):
+            deep = [k for k, most in enumerate(self._allowed()) if depths[k] > most]
+            if not deep:
                 return count
-            for k, _ in asked:
-                one = self.all[k]
-                assert isinstance(one, Obstacle)
-                one.augment(newton.positions())
+            for k in deep:
+                self.all[k].penalty *= _RISE
             newton.norms.clear()
             newton.solve(newton.x.copy())
-        raise SolveError(f"penetration does not fall to what is wanted in {AUGMENTATIONS} updates; raise the penalty")
+        raise SolveError(f"penetration does not fall to what is wanted in {_MOST_RISES} steps; raise the penalty")
+
+    def _allowed(self) -> list[float]:
+        """Return how deep each contact may be (`isorod.model.contact.Contact`)."""
+        found = []
+        for contact in self._model.contacts:
+            own = np.inf if contact.penalty is not None else _DEPTH * smallest_radius(self._model, contact)
+            found.append(own if contact.penetration is None else contact.penetration)
+        return found
 
 
 def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
-    if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
-        raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
-    if contact.has_inner:
-        raise InputError(f"contact {k}: an inner surface is not on the finite element side")
-    if contact.travel:
-        raise InputError(f"contact {k}: a plane that moves is not on the finite element side")
-    if isinstance(contact.obstacle, Sphere | TriangleMesh):
-        raise InputError(f"contact {k}: a sphere or a mesh of triangles is not on the finite element side")
     if contact.obstacle is not None:
         ((body, chosen),) = contact.sides
         facets = _facets(elements, model, body, chosen)
         parts = _parts(mesh, [facets], _radius(contact, elements))
-        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.obstacle, contact.penalty)
-    if contact.penetration is not None:
-        raise InputError(f"contact {k}: a largest penetration between two rods is not on the finite element side")
+        assert isinstance(contact.obstacle, Plane | Cylinder)
+        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.obstacle, penalty(model, contact))
     sides = {
         name: _facets(elements, model, body, chosen)
         for name, (body, chosen) in zip(("first", "second"), contact.sides, strict=True)
@@ -89,7 +87,7 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     named: Mesh = replace(mesh, faces={**mesh.faces, **sides})
     radius = _radius(contact, elements)
     parts = _parts(mesh, [*sides.values()], radius)
-    return Surfaces(named, "first", "second", contact.penalty, parts, _REACH * radius)
+    return Surfaces(named, "first", "second", penalty(model, contact), parts, _REACH * radius)
 
 
 def _facets(elements: Elements, model: Model, body: int, chosen: Sequence[int] | None) -> Index:

@@ -9,10 +9,11 @@ import ufl
 from petsc4py import PETSc
 
 from comparisons.fem.continuation import lead
+from comparisons.fem.known import with_pressures
 from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.laws import Laws, with_pressures
+from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import centrifugal, dead, following
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
@@ -137,7 +138,7 @@ def solve(
 
         try:
             counts = lead(newton, load, 1.0, 1.0 / load_steps, "load factor", HALVINGS)
-            counts["augmentations"] = contacts.augment(newton)
+            counts["stiffened"] = contacts.stiffen(newton)
             compat.assemble_vector(newton.force, newton.residual)
             newton.add_forces(newton.force)
             nodal = elements.to_nodes(newton.force.array_r)

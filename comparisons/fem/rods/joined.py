@@ -5,10 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from isorod.errors import InputError
 from isorod.files.msh import Grid
 from isorod.files.solid import OfBody
-from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface
 from isorod.space.trace import end_trace, lateral_trace
@@ -46,13 +44,7 @@ def assembled(
         Of the rods.
     cuts
         Axis parameters where each rod's laws, or what holds it, may change.
-
-    Raises
-    ------
-    InputError
-        If something in it has no counterpart in one solid.
     """
-    _refuse(model, bodies)
     parts: list[Part] = [
         RodPart(f"rod {k}", f"rod {name}", body.space.rod, _radii(body), cuts[k])
         for k, (name, body) in enumerate(zip(names, model.bodies, strict=True))
@@ -70,30 +62,6 @@ def assembled(
         slave, master = (_part(model, one) for one in (tie.slave, tie.master))
         joins.append(Join(f"tie {k}", slave, master, area, points))
     return Assembled(parts, joins, groups)
-
-
-def _refuse(model: Model, bodies: Sequence[OfBody]) -> None:
-    """Raise `InputError` for the first thing that has no counterpart."""
-    if model.contacts:
-        raise InputError("contact 0: beside ties the finite element side has none; compare without it")
-    for k, tie in enumerate(model.ties):
-        if tie.kind != "weld":
-            raise InputError(f"tie {k}: got kind {tie.kind!r}; parts of one solid are welded, compare kind = 'weld'")
-    for k, load in enumerate(model.loads):
-        if isinstance(load, Pressure) and load.follows:
-            raise InputError(
-                f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others"
-            )
-        if isinstance(load, SectionLoad) and load.u is not None:
-            axis = model.bodies[load.body].space.axis
-            if not np.isclose(load.u, axis.breaks[[0, -1]], rtol=0.0, atol=1e-12).any():
-                raise InputError(f"load {k}: a section within a rod is not loaded here; load an end, or a length")
-    for one in bodies:
-        if one.geometry is None:
-            raise one.place.error(
-                "geometry is missing: rods and bodies are meshed anew as one solid; name the STEP file of the body, "
-                'geometry = "NAME.step", beside its mesh'
-            )
 
 
 def _radii(body: Any) -> tuple[float, ...]:

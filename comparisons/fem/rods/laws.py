@@ -12,7 +12,6 @@ from comparisons.fem import quadrature
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.places import on_rod
 from isorod.fenics import compat
-from isorod.errors import InputError
 from isorod.fenics.stored import constants_of, density, density_of
 from isorod.material import symbols
 from isorod.material.law import Material
@@ -22,26 +21,6 @@ from meshes.within import lagrange
 
 # How far bodies at rest are taken to be compressed.
 _SLACK = 1e-12
-
-
-def with_pressures(model: Model) -> list[int]:
-    """Return the bodies of a model whose pressures are unknowns of finite elements: those of isorod's own that are.
-
-    Bodies whose volumetric energy is no square are left out unless they are incompressible.
-    """
-    found = []
-    for b, body in enumerate(model.bodies):
-        if body.formulation != "mixed":
-            continue
-        bent = [np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic for law in body.laws]
-        if not any(bent):
-            found.append(b)
-        elif any(not np.isfinite(law.lame) for law in body.laws):
-            raise InputError(
-                f"material of body {b}: incompressible beside one whose volumetric energy is no square of ln J, which "
-                "finite elements with pressures do not have"
-            )
-    return found
 
 
 class Laws:
@@ -120,7 +99,7 @@ class Laws:
             total += 0.5 * moduli[i, j, k, m] * turned[i, j] * turned[k, m] * self.dx(kind)
         return total + self._volumetric(pressure, lambda _: ufl.div(u))
 
-    def between(self, before: Any, place: float, test: Any) -> Any:
+    def between(self, before: Any, place: Any, test: Any) -> Any:
         """Return the virtual work of the stress at a place from 0 to 1 on the way from one displacement to the state.
 
         See `isorod.fenics.forms.between`; of laws of small strains it is that in the middle.
@@ -184,6 +163,12 @@ class Laws:
             found.x.array.reshape(-1, 3)[dofs] = fibres[elements.rows][:, :, 3 * family : 3 * family + 3]
             made.append(found / ufl.sqrt(ufl.inner(found, found)))
         return tuple(made)
+
+
+def densities_of(elements: Elements, model: Model) -> Array:
+    """Return the mass per volume of each cell, in the source's order, shape ``(cells,)``."""
+    place, _, densities = _places(elements, model)
+    return np.asarray(densities[place])
 
 
 def _places(elements: Elements, model: Model) -> tuple[Index, list[Material], Array]:

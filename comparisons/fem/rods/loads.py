@@ -10,7 +10,7 @@ import ufl
 
 from comparisons.fem.contact.facets import facet_of, gauss, outward
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.laws import Laws, densities_of
 from isorod.errors import InputError
 from isorod.fenics.loads import Load
 from isorod.files.solid import OfBody
@@ -38,8 +38,8 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
     InputError
         If a load is not known, or on a section within cells.
     """
-    result = np.zeros_like(elements.source.points)
-    for k, load in enumerate(model.loads):
+    result, densities = np.zeros_like(elements.source.points), densities_of(elements, model)
+    for load in model.loads:
         if region not in (None, f"rod {load.body}"):
             continue
         if isinstance(load, SectionLoad):
@@ -56,8 +56,8 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
                 )
             np.add.at(result, points.supports, shares[:, :, None] * pull[:, None])
         elif isinstance(load, Weight):
-            density = float(load.of.densities[0])
-            result += _volumes(elements, elements.cells(load.body))[:, None] * density * np.array(load.acceleration)
+            cells = elements.cells(load.body)
+            result += _volumes(elements, cells, densities[cells])[:, None] * np.array(load.acceleration)
         elif isinstance(load, BodyForce):
             result += _volumes(elements, elements.cells(load.body))[:, None] * np.array(load.density)
         elif isinstance(load, Pressure):
@@ -66,8 +66,6 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
                 like = facet_of(elements.source)
                 points, areas = gauss(elements.source, like, facets), outward(elements.source, like, facets)
                 np.add.at(result, points.supports, -load.pressure * points.shares[:, :, None] * areas[:, None])
-        else:
-            raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
     for k, body in enumerate(bodies):
         if region in (None, f"solid {k}"):
             for one in body.loads:
@@ -106,14 +104,14 @@ def _face(elements: Elements, load: Pressure) -> str:
     return name
 
 
-def _volumes(elements: Elements, cells: Index) -> Array:
-    """Return the integrals of the nodes' functions over some cells, shape ``(nodes,)``."""
+def _volumes(elements: Elements, cells: Index, densities: Array | float = 1.0) -> Array:
+    """Return the integrals of the nodes' functions over some cells, ``(nodes,)``, times a number of each cell."""
     source = elements.source
     where, weights = volume_rule(source.shape, 4 * source.order)
     slopes = gradients(source.shape, source.order, source.reference, where)
     values = lagrange(source.order, source.reference, where)
     det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))
-    shares = (det * weights) @ values
+    shares = np.reshape(densities, (-1, 1)) * ((det * weights) @ values)
     nodes = source.cells[cells].ravel()
     return np.asarray(np.bincount(nodes, shares.ravel(), len(source.points)), dtype=float)
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from comparisons.fem import modal
+from comparisons.fem.known import with_pressures
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.laws import Laws, with_pressures
+from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions

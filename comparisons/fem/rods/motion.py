@@ -13,6 +13,7 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
+from comparisons.fem.known import Steps
 from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.equilibrium import Loaded
@@ -31,40 +32,6 @@ from meshes.mesh import Array, Mesh
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
-@dataclass(frozen=True)
-class Steps:
-    """The keys of a file's ``[analysis.dynamics]``, see `isorod.dynamics.solve`."""
-
-    end_time: float
-    time_step: float | None = None
-    outputs: int = 50
-    damping: float = 0.0
-    ramp: float = 0.0
-    integrator: str = "explicit"
-
-    def __post_init__(self) -> None:
-        if self.integrator != "implicit" or self.time_step is None:
-            raise InputError(
-                "integrator: got explicit steps, finite elements are compared in implicit ones; add integrator = "
-                "'implicit' and a time_step"
-            )
-
-    @property
-    def count(self) -> int:
-        """Number of steps to each output."""
-        assert self.time_step is not None
-        return max(1, int(np.ceil(self.end_time / self.outputs / self.time_step - 1e-9)))
-
-    @property
-    def step(self) -> float:
-        """The time step that is taken."""
-        return self.end_time / self.outputs / self.count
-
-    def level(self, time: float) -> float:
-        """Return the share of the full activation at a time."""
-        return 1.0 if self.ramp <= 0.0 else float(np.clip(time / self.ramp, 0.0, 1.0))
-
-
 @dataclass(frozen=True, eq=False)
 class Motion:
     """A motion at its outputs, each a `Solution` at a time.
@@ -77,8 +44,6 @@ class Motion:
         Shape ``(o,)``.
     reactions
         Force of each support on the model, shape ``(o, supports, 3)``.
-    energy
-        Kinetic and stored, less the work of dead loads, shape ``(o,)``: constant without damping and activation.
     """
 
     states: Sequence[Solution]
@@ -106,6 +71,34 @@ class _Step(Loaded):
     """Newton's method for the state at the end of a step; contact is that of the mean of both states."""
 
     start: Array
+    forms: "_Forms"
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        self.forms.go(0)
+        super()._residual(snes, x, out)
+
+    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.forms.go(0)
+        super()._tangent(snes, x, J, P)
+
+    def add_forces(self, out: PETSc.Vec) -> None:
+        """Add those of the other places on the way, contacts and dead loads."""
+        more = out.duplicate()
+        for place in range(1, len(_POINTS)):
+            self.forms.go(place)
+            compat.assemble_vector(more, self.residual)
+            out.axpy(1.0, more)
+        more.destroy()
+        super().add_forces(out)
+
+    def add_stiffness(self, matrix: PETSc.Mat) -> None:
+        """Add their derivatives."""
+        for place in range(1, len(_POINTS)):
+            self.forms.go(place)
+            compat.add_matrix(matrix, self.tangent, self.conditions)
+            # What conditions insert and forms add must not meet.
+            matrix.assemble()
+        super().add_stiffness(matrix)
 
     def positions(self) -> Array:
         """Return the mean positions of the nodes during the step."""
@@ -136,7 +129,7 @@ def solve(
     with defaults(NEWTON | dict(direct if options is None else options)):
         loads = dead(elements, model)
         newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, contacts.all, symmetric=False)
-        newton.factor = 1.0
+        newton.factor, newton.forms = 1.0, forms
         state, zero = newton.x, newton.x.duplicate()
         zero.set(0.0)
         dolfinx.fem.petsc.set_bc(state, newton.conditions, zero, 1.0)
@@ -210,20 +203,26 @@ class _Forms:
         dx = ufl.dx(domain=elements.mesh, metadata={"quadrature_degree": 2 * elements.source.order})
         change = u - self.before
         push = laws.density * ufl.inner((2.0 / dt**2 + c / dt) * change - (2.0 / dt) * self.velocity, test) * dx
-        residual = push + sum(
-            0.5 * weight * laws.between(self.before, 0.5 * (1.0 + point), test)
-            for point, weight in zip(_POINTS, _WEIGHTS, strict=True)
-        )
+        # One form for all places on the way, that of the first with what there is once: it is compiled faster.
+        self._place, self._share, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
+        residual = self._once * push + self._share * laws.between(self.before, self._place, test)
         now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
         for middle, where in ((0.5 * (u + self.before), "step"), (u, "moment")):
             pressed = following(elements, model, rule, middle, test)
             if pressed is not None:
-                residual, now = (residual + pressed, now) if where == "step" else (residual, now + pressed)
-        self.residual, self.tangent = (compat.form(one, flags) for one in (residual, ufl.derivative(residual, u, trial)))
+                residual, now = (residual + self._once * pressed, now) if where == "step" else (residual, now + pressed)
+        self.residual = compat.form(residual, flags)
+        self.tangent = compat.form(ufl.derivative(residual, u, trial), flags)
         self._now = compat.form(now, flags)
-        self.mass = compat.create_matrix(mass := compat.form(laws.density * ufl.inner(trial, test) * dx, flags), None)
+        mass = compat.form(laws.density * ufl.inner(trial, test) * dx, flags)
+        self.mass = compat.create_matrix(mass, None)
         compat.assemble_matrix(self.mass, mass, [])
         self._ksp: PETSc.KSP | None = None
+
+    def go(self, place: int) -> None:
+        """Go to a place on the way from one state to the other."""
+        self._place.value, self._share.value = 0.5 * (1.0 + _POINTS[place]), 0.5 * _WEIGHTS[place]
+        self._once.value = float(place == 0)
 
     def begin(self, state: PETSc.Vec, level: float) -> None:
         """Set the state that a step starts from, and the activation in its middle."""

@@ -1,6 +1,5 @@
 """A scene of isorod's, built in or from a file, in dolfinx: the mesh of its rods, the solution, and the record."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -9,16 +8,15 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from comparisons.fem import runs
+from comparisons.fem import known, runs
 from comparisons.fem.arguments import option, positive
 from comparisons.fem.rods import joined
-from comparisons.fem.rods.laws import with_pressures
-from comparisons.fem.rods.motion import Steps
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
 from isorod import files
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
+from isorod.geometry.rod import Rod
 from isorod.model.load import LineLoad, PointLoad, SectionLoad, Weight
 from isorod.model.model import Model
 from isorod.model.support import Support
@@ -27,9 +25,6 @@ from meshes import cuts, gmsh_model, rods
 from meshes import joined_mesh as one_solid
 from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
-
-# What is known of an analysis here.
-_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
 
 # What a record has of what is found.
 _KEPT = {
@@ -103,22 +98,15 @@ def run(
     Raises
     ------
     InputError
-        If the scene is not one of statics or modes, or on several ranks.
+        If something in the scene has no counterpart (`comparisons.fem.known`), or on several ranks.
     """
     if comm.size > 1:
         raise InputError("rods: only on one rank")
     scene: Any = files.find(configuration.name)
-    if scene.analysis not in _SETTINGS:
-        raise InputError(
-            f"{configuration.name}: got {scene.analysis}; the finite element side has statics, modes and dynamics only"
-        )
-    given = scene.settings()
-    settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
+    settings = known.settings_of(scene)
     with scene.locating():
         model = scene.model()
-        _refuse_unknown(model)
-        if scene.analysis == "modal":
-            _refuse_loaded(configuration.name, model, given)
+        known.refuse_scene(scene, model)
         tied = bool(model.ties or model.solids)
         told: list[str] = []
         bodies = scene.bodies() if tied else []
@@ -134,7 +122,7 @@ def run(
             mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
 
-        asked = {"steps": Steps(**settings)} if scene.analysis == "dynamics" else settings
+        asked = {"steps": known.Steps(**settings)} if scene.analysis == "dynamics" else settings
 
         def once() -> Any:
             return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **asked)
@@ -156,7 +144,7 @@ def run(
         "shape": mesh.shape,
         **({"mesh_notes": told} if told else {}),
         **solution.iterations,
-        "formulation": "mixed" if with_pressures(model) else "displacement",
+        "formulation": "mixed" if known.with_pressures(model) else "displacement",
         "units": scene.units,
         "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
         "scene_options": scene.options["options"],
@@ -166,33 +154,8 @@ def run(
     }
 
 
-def _refuse_unknown(model: Model) -> None:
-    """Raise `InputError` for the first support or load that the finite element side has no counterpart of."""
-    for k, support in enumerate(model.supports):
-        if not isinstance(support, Support):
-            raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
-    for k, load in enumerate(model.loads):
-        if load in model.following and isinstance(load, SectionLoad):
-            raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")
-        if isinstance(load, LineLoad | PointLoad) or (isinstance(load, Weight) and np.ptp(load.of.densities) > 0.0):
-            what = "weight of several densities" if isinstance(load, Weight) else "a force on a line or at a place"
-            raise InputError(f"load {k}: {what} is not on the finite element side")
-
-
 def _refuse_cells(configuration: Configuration) -> None:
     if configuration.degree != 2 or configuration.counted:
         raise InputError(
             "degree: rods that are tied are meshed as one solid, with tetrahedra of degree 2 that gmsh chooses"
-        )
-
-
-def _refuse_loaded(name: str, model: Any, given: Mapping[str, Any]) -> None:
-    """Raise `InputError` where isorod's modes are about an equilibrium: finite elements have those at rest."""
-    from isorod.modal.loaded import burdens
-
-    under = "" if given.get("at_rest") else burdens(model)
-    if under:
-        raise InputError(
-            f"{name}: finite elements have modes at rest, and these are about the equilibrium under {under}; compare "
-            "those at rest (at_rest = true), or its statics"
         )

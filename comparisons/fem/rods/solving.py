@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from comparisons.fem.known import Steps, refuse
 from comparisons.fem.rods import equilibrium, motion
 from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.rods.solution import Solution
@@ -23,7 +24,7 @@ def solve(
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
     bodies: Sequence[OfBody] = (),
-    steps: motion.Steps | None = None,
+    steps: Steps | None = None,
 ) -> Solution | motion.Motion:
     """Solve a model with displacement elements whose nodes are those of the mesh.
 
@@ -56,6 +57,7 @@ def solve(
     SolveError
         If the solution is not found.
     """
+    refuse(model, analysis, bodies)
     if (model.ties or model.solids) and not isinstance(mesh, Joined):
         raise InputError("ties and finite element bodies: need a mesh of all as one solid, and got each rod for itself")
     rule = Element(mesh.order).rule(mesh.shape)

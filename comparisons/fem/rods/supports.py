@@ -7,12 +7,10 @@ import dolfinx.fem
 import numpy as np
 
 from comparisons.fem.rods.elements import Elements
-from isorod.errors import InputError
 from isorod.fenics import compat
 from isorod.fenics.loads import Held as HeldGroup
 from isorod.files.solid import OfBody
 from isorod.model.model import Model
-from isorod.model.support import Support
 from meshes.held import Held, all_of
 from meshes.mesh import Array, Index
 
@@ -52,11 +50,6 @@ class Supports:
 
     def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
         self._elements = elements
-        for k, support in enumerate(model.supports):
-            if not isinstance(support, Support):
-                raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
-            if support.tied:
-                raise InputError(f"support {k}: a tied face is not on the finite element side")
         self._all = all_of(elements.source, model)
         # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
         self._owner = np.full((len(elements.source.points), 3), -1)
@@ -85,9 +78,7 @@ class Supports:
             return [Condition(dolfinx.fem.dirichletbc(value, held), self.held)]
         unknowns = elements.state.function_space
         displacements = unknowns if elements.split[1] is None else unknowns.sub(0)
-        every = [
-            (displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)
-        ]
+        every = [(displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)]
         if len(elements.idle):
             every.append((unknowns.sub(1), elements.idle))
         found = []

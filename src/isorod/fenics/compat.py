@@ -238,9 +238,9 @@ def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -
     matrix.assemble()
 
 
-def add_matrix(matrix: PETSc.Mat, bilinear: Any) -> None:
-    """Add a form to ``matrix``, which is to be assembled when all is there."""
-    petsc.assemble_matrix(matrix, bilinear, [])
+def add_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any] = ()) -> None:
+    """Add a form to ``matrix``, which is to be assembled when all is there; supported degrees of freedom as above."""
+    petsc.assemble_matrix(matrix, bilinear, list(supports))
 
 
 def assemble_vector(vector: PETSc.Vec, linear: Any) -> None:

@@ -1,0 +1,169 @@
+"""What finite elements of any rods have a counterpart of, told before anything is meshed or solved; without dolfinx."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.files.solid import OfBody
+from isorod.model.contact import Cylinder, Plane
+from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Weight
+from isorod.model.model import Model
+from isorod.model.support import Support
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The keys of a file's ``[analysis.dynamics]``, see `isorod.dynamics.solve`."""
+
+    end_time: float
+    time_step: float | None = None
+    outputs: int = 50
+    damping: float = 0.0
+    ramp: float = 0.0
+    integrator: str = "explicit"
+
+    def __post_init__(self) -> None:
+        if self.integrator != "implicit" or self.time_step is None:
+            raise InputError(
+                "integrator: got explicit steps, finite elements take isorod's implicit ones; compare with integrator "
+                '= "implicit" and a time_step'
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of steps to each output."""
+        assert self.time_step is not None
+        return max(1, int(np.ceil(self.end_time / self.outputs / self.time_step - 1e-9)))
+
+    @property
+    def step(self) -> float:
+        """The time step that is taken."""
+        return self.end_time / self.outputs / self.count
+
+    def level(self, time: float) -> float:
+        """Return the share of the full activation at a time."""
+        return 1.0 if self.ramp <= 0.0 else float(np.clip(time / self.ramp, 0.0, 1.0))
+
+
+# What is known of each analysis, by the names of its settings.
+_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
+
+
+def settings_of(scene: Any) -> dict[str, Any]:
+    """Return those settings of a scene's analysis that finite elements take; raises `InputError` of any other."""
+    if scene.analysis not in _SETTINGS:
+        raise InputError(f"analysis {scene.analysis}: finite elements have statics, modal and dynamics")
+    given = scene.settings()
+    return {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
+
+
+def with_pressures(model: Model) -> list[int]:
+    """Return the bodies of a model whose pressures are unknowns of finite elements: those of isorod's own that are.
+
+    Bodies whose volumetric energy is no square are left out unless they are incompressible.
+    """
+    found = []
+    for b, body in enumerate(model.bodies):
+        if body.formulation != "mixed":
+            continue
+        bent = [np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic for law in body.laws]
+        if not any(bent):
+            found.append(b)
+        elif any(not np.isfinite(law.lame) for law in body.laws):
+            raise InputError(
+                f"material of body {b}: incompressible beside one whose volumetric energy is no square of ln J, which "
+                "finite elements with pressures do not have"
+            )
+    return found
+
+
+def refuse_scene(scene: Any, model: Model) -> None:
+    """Raise `InputError` for the first thing in a scene that finite elements have no counterpart of."""
+    settings = settings_of(scene)
+    refuse(model, scene.analysis, scene.bodies() if model.solids else ())
+    if scene.analysis == "modal":
+        _refuse_loaded(model, scene.settings())
+    if scene.analysis == "dynamics":
+        Steps(**settings)
+
+
+def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
+    """Raise `InputError` for the first thing in a model that finite elements have no counterpart of."""
+    pressures = with_pressures(model)
+    for k, support in enumerate(model.supports):
+        if not isinstance(support, Support):
+            raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
+        if support.tied:
+            raise InputError(f"support {k}: a tied face is not on the finite element side")
+    for k, load in enumerate(model.loads):
+        if load in model.following and isinstance(load, SectionLoad):
+            raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")
+        if isinstance(load, LineLoad | PointLoad):
+            raise InputError(f"load {k}: a force on a line or at a place is not on the finite element side")
+        if not isinstance(load, SectionLoad | Weight | BodyForce | Pressure):
+            raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
+    for k in range(len(model.contacts)):
+        _refuse_contact(model, k)
+    tied = bool(model.ties or model.solids)
+    if tied:
+        _refuse_tied(model, bodies)
+    if analysis == "dynamics":
+        if tied:
+            raise InputError("ties: finite elements have no motions of rods that are tied; compare statics or modes")
+        if pressures:
+            raise InputError(
+                f"material of body {pressures[0]}: nearly incompressible, which finite elements have in statics and "
+                "modes alone; compare these, or with nu up to 0.49"
+            )
+
+
+def _refuse_contact(model: Model, k: int) -> None:
+    contact = model.contacts[k]
+    if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.facets is not None:
+        raise InputError(f"contact {k}: of several bodies, of one with itself, or with a finite element body: not here")
+    if contact.friction:
+        raise InputError(f"contact {k}: friction is not on the finite element side; compare without it")
+    if contact.has_inner:
+        raise InputError(f"contact {k}: an inner surface is not on the finite element side")
+    if contact.travel:
+        raise InputError(f"contact {k}: a plane that moves is not on the finite element side")
+    if contact.obstacle is not None and not isinstance(contact.obstacle, Plane | Cylinder):
+        raise InputError(f"contact {k}: a sphere or a mesh of triangles is not on the finite element side")
+
+
+def _refuse_tied(model: Model, bodies: Sequence[OfBody]) -> None:
+    if model.contacts:
+        raise InputError("contact 0: beside ties the finite element side has none; compare without it")
+    for k, tie in enumerate(model.ties):
+        if tie.kind != "weld":
+            raise InputError(f"tie {k}: got kind {tie.kind!r}; parts of one solid are welded, compare kind = 'weld'")
+    for k, load in enumerate(model.loads):
+        if isinstance(load, Pressure) and load.follows:
+            raise InputError(
+                f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others"
+            )
+        if isinstance(load, SectionLoad) and load.u is not None:
+            axis = model.bodies[load.body].space.axis
+            if not np.isclose(load.u, axis.breaks[[0, -1]], rtol=0.0, atol=1e-12).any():
+                raise InputError(f"load {k}: a section within a rod is not loaded here; load an end, or a length")
+    for one in bodies:
+        if one.geometry is None:
+            raise one.place.error(
+                "geometry is missing: rods and bodies are meshed anew as one solid; name the STEP file of the body, "
+                'geometry = "NAME.step", beside its mesh'
+            )
+
+
+def _refuse_loaded(model: Model, given: Mapping[str, Any]) -> None:
+    """Raise `InputError` where isorod's modes are about an equilibrium: finite elements have those at rest."""
+    from isorod.modal.loaded import burdens
+
+    under = "" if given.get("at_rest") else burdens(model)
+    if under:
+        raise InputError(
+            f"finite elements have modes at rest, and these are about the equilibrium under {under}; compare "
+            "those at rest (at_rest = true), or its statics"
+        )
