@@ -111,6 +111,8 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     if tied:
         _refuse_tied(model, bodies)
     if analysis == "dynamics":
+        if model.contacts:
+            raise InputError("contact 0: finite elements have motions without contact alone; compare statics")
         if tied:
             raise InputError("ties: finite elements have no motions of rods that are tied; compare statics or modes")
         if pressures:

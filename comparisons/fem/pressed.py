@@ -87,11 +87,6 @@ class Pressed(Newton):
         """Return the present positions of the nodes, numbered as the source mesh."""
         return self.nodal.source.points + self.nodal.to_nodes(self.state.array_r)
 
-    def stiffness_of_contacts(self) -> list[sparse.coo_array]:
-        """Return the contacts' stiffness in the present state."""
-        positions = self.positions()
-        return [contact.stiffness(positions) for contact in self.contacts]
-
     def press(self, out: PETSc.Vec) -> list[Pressing]:
         """Add the contacts' forces to ``out`` and return their states."""
         if not self.contacts:
@@ -113,7 +108,8 @@ class Pressed(Newton):
         if not self.contacts:
             return
         start = perf_counter()
-        parts = self.stiffness_of_contacts()
+        positions = self.positions()
+        parts = [contact.stiffness(positions) for contact in self.contacts]
         if any(part.nnz for part in parts):
             to_dof = self.nodal.places.ravel()
             rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))

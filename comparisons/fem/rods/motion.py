@@ -1,12 +1,11 @@
 """The motion of rods in isorod's own implicit steps, so that what is compared is space and not time.
 
 Steps are those of `isorod.dynamics.implicit.assembler`: energy-momentum conserving, with the stress between two states
-of `isorod.fenics.forms.between`, and loads and contact in the middle of the step.
+of `isorod.fenics.forms.between`, and loads in the middle of the step.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import dolfinx.fem
 import numpy as np
@@ -14,7 +13,6 @@ import ufl
 from petsc4py import PETSc
 
 from comparisons.fem.known import Steps
-from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.equilibrium import Loaded
 from comparisons.fem.rods.laws import Laws
@@ -68,9 +66,8 @@ class Motion:
 
 
 class _Step(Loaded):
-    """Newton's method for the state at the end of a step; contact is that of the mean of both states."""
+    """Newton's method for the state at the end of a step."""
 
-    start: Array
     forms: "_Forms"
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -82,7 +79,7 @@ class _Step(Loaded):
         super()._tangent(snes, x, J, P)
 
     def add_forces(self, out: PETSc.Vec) -> None:
-        """Add those of the other places on the way, contacts and dead loads."""
+        """Add those of the other places on the way, and dead loads."""
         more = out.duplicate()
         for place in range(1, len(_POINTS)):
             self.forms.go(place)
@@ -98,15 +95,6 @@ class _Step(Loaded):
             compat.add_matrix(matrix, self.tangent, self.conditions)
             # What conditions insert and forms add must not meet.
             matrix.assemble()
-        super().add_stiffness(matrix)
-
-    def positions(self) -> Array:
-        """Return the mean positions of the nodes during the step."""
-        return 0.5 * (self.start + super().positions())
-
-    def stiffness_of_contacts(self) -> list[Any]:
-        """Return the contacts' stiffness against the end of the step."""
-        return [0.5 * one for one in super().stiffness_of_contacts()]
 
 
 def solve(
@@ -118,7 +106,7 @@ def solve(
             raise InputError(f"density of body {b}: got {body.densities.min():g}, need a positive mass per volume")
     clock = Clock()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
-    laws, supports, contacts = Laws(elements, model, rule), Supports(elements, model), Contacts(elements, model)
+    laws, supports = Laws(elements, model, rule), Supports(elements, model)
     clock.lap("setup")
     forms = _Forms(elements, laws, model, rule, steps, flags)
     clock.lap("forms")
@@ -128,7 +116,7 @@ def solve(
     direct = DIRECT | {"pc_type": "lu"}
     with defaults(NEWTON | dict(direct if options is None else options)):
         loads = dead(elements, model)
-        newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, contacts.all, symmetric=False)
+        newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, [], symmetric=False)
         newton.factor, newton.forms = 1.0, forms
         state, zero = newton.x, newton.x.duplicate()
         zero.set(0.0)
@@ -145,7 +133,6 @@ def solve(
             record()
             for k in range(steps.outputs * steps.count):
                 forms.begin(state, steps.level((k + 0.5) * steps.step))
-                newton.start = mesh.points + elements.to_nodes(state.array_r)
                 guess.array[:] = state.array_r + steps.step * forms.velocity.x.array
                 guess.array[supports.held] = state.array_r[supports.held]
                 newton.norms.clear()
@@ -236,10 +223,8 @@ class _Forms:
     def carried(self, state: PETSc.Vec, held: Array, loads: Array, newton: _Step) -> Array:
         """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
         newton.state.array[:] = state.array_r
-        newton.start = newton.nodal.source.points + newton.nodal.to_nodes(state.array_r)
         balance = newton.force
         compat.assemble_vector(balance, self._now)
-        newton.press(balance)
         balance.array[:] -= loads
         if self._ksp is None:
             # What is held does not accelerate.
