@@ -129,6 +129,7 @@ def test_elements_that_take_part_are_those_of_the_space():
     assert areas[1] == pytest.approx(0.5 * areas[0], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_rods_do_not_press_each_other_deeper_than_they_may():
     model = crossing()
     deep, tight = (replace(model, contacts=[Contact(0, 1, 300.0, penetration=most)]) for most in (None, 0.01))

@@ -45,6 +45,8 @@ class Nodal(Protocol):
 class Touching(Protocol):
     """A contact: `comparisons.fem.contact.surfaces.Contact`, or that with a rigid obstacle."""
 
+    penalty: float
+
     def add_forces(self, nodes: Array, out: Array) -> Pressing:
         """Add the gradient of the energy to ``out``, both of shape ``(nodes, 3)``, ``nodes`` present positions."""
 

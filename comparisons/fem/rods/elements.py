@@ -68,7 +68,7 @@ class Elements(Numbered):
         self.rod_of: Index = np.full(len(mesh.cells), -1)
         for k in range(len(rods)):
             self.rod_of[mesh.regions[f"rod {k}"]] = k
-        self.mixed: Index = np.isin(self.rod_of, list(mixed))
+        self.mixed: Any = np.isin(self.rod_of, list(mixed))
         self.idle: Index = np.empty(0, dtype=np.int64)
         self._among: Index | None = None
         whole = self._with_pressures(displacement) if len(mixed) else self.space

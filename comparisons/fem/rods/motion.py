@@ -25,7 +25,7 @@ from isorod.errors import InputError, SolveError
 from isorod.fenics import compat
 from isorod.model.model import Model
 from isorod.options import defaults
-from meshes.mesh import Array, Mesh
+from meshes.mesh import Array, Index, Mesh
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -220,7 +220,7 @@ class _Forms:
         """Set the velocity at the end of a step."""
         self.velocity.x.array[:] = 2.0 / self.steps.step * (state.array_r - self.before.x.array) - self.velocity.x.array
 
-    def carried(self, state: PETSc.Vec, held: Array, loads: Array, newton: _Step) -> Array:
+    def carried(self, state: PETSc.Vec, held: Index, loads: Array, newton: _Step) -> Array:
         """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
         newton.state.array[:] = state.array_r
         balance = newton.force

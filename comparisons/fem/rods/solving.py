@@ -1,11 +1,11 @@
 """The one call: a model of isorod's on a mesh of its rods."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from comparisons.fem.known import Steps, refuse
 from comparisons.fem.rods import equilibrium, motion
 from comparisons.fem.rods import modes as modes_of_rods
-from comparisons.fem.rods.solution import Solution
 from comparisons.fem.statics import Element
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
@@ -25,8 +25,8 @@ def solve(
     load_steps: int = 1,
     bodies: Sequence[OfBody] = (),
     steps: Steps | None = None,
-) -> Solution | motion.Motion:
-    """Solve a model with displacement elements whose nodes are those of the mesh.
+) -> Any:
+    """Return a `Solution`, or of dynamics a `motion.Motion`, of displacement elements with the nodes of the mesh.
 
     Parameters
     ----------
