@@ -5,7 +5,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from comparisons.fem import known, runs
@@ -16,10 +15,7 @@ from comparisons.fem.statics import Element
 from isorod import files
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
-from isorod.geometry.rod import Rod
-from isorod.model.load import LineLoad, PointLoad, SectionLoad, Weight
 from isorod.model.model import Model
-from isorod.model.support import Support
 from isorod.output.results import write_arrays
 from meshes import cuts, gmsh_model, rods
 from meshes import joined_mesh as one_solid
