@@ -11,12 +11,16 @@ from isorod.arrays import Array
 from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
+from isorod.model.moving import refuse_late
 from isorod.model.support import Support
 from isorod.output.rotations import APART, angles, followed, nearest, steps
 from isorod.tensors import rotation
 
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
 LONGEST = 0.5 * np.pi
+
+# That of an obstacle, and of one with friction: what slips goes along the chord, which is off by half of this.
+_OBSTACLE, _RUBBING = 0.5 * np.pi, 0.2
 
 # Most whole turns of a support: a load step has a quarter of one.
 _MOST = 100
@@ -39,13 +43,19 @@ class Turning:
     Raises
     ------
     InputError
-        If one turns by more whole turns than load steps can take.
+        If one turns by more whole turns than load steps can take, or an obstacle moves after load factor 1.
     """
 
     def __init__(self, model: Model) -> None:
         self._model = model
+        refuse_late([contact.motion for contact in model.contacts])
         self._turned = _turned(model)
         self.watches = bool(self._turned)
+        self._obstacles = [
+            (contact.motion, _RUBBING if contact.friction else _OBSTACLE)
+            for contact in model.contacts
+            if contact.motion is not None
+        ]
         turns = max((float(np.linalg.norm(one.turn)) for one in model.motions), default=0.0) / (2.0 * np.pi)
         if turns > _MOST:
             raise InputError(
@@ -55,7 +65,7 @@ class Turning:
     def longest_step(self, factor: float) -> float:
         """Return the longest load step from a load factor, infinity where nothing turns.
 
-        It ends where supports begin or cease to move at the latest (`Model.stages`).
+        It ends where supports and obstacles begin or cease to move at the latest (`Model.stages`).
         """
         fastest = 0.0
         for b in self._turned:
@@ -66,7 +76,8 @@ class Turning:
                     rates.append(motion.turn / (end - begin))
             # About axes that stay, the angle between two grows by this at most.
             fastest = max(fastest, max(float(np.linalg.norm(one - other)) for one in rates for other in rates))
-        return LONGEST / fastest if fastest else np.inf
+        slowest = LONGEST / fastest if fastest else np.inf
+        return min([slowest, *(most / rate for one, most in self._obstacles if (rate := one.fastest(factor)))])
 
     def lost(self, before: Array, after: Array) -> str | None:
         """Return in words where a body with a turned support has turned too far between two states to be followed.

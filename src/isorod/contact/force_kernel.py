@@ -56,17 +56,23 @@ def rigid_gap(one: Row, x: Array, normal: Array) -> float:
     return distance - one.radius
 
 
+@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
+def obstacle_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
+    """Return the gap of a point to the obstacle of a pass, and fill the normal of a projection and where it is."""
+    if one.master == MESH:
+        return mesh_gap(packed, one, x, projection)
+    gap = rigid_gap(one, x, projection.normal)
+    for a in range(3):
+        projection.y[0, a] = x[a] - gap * projection.normal[a]
+    return gap
+
+
 @njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
 def project(packed: Packed, one: Row, point: int, positions: Array, projection: Foot) -> float:
     """Return the gap of a pressed point, and fill its projection: that which the last forces have found."""
     x = packed.points[point]
-    if one.master == MESH:
-        return mesh_gap(packed, one, x, projection)
     if one.master < 0:
-        gap = rigid_gap(one, x, projection.normal)
-        for a in range(3):
-            projection.y[0, a] = x[a] - gap * projection.normal[a]
-        return gap
+        return obstacle_gap(packed, one, x, projection)
     start = packed.starts[point]
     element = packed.elements[start.element]
     evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, projection)
@@ -80,7 +86,9 @@ def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, projection
     """Fill a projection at an anchor of friction, on an obstacle the first row of its ``y`` alone."""
     if one.master < 0:
         for a in range(3):
-            projection.y[0, a] = anchor.place[a]
+            projection.y[0, a] = one.point[a]
+            for b in range(3):
+                projection.y[0, a] += one.frame[a, b] * (anchor.place[b] - one.home[b])
         return
     element = packed.elements[anchor.element]
     evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, projection)

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from isorod.arrays import Array
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction_kernel import add_friction, catch, hang
-from isorod.contact.packed import NO_ANCHOR, Friction, Packed
+from isorod.contact.packed import NO_ANCHOR, PLACED, Friction, Packed, Table
 from isorod.contact.ranks import Ranks
 
 if TYPE_CHECKING:
@@ -44,10 +44,16 @@ class FrictionOperator:
         self.history = self.tables.anchors.copy()
         self.before: Array | None = None
         self._ahead: Array = np.empty((0, 3))
-        # Where obstacles were then.
-        self._places = packed.passes["point"].copy()
+        # With obstacles where they were then.
+        self._placed = packed.passes.copy()
         # Anchors of points that were first pressed in this step.
         self._caught = self.history.copy()
+
+    def _then(self) -> Table:
+        """Return the passes with obstacles where they were at the start of the step."""
+        passes = self._packed.passes.copy()
+        passes[[*PLACED]] = self._placed[[*PLACED]]
+        return passes
 
     def keep(self) -> Callable[[], None]:
         """Return what takes the history, and the points it is of, back to what they are now."""
@@ -64,9 +70,11 @@ class FrictionOperator:
         old, history = self._packed, self.history
         self._packed, self.tables = packed, pack(self._model, packed)
         if self.before is not None:
+            now = packed.passes.copy()
             for one in (old, packed):
                 one.forget()
                 one.look_everywhere()
+                one.passes[[*PLACED]] = self._placed[[*PLACED]]
                 add_forces(one, self.before, np.zeros_like(self.before))
                 # Points of one rank may hang as those of another did.
                 self._ranks.gather(one, one.points, one.states)
@@ -78,6 +86,9 @@ class FrictionOperator:
                 for (a, b), (c, d) in zip(*(pairwise(ends) for ends in first), strict=True)
             ]
             hang(packed, self.tables, self.before, np.concatenate(found))
+            for one in (old, packed):
+                one.passes[[*PLACED]] = now[[*PLACED]]
+                one.look_everywhere()
         self.history = self.tables.anchors.copy()
         self._caught = np.full(self.history.size, NO_ANCHOR)
 
@@ -90,15 +101,13 @@ class FrictionOperator:
         """Add the forces after those of the pressure at the same positions, and return the energy."""
         self.tables.anchors[:] = self.history
         if self.before is not None:
-            passes = self._packed.passes
-            moved = np.einsum("pa,pa->p", passes["point"] - self._places, passes["direction"])
-            catch(self._packed, self.tables, moved, self.before, self._ahead, self._caught)
+            catch(self._packed, self.tables, self._then(), self.before, self._ahead, self._caught)
         return float(add_friction(self._packed, self.tables, positions, False, forces)[0])
 
     def accept(self, positions: Array) -> float:
         """Make a state, that of the last forces, the start of the next step; return what was dissipated on the way."""
         spent = add_friction(self._packed, self.tables, positions, True, np.zeros_like(positions))
         self.history[:] = self.tables.anchors
-        self._places, self._ahead = self._packed.passes["point"].copy(), positions
+        self._placed, self._ahead = self._packed.passes.copy(), positions
         self._caught[:] = NO_ANCHOR
         return float(self._ranks.sums(np.empty(0), spent[1])[1][0])

@@ -20,14 +20,16 @@ from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.force_kernel import end_of, place_of, press, project, rigid_gap, site, stretch_of
+from isorod.contact.force_kernel import end_of, obstacle_gap, place_of, press, project, site, stretch_of
 from isorod.contact.packed import (
     ANCHOR_ROW,
     ANCHORS,
     CYLINDER,
     FRICTION,
+    MESH,
     PACKED,
     PASS_ROW,
+    PASSES,
     PLANE,
     STARTS,
     Friction,
@@ -47,10 +49,12 @@ def _put(
 ) -> None:
     """Put an anchor where the master of a point's projection is nearest to ``x``."""
     if one.master < 0:
-        gap = rigid_gap(one, x, projection.normal)
+        obstacle_gap(packed, one, x, projection)
         anchor.element = 0
         for a in range(3):
-            anchor.place[a] = x[a] - gap * projection.normal[a]
+            anchor.place[a] = one.home[a]
+            for b in range(3):
+                anchor.place[a] += one.frame[b, a] * (projection.y[0, b] - one.point[b])
         return
     at, where = packed.starts[point], start[0]
     where.element, where.theta, where.s = at.element, at.theta, at.s
@@ -87,15 +91,15 @@ def _near(
     """Put an anchor where the master of a point's projection is nearest to ``x``, and return the gap there."""
     _put(packed, one, point, x, positions, start, projection, anchor)
     if one.master < 0:
-        return rigid_gap(one, x, projection.normal)
+        return obstacle_gap(packed, one, x, projection)
     place_of(packed, one, anchor, positions, projection)
     for a in range(3):
         projection.d[a] = x[a] - projection.y[0, a]
     return surface_gap(projection, packed.states[point].edge)
 
 
-@njit(void(PACKED, FRICTION, F1, F2, F2, ANCHORS), **FAST)
-def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead: Array, caught: Table) -> None:
+@njit(void(PACKED, FRICTION, PASSES, F2, F2, ANCHORS), **FAST)
+def catch(packed: Packed, friction: Friction, passes: Table, before: Array, ahead: Array, caught: Table) -> None:
     """Give pressed points that have no anchor one: where they came into contact.
 
     That is where, on the straight way from the start of a step to where it leads without them, the gap closes.
@@ -106,8 +110,8 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
         As the last forces left it.
     friction
         Its anchors are changed.
-    moved
-        How far the obstacle of each pass has moved along its normal since then.
+    passes
+        Rows of `PASS`, with obstacles where they were then.
     before, ahead
         Positions at the start of the step, and at its end as then foreseen, shape ``(nodes, 3)``.
     caught
@@ -115,7 +119,7 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
     """
     projection, x, y = new_projection(), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
-        one = packed.passes[k]
+        one, was = packed.passes[k], passes[k]
         if friction.coefficients[k] == 0.0:
             continue
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
@@ -130,16 +134,17 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
                 continue
             _slave_at(packed, one, point, ahead, x)
             then = _near(packed, one, point, x, ahead, friction.start, projection, anchor)
-            place_of(packed, one, anchor, before, projection)
+            # On an obstacle that moves all is seen from there.
+            place_of(packed, was, anchor, before, projection)
             y[:] = projection.y[0]
             _slave_at(packed, one, point, before, x)
-            gap = _near(packed, one, point, x, before, friction.start, projection, anchor) + moved[k]
+            gap = _near(packed, was, point, x, before, friction.start, projection, anchor)
             share = max(0.0, gap) / (gap - then) if gap > then else 0.0
             if share > 0.0:
-                place_of(packed, one, anchor, before, projection)
+                place_of(packed, was, anchor, before, projection)
                 for a in range(3):
                     y[a] = projection.y[0, a] + min(1.0, share) * (y[a] - projection.y[0, a])
-                _put(packed, one, point, y, before, friction.start, projection, anchor)
+                _put(packed, was, point, y, before, friction.start, projection, anchor)
             caught[point] = friction.anchors[point]
 
 
@@ -181,7 +186,7 @@ def _work(one: Row, projection: Foot, gap: float, edge: bool, t: Array, slip: Ar
     is not as long as the projection's.
     """
     work = dot(t, slip)
-    if one.master == PLANE or edge:
+    if one.master == PLANE or one.master == MESH or edge:
         return work
     if one.master < 0:
         round_it = work

@@ -22,7 +22,7 @@ from scipy.sparse import csr_matrix, diags, vstack
 from isorod.arrays import Array, Index
 from isorod.contact.facets import nodes_of, values_of
 from isorod.contact.result import ContactResult
-from isorod.model.contact import Contact, Cylinder, Plane, Sphere
+from isorod.model.contact import Contact, Cylinder, Sphere
 from isorod.model.model import Model
 
 # Section functions below that are none on a surface.
@@ -52,7 +52,7 @@ class _Points(NamedTuple):
     gaps, pushes
         How far they go from their partners, and how their forces act, over all degrees of freedom.
     loads, springs, ways
-        Forces, stiffnesses, and how far obstacles go.
+        Forces, stiffnesses, and how fast obstacles move, a unit of the load factor.
     cells
         Numbers of the cells, other ones in each direction.
     bent
@@ -187,16 +187,16 @@ def _points(case: _Case, one: ContactResult, displacement: Array) -> _Points:
     pushing = along.copy()
     slips = np.flatnonzero(one.slips[here])
     pushing[slips] += tractions[slips] / one.pressure[here][slips, None]
-    way = np.zeros(3)
-    if isinstance(contact.obstacle, Plane):
-        way = contact.travel * np.array(contact.obstacle.normal) / np.linalg.norm(contact.obstacle.normal)
+    ways = np.zeros_like(normals)
+    if contact.motion is not None:
+        ways = contact.motion.rates(one.positions[here])
     force = np.where(np.isin(np.arange(normals.shape[0]), sticks), 0.0, areas * one.pressure[here])
     return _Points(
         _along(sliding[rows], along),
         _along(sliding[rows], pushing),
         areas[rows] * loads,
         one.penalty * areas[rows],
-        pushing @ way,
+        np.sum(pushing * ways[rows], axis=1),
         cells[rows] + (cells.max(initial=0) + 1) * number,
         _bent(case, one, displacement, sliding, force),
     )
@@ -252,7 +252,8 @@ def _bent(case: _Case, one: ContactResult, displacement: Array, sliding: csr_mat
 def _axis(obstacle: Cylinder | Sphere, normals: Array) -> Array:
     """Return, of each normal, the axis of a cylinder, or any direction that is not along it."""
     if isinstance(obstacle, Cylinder):
-        return np.broadcast_to(np.array(obstacle.axis, dtype=float), normals.shape)
+        axis = np.array(obstacle.axis, dtype=float)
+        return np.broadcast_to(axis if obstacle.motion is None else obstacle.motion.at(1.0)[0] @ axis, normals.shape)
     return np.eye(3)[np.abs(normals).argmin(axis=1)]
 
 

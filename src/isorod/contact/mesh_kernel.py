@@ -79,19 +79,8 @@ def aside(normal: Array, out: Array) -> None:
 
 
 @njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def mesh_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
-    """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
-
-    Parameters
-    ----------
-    packed, one
-        All contacts, and the pass.
-    x
-        The point, ``(3,)``.
-    projection
-        Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
-        its way over the gap: none, across an edge, or two about a corner.
-    """
+def _resting_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
+    """Return `mesh_gap` of a mesh that is as it was at rest."""
     best, place, found, size = np.inf, FACE, one.masters, 1
     stack = np.empty(_LEVELS, dtype=np.int64)
     y, d, normal, turning = projection.y[0], projection.d, projection.normal, projection.y
@@ -134,4 +123,37 @@ def mesh_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
         return gap
     aside(normal, turning[1])
     cross(normal, turning[1], turning[2])
+    return gap
+
+
+@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
+def mesh_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
+    """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
+
+    Parameters
+    ----------
+    packed, one
+        All contacts, and the pass.
+    x
+        The point, ``(3,)``.
+    projection
+        Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
+        its way over the gap: none, across an edge, or two about a corner.
+    """
+    if one.tracks == 0:
+        return _resting_gap(packed, one, x, projection)
+    home, out = np.zeros(3), np.empty(3)
+    for a in range(3):
+        for b in range(3):
+            home[a] += one.frame[b, a] * (x[b] - one.point[b])
+    gap = _resting_gap(packed, one, home, projection)
+    y = projection.y
+    for vector in (projection.d, projection.normal, y[0], y[1], y[2]):
+        for a in range(3):
+            out[a] = 0.0
+            for b in range(3):
+                out[a] += one.frame[a, b] * vector[b]
+        vector[:] = out
+    for a in range(3):
+        y[0, a] += one.point[a]
     return gap

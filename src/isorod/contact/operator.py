@@ -18,9 +18,10 @@ from isorod.contact.defaults import points_of, smallest_radius
 from isorod.contact.facets import nodes_of
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.lift_kernel import lift, lower
-from isorod.contact.packed import Friction, Packed, Row
+from isorod.contact.packed import PLACED, Friction, Packed, Row
+from isorod.contact.placing_kernel import place_obstacles
 from isorod.contact.ranks import Ranks
-from isorod.contact.result import ContactResult, measure, of_contacts
+from isorod.contact.result import ContactResult, loads_of, measure, of_contacts
 from isorod.contact.tables import pack
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import MAX_POINTS, Contact
@@ -84,9 +85,7 @@ class ContactOperator:
         reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
         self._nodes = len(reference)
         self._base = np.pad(reference, ((0, len(self.packed.before) - self._nodes), (0, 0)))
-        self._places = self.packed.passes["point"].copy()
-        travel = [contact.travel for contact in model.contacts for _ in range(contact.passes)]
-        self._ways = np.array(travel)[:, None] * self.packed.passes["direction"]
+        self._moving = self.packed.passes["tracks"] > 0
         self._blocks = Blocks(PATCH)
         self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         self.values = np.empty(0)
@@ -111,11 +110,8 @@ class ContactOperator:
 
     def place(self, factor: float) -> None:
         """Put obstacles that move where they are at a load factor; all that follows is there."""
-        if self._ways.any():
-            now = self._places + factor * self._ways
-            # What was clear of an obstacle is so no longer than this has come closer.
-            self.packed.travel[0] += np.linalg.norm(now - self.packed.passes["point"], axis=1).max()
-            self.packed.passes["point"] = now
+        if self._moving.any():
+            place_obstacles(self.packed, factor)
 
     def _positions(self, displacement: Array) -> Array:
         """Return positions of the model's nodes, and behind these of control points of surfaces that have others."""
@@ -208,7 +204,7 @@ class ContactOperator:
 
     def carried_along(self, displacement: Array, factor: float, step: float) -> Array:
         """Return the change of the forces ``(dofs,)``, linearised, when obstacles move on by ``step`` at a factor."""
-        if not self._ways.any():
+        if not self._moving.any():
             return np.zeros_like(displacement)
         forces = []
         # Points that come into contact on the way are none of the derivative.
@@ -226,7 +222,14 @@ class ContactOperator:
         """Return the normal forces of all obstacles that move, as the last forces left them: what drives a model."""
         firsts, loads = self.packed.passes["first_point"], self.packed.areas * self.packed.states["pressure"]
         each = np.add.reduceat(loads, firsts)
-        return float(each[self._ways.any(axis=1)].sum())
+        return float(each[self._moving].sum())
+
+    def obstacle_loads(self) -> Array:
+        """Return force and moment of the obstacle of each contact, as the last forces left them, ``(contacts, 6)``.
+
+        Moments are about the point that it turns about, or its own.
+        """
+        return loads_of(self.model, self.packed, self._friction, self.ranks)
 
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
         """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
@@ -285,7 +288,7 @@ class ContactOperator:
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
         """Return tables with other points, with the multipliers and penalties of now."""
         packed = self.ranks.split(pack(self.model, points))
-        for name in ("penalty", "point"):
+        for name in ("penalty", *PLACED):
             packed.passes[name] = self.packed.passes[name]
         packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)
         return packed

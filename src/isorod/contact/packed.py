@@ -90,7 +90,9 @@ ELEMENT = np.dtype(
 # A pass: slave surface; first of its master surfaces, and their number, or an obstacle's kind, and where it is a mesh
 # the first of its rows in `Packed.nodes`; the first of its points;
 # points round an arc and along an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of
-# an obstacle a point, the unit normal or axis, and the radius.
+# an obstacle a point, the unit normal or axis, and the radius; how it is turned, ``R``, and the point that it turns
+# about; point, direction and that at rest, its unit axis, and its first row in `Packed.tracks` and the number of these,
+# none where it stands.  A mesh has its origin for its point.
 PASS = np.dtype(
     [
         *((name, np.int64) for name in ("slave", "master", "masters", "first_point", "across", "along")),
@@ -99,8 +101,13 @@ PASS = np.dtype(
         ("point", np.float64, 3),
         ("direction", np.float64, 3),
         ("radius", np.float64),
+        ("frame", np.float64, (3, 3)),
+        *((name, np.float64, 3) for name in ("pivot", "home", "homeward", "center", "spin")),
+        *((name, np.int64) for name in ("first_track", "tracks")),
     ]
 )
+# Of these, what says where an obstacle is now.
+PLACED = ("point", "direction", "frame", "pivot")
 
 # A box in the tree of a rigid mesh: lower and upper corner; ``count`` triangles from ``first`` on, or, if there are
 # none, two boxes: the next row and row ``first``.
@@ -123,7 +130,7 @@ STATE = np.dtype(
 )
 
 # Friction at a point: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place
-# on an obstacle, and the traction it had.
+# on an obstacle, as that is at rest, and the traction it had.
 ANCHOR = np.dtype(
     [
         ("element", np.int64),
@@ -157,6 +164,8 @@ class Packed(NamedTuple):
         of the face, of the edges from each corner to the next, and of the corners, ``(T, 7, 3)``; rows of `NODE`.
     lifts, matrices
         Rows of `LIFT`, and what makes control points of a layer's coefficients, row by row, ``(.,)``.
+    tracks
+        How obstacles move (`isorod.model.moving.ObstacleMotion.track`), ``(., 5)``.
     carriers
         Control points of all surfaces: nodes of the model, and behind these those of ``lifts``.
     multipliers
@@ -194,6 +203,7 @@ class Packed(NamedTuple):
     nodes: Table
     lifts: Table
     matrices: Array
+    tracks: Array
     carriers: Index
     multipliers: Array
     states: Table
@@ -212,8 +222,11 @@ class Packed(NamedTuple):
     @property
     def fixed(self) -> tuple[Array | Table, ...]:
         """What no call changes."""
-        tables = self.surfaces, self.elements, self.passes, self.around, self.along, self.shares, self.rungs, self.areas
-        return *tables, self.corners, self.normals, self.nodes, self.lifts, self.matrices
+        passes = self.passes.copy()
+        for name in PLACED:
+            passes[name] = 0.0
+        tables = self.surfaces, self.elements, passes, self.around, self.along, self.shares, self.rungs, self.areas
+        return *tables, self.corners, self.normals, self.nodes, self.lifts, self.matrices, self.tracks
 
     def passes_of(self, points: Index) -> Index:
         """Return the pass of each of some points."""
@@ -262,7 +275,7 @@ NODE_ROW, _LIFT_ROW = from_dtype(NODE), from_dtype(LIFT)
 SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES, _LIFTS = (
     types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW, NODE_ROW, _LIFT_ROW)
 )
-_FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, _LIFTS, F1, I1)
+_FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, _LIFTS, F1, F2, I1)
 _LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1, types.Array(b1, 1, "C"))
 PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)
 ANCHOR_ROW = from_dtype(ANCHOR)

@@ -58,6 +58,7 @@ class Passing:
 
             several = enumerate(model.contacts)
             self._crossings = [(k, one, Crossing(model, one)) for k, one in several if one.facets is not None]
+        self._moving = any(one.motion is not None for one in model.contacts)
         self._inside = [one for one in model.contacts if one.has_inner]
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
         rows: list[Index] = []
@@ -105,29 +106,33 @@ class Passing:
                 return f"contact {k}: penetration is {DEEPEST * depth / limit:.2g} of the smaller radius"
         return None
 
-    def passed(self, before: Array, after: Array) -> str | None:
+    def passed(self, before: Array, after: Array, when: tuple[float, float]) -> str | None:
         """Return in words which bodies go through each other between two displacements, if some do.
 
-        They are those that contact takes (`isorod.contact.operator.ContactOperator`).
+        They are those that contact takes (`isorod.contact.operator.ContactOperator`), at load factors or times ``when``
+        of obstacles that move.
         """
         start = self._ends(before)
         increment = self._ends(after) - start
-        if not increment.any():
+        if not (increment.any() or self._moving):
             return None
         return (
             self._each_other(start, increment)
-            or self._obstacle(start, increment)
+            or self._obstacle(start, start + increment, when)
             or self._wall(start, increment)
             or self._facets(start, increment, (before, after), _NEAREST)
         )
 
-    def free(self, before: Array, after: Array) -> float:
-        """Return the fraction of the increment between two displacements on which none enter each other."""
-        start = self._ends(before)
+    def free(self, before: Array, after: Array, when: tuple[float, float]) -> float:
+        """Return the fraction of the increment between two displacements on which none enter each other.
+
+        Load factors ``when`` are those of `passed`.
+        """
+        start, way = self._ends(before), when[1] - when[0]
         increment, fraction = self._ends(after) - start, 1.0
         while (
             self._each_other(start, fraction * increment, True)
-            or self._obstacle(start, fraction * increment, True)
+            or self._obstacle(start, start + fraction * increment, (when[0], when[0] + fraction * way), True)
             or self._wall(start, fraction * increment)
             or self._facets(start, fraction * increment, (before, before + fraction * (after - before)), 1.0 - _ENTERS)
         ):
@@ -168,15 +173,18 @@ class Passing:
         one, other = sorted((int(first[k]), int(second[k])))
         return f"tunnelling of {self._said(one)} through {self._said(other)}"
 
-    def _obstacle(self, start: Array, increment: Array, enters: bool = False) -> str | None:
-        """Return in words which segment goes through a rigid cylinder or sphere, or enters it."""
+    def _obstacle(self, start: Array, end: Array, when: tuple[float, float], enters: bool = False) -> str | None:
+        """Return in words which segment goes through a rigid cylinder or sphere, or enters it, as seen from there."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
             if not isinstance(other, Cylinder | Sphere) or contact.has_inner:
                 continue
             mine = np.flatnonzero(self._stretches.sides(contact)[1])
             middle = np.array(other.center if isinstance(other, Sphere) else other.point)
-            rest, ends, increments = self._rest[mine] - middle, start[mine] - middle, increment[mine]
+            seen = [start[mine], end[mine]]
+            if contact.motion is not None:
+                seen = [contact.motion.back(places, at) for places, at in zip(seen, when, strict=True)]
+            rest, ends, increments = self._rest[mine] - middle, seen[0] - middle, seen[1] - seen[0]
             if isinstance(other, Cylinder):
                 # What counts is the distance from the axis.
                 axis = np.array(other.axis) / np.linalg.norm(other.axis)

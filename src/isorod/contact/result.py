@@ -12,6 +12,8 @@ from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
 from isorod.contact.defaults import smallest_radius
 from isorod.contact.packed import Friction, Packed
+from isorod.contact.placing_kernel import obstacle_loads
+from isorod.contact.ranks import Ranks
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 
@@ -191,6 +193,18 @@ def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, 
     for contact in model.contacts:
         begin, end = end, end + contact.passes
         yield contact, range(begin, end), slice(first[begin], first[end])
+
+
+def loads_of(model: Model, packed: Packed, friction: Friction, ranks: Ranks) -> Array:
+    """Return force and moment of the obstacle of each contact of a model, as the last forces left them, ``(c, 6)``.
+
+    Moments are about the point that it turns about, or its own; zeros where it is none.
+    """
+    loads = np.zeros((packed.passes.size, 6))
+    obstacle_loads(packed, friction, loads)
+    whole = ranks.sums(loads)[0]
+    sums = [whole[passes.start : passes.stop].sum(axis=0) for _, passes, _ in of_contacts(model, packed)]
+    return np.reshape(sums, (len(sums), 6))
 
 
 def measure(

@@ -74,6 +74,7 @@ class _Tables:
         self.areas: list[Array] = []
         self.lifts: dict[tuple[int, float], Any] = {}
         self.matrices: list[Array] = []
+        self.tracks: list[Array] = []
         self.size = size
 
     def surface(
@@ -140,7 +141,7 @@ class _Tables:
         """
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, rule.across, rule.along, len(self.around), len(self.along_rows))
-        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
+        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
         self._points(rule.around, rule.axial, np.tile(rule.shares, len(rule.areas)), share * rule.areas)
 
     def _points(self, around: Array, along: Iterable[Array], shares: Array, areas: Array) -> None:
@@ -167,9 +168,20 @@ class _Tables:
         self.rungs.extend(np.tile(np.eye(size, FUNCTIONS), (count, 1)))
         self.carriers.append(first_node + np.unique(own.nodes))
         starts = (first_point, 1, points, len(self.around), len(self.along_rows))
-        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
+        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
         along = np.pad(own.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
         self._points(np.array([[0.0, 1.0, 0.0]]), along, np.zeros(len(along)), own.areas)
+
+    def _obstacle(self, contact: Contact) -> tuple[Any, ...]:
+        """Return what a pass has of a rigid obstacle, from its point on, and add its track."""
+        point, direction, radius = _at_rest(contact)
+        motion, first = contact.motion, sum(map(len, self.tracks))
+        if motion is None:
+            return point, direction, radius, np.eye(3), point, point, direction, point, np.zeros(3), first, 0
+        self.tracks.append(motion.track)
+        middle = motion.middle
+        own = middle, point, direction, middle, motion.direction
+        return point, direction, radius, np.eye(3), *own, first, len(motion.track)
 
     def obstacle(self, contact: Contact) -> tuple[int, int]:
         """Add what a contact's obstacle needs; return its kind and the first of its boxes, if it has any."""
@@ -243,7 +255,7 @@ def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[A
     return values, 2.0 * float(np.linalg.norm(np.diff(centers, axis=0), axis=1).max())
 
 
-def _obstacle(contact: Contact) -> tuple[Array, Array, float]:
+def _at_rest(contact: Contact) -> tuple[Array, Array, float]:
     """Return point, unit direction and radius of a rigid obstacle; zeros where the partner is a body or a mesh."""
     other = contact.obstacle
     if other is None or isinstance(other, TriangleMesh):
@@ -322,6 +334,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
         nodes=np.concatenate([np.empty(0, NODE), *tables.nodes]),
         lifts=np.array([*tables.lifts.values()], LIFT),
         matrices=np.concatenate([np.empty(0), *tables.matrices]),
+        tracks=np.concatenate([np.empty((0, 5)), *tables.tracks]),
         carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
         multipliers=np.zeros(areas.size),
         states=np.zeros(areas.size, STATE),

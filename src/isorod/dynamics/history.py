@@ -69,6 +69,9 @@ class History(Animated):
     tie_forces, tie_moments
         Force of each tie on its slave, and its moment about the middle of the slave's surface at rest, shape ``(o,
         ties, 3)``; explicit steps tell of none, ``(o, 0, 3)``.
+    obstacle_forces, obstacle_moments
+        Force of the rigid obstacle of each contact on the rods, friction included, and its moment about the point that
+        it turns about, or its own, shape ``(o, contacts, 3)``; zeros where there is none.
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
     solid_displacement, solid_velocity
@@ -84,7 +87,7 @@ class History(Animated):
     added_kinetic
         Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
     muscle_work, dissipated, load_work
-        Work done by active fibres, taken by damping and friction, and done by loads.
+        Work done by active fibres, taken by damping and friction, and done by loads and obstacles that move.
     energy_error
         Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
         the loads' work and initial energy.
@@ -118,6 +121,8 @@ class History(Animated):
     reactions: Array
     tie_forces: Array
     tie_moments: Array
+    obstacle_forces: Array
+    obstacle_moments: Array
     contact_force: Array
     contact_area: Array
     penetration: Array
@@ -191,6 +196,7 @@ class History(Animated):
             "velocity",
             "pressure",
             *(() if self.tie_forces.size else ("tie_forces", "tie_moments")),
+            *(() if any(one.obstacle for one in self.model.contacts) else ("obstacle_forces", "obstacle_moments")),
             "solid_displacement",
             "solid_velocity",
             "estimates",

@@ -208,6 +208,8 @@ class Run(ABC):
             "displacement": displacement,
             "velocity": velocity,
             "reactions": self._by_support(held),
+            "obstacle_forces": (exerted := self.system.obstacle_loads())[:, :3],
+            "obstacle_moments": exerted[:, 3:],
             "tie_forces": np.zeros((0, 3)),
             "tie_moments": np.zeros((0, 3)),
             "contact_force": normal,

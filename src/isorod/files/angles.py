@@ -4,6 +4,9 @@ import math
 import warnings
 from typing import Any
 
+import numpy as np
+
+from isorod.arrays import Numbers
 from isorod.files import values
 from isorod.files.document import Place
 
@@ -29,9 +32,18 @@ def radians(place: Place, value: Any) -> tuple[float, ...]:
     return vector
 
 
+def _table(place: Place, value: Any) -> Any:
+    """Return a number in degrees, or rows whose last one is in degrees, in radians."""
+    found = np.array(values.value_of(place, value, Numbers), dtype=float)
+    if found.ndim:
+        found[..., -1] = np.radians(found[..., -1])
+    return found if found.ndim else math.radians(found)
+
+
 def _vector(place: Place, value: Any) -> tuple[float, ...]:
     return values.value_of(place, value, tuple[float, float, float])  # type: ignore[no-any-return]
 
 
 DEGREES = values.Kind(degrees, "3 numbers, degrees")
+ANGLES = values.Kind(_table, "a number, degrees, or rows of load factor or time, and degrees")
 RADIANS = values.Kind(radians, "3 numbers, radians")

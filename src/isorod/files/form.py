@@ -38,8 +38,9 @@ def _named(kind: str) -> Kind:
     return Kind(make, f"the name of a {kind}", kind)
 
 
-ROD, SUPPORT, LOAD, CONTACT, TIE, PARTNER, SURFACE, GROUP = map(
-    _named, ("rod", "support", "load", "contact", "tie", "rod, obstacle or solid", "surface", "group")
+ROD, SUPPORT, LOAD, CONTACT, TIE, OBSTACLE, PARTNER, SURFACE, GROUP = map(
+    _named,
+    ("rod", "support", "load", "contact", "tie", "obstacle", "rod, obstacle or solid", "surface", "group"),
 )
 
 
@@ -187,6 +188,11 @@ class Several(list[Call]):
     def make(self) -> list[Any]:
         """Return what they make."""
         return [one.make() for one in self]
+
+
+def table(form: Form, words: str) -> Kind:
+    """Return the kind of tables whose keys are those of a form."""
+    return Kind(lambda place, value: call(place, form, place.table(value)), words)
 
 
 def several(forms: Mapping[str, Form], words: str) -> Kind:

@@ -55,6 +55,11 @@ class Names:
             return rods | several | dict(self.obstacles) | facets
         if kind == "rod":
             return rods | several
+        if kind == "obstacle":
+            # The contacts in which it is.
+            seconds = [getattr(one.arguments.get("second"), "name", None) for one in self.contacts.values()]
+            known = {name: tuple(k for k, one in enumerate(seconds) if one == name) for name in self.obstacles}
+            return {name: those for name, those in known.items() if those}
         return {name: k for k, name in enumerate(self.numbered[kind])}
 
     def check(self, top: Place) -> None:

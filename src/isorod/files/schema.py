@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from isorod.files.angles import DEGREES, RADIANS
+from isorod.files.angles import ANGLES, DEGREES, RADIANS
 from isorod.files.data import BOND, POINTS, VARYING
 from isorod.files.document import Place
-from isorod.files.form import CONTACT, GROUP, LOAD, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several
+from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several, table
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
@@ -115,11 +115,18 @@ HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
 GRAVITY = Form("isorod.model.load:Weight", left=("of", "body"))
 SPIN = Form("isorod.model.load:Spin")
+MOTION = Form("isorod.model.moving:ObstacleMotion", kinds={"angle": ANGLES})
+
+
+def _obstacle(target: str) -> Form:
+    return Form(target, kinds={"motion": table(MOTION, "a table: move, angle, axis, center")})
+
+
 OBSTACLES = {
-    "Plane": Form("isorod.model.contact:Plane"),
-    "Cylinder": Form("isorod.model.contact:Cylinder"),
-    "Sphere": Form("isorod.model.contact:Sphere"),
-    "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
+    "Plane": _obstacle("isorod.model.contact:Plane"),
+    "Cylinder": _obstacle("isorod.model.contact:Cylinder"),
+    "Sphere": _obstacle("isorod.model.contact:Sphere"),
+    "TriangleMesh": _obstacle("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
 TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE, "bond": BOND})
@@ -170,12 +177,17 @@ MEASURES = {
     "contact_force": _measure("contacts:contact_force", contact=CONTACT),
     "contact_moment": _measure("contacts:contact_moment", contact=CONTACT),
     "contact_patch": _measure("contacts:contact_patch", contact=CONTACT),
+    "obstacle_force": _measure("obstacle_force", obstacle=OBSTACLE),
+    "obstacle_moment": _measure("obstacle_moment", obstacle=OBSTACLE),
     "tie_force": _measure("tie_force", tie=TIE),
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
 # Those that the state of any load step tells.
-ALONG = ("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy")
+ALONG = (
+    *("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy"),
+    *("obstacle_force", "obstacle_moment"),
+)
 
 
 def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, told: Mapping[str, Form]) -> None:
@@ -193,7 +205,7 @@ RESERVED = frozenset(
     "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
     "augmentations residuals rigid below shift iterations frequencies times reactions tie_forces tie_moments "
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "
-    "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
+    "obstacle_forces obstacle_moments momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
     "critical_load critical_loads".split()

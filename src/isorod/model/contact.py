@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.errors import Checked, InputError, finite, positive, whole_number
+from isorod.model.moving import ObstacleMotion
 from isorod.model.tie import LateralSurface, SolidSurface, Tie
 from isorod.model.triangle_mesh import TriangleMesh
 
@@ -29,47 +30,84 @@ _SLENDEREST = 1e5
 class Plane(Checked):
     """A rigid half space that ends at ``point``; ``normal``, of any length, points out of it, to where the rod is.
 
-    In statics it moves along its normal, by ``travel`` at load factor 1, units of length: a plate that is pressed on
-    what is before it, with ``ContactResult.resultant``.
+    Parameters
+    ----------
+    point, normal
+        A point of it, and a direction out of it.
+    travel
+        In statics it moves along its normal by so much at load factor 1: a plate that is pressed on what is before it,
+        with ``ContactResult.resultant``.  The short form of a ``motion``.
+    motion
+        How it moves and turns; without, it stands.
     """
 
     point: Vector
     normal: Vector
     travel: float = 0.0
+    motion: ObstacleMotion | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         finite("plane: point", self.point)
         _direction("plane: normal", self.normal)
         finite("plane: travel", self.travel, "a finite length")
+        if self.travel and self.motion is not None:
+            raise InputError("plane: travel and motion are given, need one of the two")
+        if self.travel:
+            way = self.travel * np.array(self.normal, dtype=float) / np.linalg.norm(self.normal)
+            self._set(motion=ObstacleMotion(tuple(way)))
+        if self.motion is not None:
+            self._set(motion=self.motion.about(self.point))
 
 
 @dataclass(frozen=True)
 class Cylinder(Checked):
-    """A rigid circular cylinder without ends, which rods stay out of; ``axis``, of any length, is its direction."""
+    """A rigid circular cylinder without ends, which rods stay out of; ``axis``, of any length, is its direction.
+
+    Parameters
+    ----------
+    point, axis, radius
+        A point of its axis, the direction of that, and its radius.
+    motion
+        How it moves and turns, about its own axis where no other is given; without, it stands.
+    """
 
     point: Vector
     axis: Vector
     radius: float
+    motion: ObstacleMotion | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         finite("cylinder: point", self.point)
         _direction("cylinder: axis", self.axis)
         positive("cylinder: radius", self.radius)
+        if self.motion is not None:
+            self._set(motion=self.motion.about(self.point, self.axis))
 
 
 @dataclass(frozen=True)
 class Sphere(Checked):
-    """A rigid sphere, which rods stay out of."""
+    """A rigid sphere, which rods stay out of.
+
+    Parameters
+    ----------
+    center, radius
+        Its own.
+    motion
+        How it moves and turns; without, it stands.
+    """
 
     center: Vector
     radius: float
+    motion: ObstacleMotion | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         finite("sphere: center", self.center)
         positive("sphere: radius", self.radius)
+        if self.motion is not None:
+            self._set(motion=self.motion.about(self.center))
 
 
 Obstacle = Plane | Cylinder | Sphere | TriangleMesh
@@ -148,8 +186,6 @@ class Contact(Checked):
             raise InputError(f"contact: got friction {self.friction:g}, need a coefficient, not negative")
         if not 2.0 <= self.across <= 12.0:
             raise InputError(f"contact: got {self.across:g} control points across a patch, need 2 to 12")
-        if self.friction and isinstance(self.second, TriangleMesh):
-            raise InputError("contact: friction is given, but meshes of triangles have none; leave it out")
         for name in ("first_surface", "second_surface"):
             if getattr(self, name) not in ("outer", "inner"):
                 raise InputError(f"contact: got {name} {getattr(self, name)!r}, need 'outer' or 'inner'")
@@ -212,9 +248,9 @@ class Contact(Checked):
         return "inner" in (self.first_surface, self.second_surface)
 
     @property
-    def travel(self) -> float:
-        """What the obstacle moves along its normal at load factor 1."""
-        return self.second.travel if isinstance(self.second, Plane) else 0.0
+    def motion(self) -> ObstacleMotion | None:
+        """How the obstacle moves, if it does."""
+        return None if self.obstacle is None else self.obstacle.motion
 
     @property
     def groups(self) -> list[tuple[int, ...]]:
@@ -267,10 +303,12 @@ class Contact(Checked):
 
 
 def refuse_in_motion(contacts: Sequence[Contact]) -> None:
-    """Raise `InputError` if a contact has what is for statics alone: a moving plane, a largest penetration."""
+    """Raise `InputError` if a contact has what is for statics alone: motion by load factor, a largest penetration."""
     for index, contact in enumerate(contacts):
-        if contact.travel:
-            raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
+        if contact.motion is not None and contact.motion.plain:
+            raise InputError(
+                f"contact {index}: motion of the obstacle by load factor is for statics alone; give rows of time"
+            )
         if contact.penetration is not None:
             raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
 

@@ -211,8 +211,9 @@ class Model(Checked):
 
     @cached_property
     def stages(self) -> list[float]:
-        """Load factors at which supports begin or cease to move, and 1, in order."""
+        """Load factors at which supports begin or cease to move, or obstacles move otherwise, and 1, in order."""
         ends = {end for motion in self.motions for end in motion.during}
+        ends |= {float(end) for one in self.contacts if one.motion is not None for end in one.motion.track[:, 0]}
         return sorted((ends | {1.0}) - {0.0})
 
     @cached_property

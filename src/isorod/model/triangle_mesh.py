@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
 from isorod.errors import InputError, numbers, positive
+from isorod.model.moving import ObstacleMotion
 
 _BINARY = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
@@ -25,6 +26,8 @@ class TriangleMesh:
         Units of length, shape ``(v, 3)``.
     triangles
         Numbers of vertices, shape ``(t, 3)``, all counterclockwise seen from outside, or all clockwise.
+    motion
+        How it moves and turns; without, it stands.
 
     Raises
     ------
@@ -34,6 +37,7 @@ class TriangleMesh:
 
     vertices: ArrayLike
     triangles: ArrayLike
+    motion: ObstacleMotion | None = None
 
     def __post_init__(self) -> None:
         vertices, found = numbers("triangle mesh: vertices", self.vertices), numbers("triangle mesh", self.triangles)
@@ -61,12 +65,21 @@ class TriangleMesh:
         volume = np.einsum("ti,ti", middle[:, 0], np.cross(middle[:, 1], middle[:, 2])) / 6.0
         if abs(volume) <= 1e-12 * np.abs(middle).max() ** 3:
             raise InputError("triangle mesh: it has no volume; need a surface round a body")
+        if self.motion is not None:
+            object.__setattr__(self, "motion", self.motion.about(None))
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "triangles", triangles if volume > 0.0 else triangles[:, ::-1])
 
     @classmethod
-    def from_file(cls, path: str | Path, scale: float = 1.0) -> "TriangleMesh":
+    def from_file(cls, path: str | Path, scale: float = 1.0, motion: ObstacleMotion | None = None) -> "TriangleMesh":
         """Return the body in an STL file, ASCII or binary, times ``scale``; corners in the same place are one vertex.
+
+        Parameters
+        ----------
+        path, scale
+            The file, and what its lengths are multiplied by.
+        motion
+            How it moves and turns; without, it stands.
 
         Raises
         ------
@@ -84,7 +97,7 @@ class TriangleMesh:
             vertices, numbered = np.unique(corners, axis=0, return_inverse=True)
             triangles = numbered.reshape(-1, 3)
             different = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-            return cls(vertices, triangles[different])
+            return cls(vertices, triangles[different], motion)
         except InputError as problem:
             raise InputError(f"{path}: {problem}") from None
 

@@ -16,9 +16,10 @@ class Step(NamedTuple):
     """Where a load step ended.
 
     Its load factor, the forces of the supports on the model ``(supports, 3)``, the sum of the normal forces of
-    obstacles that move, and the supports' moments.  Without friction, and where supports hold all bodies, multipliers
-    are added at the full load alone, and what is before it is as the penalty says.  Displacement and pressures, as
-    those of an `isorod.statics.Equilibrium`, are there where they are to be kept.
+    obstacles that move, the supports' moments, and force and moment of the obstacle of each contact
+    (`isorod.contact.operator.ContactOperator.obstacle_loads`).  Without friction, and where supports hold all bodies,
+    multipliers are added at the full load alone, and what is before it is as the penalty says.  Displacement and
+    pressures, as those of an `isorod.statics.Equilibrium`, are there where they are to be kept.
     """
 
     factor: float
@@ -27,6 +28,7 @@ class Step(NamedTuple):
     moments: Array = np.empty((0, 3))
     displacement: Array | None = None
     pressures: Sequence[Array | None] = ()
+    obstacles: Array = np.empty((0, 6))
 
 
 class Path:
@@ -60,8 +62,10 @@ class Path:
         keep = self._keep and (not self.outputs or factor in self.outputs)
         if keep or assembler.contact is not None:
             own = carried(assembler, x, factor)
-            pushed = 0.0 if assembler.contact is None else assembler.contact.push()
-            step = Step(factor, own.reactions, pushed, own.moments)
+            step = Step(factor, own.reactions, moments=own.moments)
+            if assembler.contact is not None:
+                loads = assembler.contact.obstacle_loads()
+                step = step._replace(push=assembler.contact.push(), obstacles=loads)
         if keep:
             state = assembler.displacement(x, factor).copy(), assembler.pressures(x)
             step = step._replace(displacement=state[0], pressures=state[1])

@@ -49,7 +49,7 @@ class Steps:
         if self._passing is None or not self.careful:
             return 1.0
         state = self._assembler.touching
-        return self._passing.free(state(start, before), state(end, factor))
+        return self._passing.free(state(start, before), state(end, factor), (before, factor))
 
     def refuse_squeezed(self, before: list[Array], trial: PETSc.Vec, factor: float) -> None:
         """Raise `Diverged` if an element has lost most of its volume."""
@@ -68,7 +68,7 @@ class Steps:
             raise Diverged(problem)
         if self._passing is not None and contact is not None:
             # Whoever is careful has looked at each piece of the way, which need not be straight.
-            passed = None if self.careful else self._passing.passed(*states)
+            passed = None if self.careful else self._passing.passed(*states, (before, factor))
             problem = self._passing.deep(contact.packed) or passed
             if problem is not None:
                 raise TooDeep(f"{problem} at the minimum step size; increase the penalty, or add a support")

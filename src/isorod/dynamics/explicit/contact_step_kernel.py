@@ -1,5 +1,6 @@
 """The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
 
+import numpy as np
 from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
@@ -7,6 +8,7 @@ from isorod.compiled import F1, STRICT, njit
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction_kernel import add_friction
 from isorod.contact.lift_kernel import lift, lower
+from isorod.contact.placing_kernel import obstacle_loads, obstacle_work, place_obstacles
 from isorod.dynamics.explicit.contact import (
     AREA,
     CONTACT_ENERGY,
@@ -31,6 +33,7 @@ from isorod.dynamics.explicit.step_kernel import (
     DEEP,
     DISSIPATED,
     DONE,
+    FOLLOWED,
     LOST,
     PUSHED,
     STATE,
@@ -210,13 +213,20 @@ def advance(
         From `isorod.dynamics.explicit.contact.pack`.
     """
     mass.own[:] = 0.0
-    behind = contact.own.size - NUMBERS
+    behind, loads = contact.own.size - NUMBERS, np.empty((contact.packed.passes.size, 6))
     for k in range(first, last):
+        time = course.begin + k * course.step
+        place_obstacles(contact.packed, time)
         inverted = evaluate(mesh, state, course, k)
         meet(contact, state.displacement)
         contact.own[behind + INVERTED_POINTS] = inverted
         contact.own[behind + ENERGY] = mass.own[mass.own.size - MASS_NUMBERS + ENERGY]
         pressing = subtract(contact, state.displacement, True, state.forces)
+        if contact.packed.tracks.size:
+            obstacle_loads(contact.packed, contact.friction, loads)
+            # Half of the way to the next step and half of that from the last one: the trapezoidal rule.
+            work = obstacle_work(contact.packed, loads, time - course.step, time + course.step)
+            state.sums[FOLLOWED] += 0.5 * work
         outcome = finish(mesh, state, course, mass, contact, pressing)
         if outcome != DONE:
             return k, outcome

@@ -197,20 +197,25 @@ class System:
         divide(self.factors, result)
         return self.ranks.whole(result)
 
-    def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
+    def forces(
+        self, displacement: Array, activation: float, time: float | None = None
+    ) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, those on facets behind them, and what says so; changes no state.
 
-        The latter is that of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
+        Obstacles that move are where they are at a time, or where they were last.  The latter is that of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
         """
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
         if self.contact is None:
             return self.ranks.sums(forces), (0.0,) * 8
-        starts = self.contact.packed.starts.copy()
-        self.contact.own[:] = 0.0
+        from isorod.contact.placing_kernel import place_obstacles
         from isorod.dynamics.explicit import contact_step_kernel
 
+        if time is not None:
+            place_obstacles(self.contact.packed, time)
+        starts = self.contact.packed.starts.copy()
+        self.contact.own[:] = 0.0
         if self.beyond.size:
             displacement, forces = np.append(displacement, self.beyond), np.append(forces, 0.0 * self.beyond)
         said = contact_step_kernel.subtract(self.contact, displacement, False, forces)
@@ -218,6 +223,26 @@ class System:
         energy, force, area, deepest, *others = said
         deepest = self.ranks.smallest(deepest)
         return self.ranks.sums(forces), (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
+
+    def obstacle_loads(self) -> Array:
+        """Return what the obstacle of each contact exerts, as the last `forces` left it, ``(contacts, 6)``."""
+        if self.contact is None:
+            return np.zeros((0, 6))
+        from isorod.contact import ranks, result
+
+        packed, friction = self.contact.packed, self.contact.friction
+        return result.loads_of(self.model, packed, friction, ranks.Ranks(self.ranks.communicator))
+
+    def obstacle_work(self, begin: float, end: float) -> float:
+        """Return the work of what obstacles exert, as the last `forces` left it, on their way between two times."""
+        if self.contact is None or not self.contact.packed.tracks.size:
+            return 0.0
+        from isorod.contact import placing_kernel
+
+        loads = np.zeros((self.contact.packed.passes.size, 6))
+        placing_kernel.obstacle_loads(self.contact.packed, self.contact.friction, loads)
+        work = placing_kernel.obstacle_work(self.contact.packed, loads, begin, end)
+        return float(self.ranks.sums(np.array([work]))[0])
 
     def energies(self, displacement: Array) -> tuple[float, float]:
         """Return the stored energy without activation, and what full activation adds."""

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
+from isorod.contact.placing_kernel import obstacle_loads, obstacle_work
 from isorod.contact.result import doubts
 from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
@@ -22,6 +23,8 @@ class MidpointContact(ContactOperator):
     ----------
     start
         Displacement at the start of the step, that of facets behind that of the model, shape ``(dofs,)``.
+    span
+        Times at which the step begins and ends.
     """
 
     long_steps = False
@@ -30,11 +33,26 @@ class MidpointContact(ContactOperator):
         refuse_in_motion(model.contacts)
         super().__init__(model, comm)
         self.start = np.zeros(model.dofs + self.beyond.size)
+        self.span = 0.0, 0.0
 
     def share(self, friction: "Friction") -> None:
         """Keep the history of friction there."""
         if self.friction is not None:
             self.friction.history = friction.anchors
+
+    def begin(self, time: float, step: float) -> None:
+        """Put obstacles that move where they are in the middle of a step."""
+        self.span = time, time + step
+        super().place(time + 0.5 * step)
+
+    def place(self, factor: float) -> None:
+        """Leave obstacles where they are: load factors are none of a motion's."""
+
+    def work(self) -> float:
+        """Return the work of obstacles that move in the step, as the last forces left it."""
+        loads = np.zeros((self.packed.passes.size, 6))
+        obstacle_loads(self.packed, self._friction, loads)
+        return float(self.ranks.sums(np.empty(0), obstacle_work(self.packed, loads, *self.span))[1][0])
 
     def _positions(self, displacement: Array) -> Array:
         return super()._positions(self.start + 0.5 * displacement)

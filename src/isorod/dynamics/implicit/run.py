@@ -178,6 +178,8 @@ class Run(run.Run):
         """Take a step, or halves of it where Newton's iterations do not converge."""
         displacement, velocity = self._displacement, self._velocity
         self.assembler.begin(dt, self.settings.damping, displacement, velocity)
+        if self.assembler.contact is not None:
+            self.assembler.contact.begin(time, dt)
         level = self.level(time + 0.5 * dt)
         # What swings faster than steps follow goes back and forth: it is nearer to where it was than to where it goes.
         guesses = sorted((dt * velocity, np.zeros_like(velocity)), key=lambda one: self.newton.imbalance(one, level))
@@ -188,7 +190,7 @@ class Run(run.Run):
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
             ends = self.assembler.met(displacement), self.assembler.met(displacement + change)
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends)
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends, (time, time + dt))
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
@@ -265,6 +267,7 @@ class Run(run.Run):
             pushed = self.assembler.contact.forces(met)[0]
             pushed[:rods] *= self._carried
             state.sums[PUSHED:FOLLOWED] += dt * resultant(pushed)
+            state.sums[FOLLOWED] += self.assembler.contact.work()
             state.sums[DISSIPATED] += self.assembler.contact.accept(met)
 
     def _energies(self) -> tuple[float, float]:
@@ -286,7 +289,7 @@ class Run(run.Run):
         system, state, model, solids = self.system, self.system.state, self.system.model, self.solids
         displacement, velocity, level = self._displacement, self._velocity, self.level(self.time)
         self._place_facets()
-        forces, contact = system.forces(state.displacement, level)
+        forces, contact = system.forces(state.displacement, level, self.time)
         momenta = self.assembler.momenta(velocity)
         loads = model.external + self.assembler.following(displacement[: model.dofs])
         internal = np.append(forces[system.order] - loads, solids.internal(solids.displacement, level))

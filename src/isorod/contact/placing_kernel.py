@@ -1,0 +1,120 @@
+"""Compiled: where rigid obstacles are, and what they exert.
+
+Load factors and times are those of `isorod.model.moving.ObstacleMotion`.  An obstacle does work by the resultant of its
+forces on the way of the point that it turns about, and by their moment about this on the turn.
+"""
+
+import numpy as np
+from numba import f8, i8, void
+
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, STRICT, njit
+from isorod.contact.packed import FRICTION, PACKED, Friction, Packed
+from isorod.contact.search_kernel import end_of
+
+
+@njit(void(F2, i8, i8, f8, F1), **STRICT)
+def follow(tracks: Array, first: int, count: int, when: float, out: Array) -> None:
+    """Fill ``out`` ``(4,)`` with displacement and angle by ``count`` rows of tracks from ``first`` on."""
+    last = first + count - 1
+    k = first
+    while k < last - 1 and tracks[k + 1, 0] < when:
+        k += 1
+    share = (when - tracks[k, 0]) / (tracks[k + 1, 0] - tracks[k, 0])
+    share = min(1.0, max(0.0, share))
+    for a in range(4):
+        out[a] = tracks[k, 1 + a] + share * (tracks[k + 1, 1 + a] - tracks[k, 1 + a])
+
+
+@njit(void(F1, f8, F2), **STRICT)
+def _turn(axis: Array, angle: float, frame: Array) -> None:
+    """Fill ``frame`` with the rotation about a unit axis."""
+    sin, versed = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        frame[a, a] = 1.0 - versed * (axis[b] * axis[b] + axis[c] * axis[c])
+        frame[a, b] = versed * axis[a] * axis[b] - sin * axis[c]
+        frame[b, a] = versed * axis[a] * axis[b] + sin * axis[c]
+
+
+@njit(void(PACKED, f8), **STRICT)
+def place_obstacles(packed: Packed, when: float) -> None:
+    """Put obstacles where they are at a load factor or time.
+
+    What was clear of one is so no longer than this has come closer: ``Packed.travel`` grows by that.
+    """
+    now, frame, axis, way = np.empty(4), np.empty((3, 3)), np.empty(3), 0.0
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if one.tracks == 0:
+            continue
+        follow(packed.tracks, one.first_track, one.tracks, when, now)
+        axis[:] = one.spin
+        _turn(axis, now[3], frame)
+        # Of the farthest carrier: how far the obstacle moves there.
+        twist = moved = far = 0.0
+        for a in range(3):
+            pivot = one.center[a] + now[a]
+            moved += (pivot - one.pivot[a]) ** 2
+            for b in range(3):
+                twist += (frame[a, b] - one.frame[a, b]) ** 2
+        if moved == 0.0 and twist == 0.0:
+            continue
+        for node in packed.carriers:
+            square = 0.0
+            for a in range(3):
+                square += (packed.before[node, a] - one.pivot[a]) ** 2
+            far = max(far, square)
+        way = max(way, np.sqrt(moved) + np.sqrt(twist * far))
+        for a in range(3):
+            one.pivot[a] = one.center[a] + now[a]
+            one.point[a], one.direction[a] = one.pivot[a], 0.0
+            for b in range(3):
+                one.frame[a, b] = frame[a, b]
+                one.point[a] += frame[a, b] * (one.home[b] - one.center[b])
+                one.direction[a] += frame[a, b] * one.homeward[b]
+    packed.travel[0] += way
+
+
+@njit(void(PACKED, FRICTION, F2), **STRICT)
+def obstacle_loads(packed: Packed, friction: Friction, loads: Array) -> None:
+    """Fill ``loads`` ``(passes, 6)`` with what obstacles exert, as the last forces left it, at this rank's points.
+
+    They are forces, and moments about the point that each turns about, or its own where it does not turn.
+    """
+    loads[:] = 0.0
+    push, arm = np.empty(3), np.empty(3)
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if one.master >= 0:
+            continue
+        rubs = friction.coefficients[k] > 0.0
+        for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            state, area = packed.states[point], packed.areas[point]
+            if not (packed.own[point] and state.pressure > 0.0):
+                continue
+            for a in range(3):
+                push[a] = area * state.pressure * state.normal[a]
+                if rubs:
+                    push[a] += area * friction.tractions[point, a]
+                arm[a] = packed.points[point, a] - one.pivot[a]
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                loads[k, a] += push[a]
+                loads[k, 3 + a] += arm[b] * push[c] - arm[c] * push[b]
+
+
+@njit(f8(PACKED, F2, f8, f8), **STRICT)
+def obstacle_work(packed: Packed, loads: Array, begin: float, end: float) -> float:
+    """Return the work of `obstacle_loads` on the way of the obstacles from one load factor or time to another."""
+    work, old, new = 0.0, np.empty(4), np.empty(4)
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if one.tracks == 0:
+            continue
+        follow(packed.tracks, one.first_track, one.tracks, begin, old)
+        follow(packed.tracks, one.first_track, one.tracks, end, new)
+        for a in range(3):
+            work += loads[k, a] * (new[a] - old[a]) + loads[k, 3 + a] * one.spin[a] * (new[3] - old[3])
+    return work
+
