@@ -84,7 +84,7 @@ def test_the_way_of_a_plane_changes_forces_as_is_said():
 def test_planes_do_not_move_in_motions():
     model = held(bar(4.0), WAY)
     for integrator in ("explicit", "implicit"):
-        with pytest.raises(InputError, match="contact 0: a plane that moves, by its travel, is for statics alone"):
+        with pytest.raises(InputError, match="contact 0: motion of the obstacle by load factor is for statics alone"):
             dynamics.solve(model, end_time=1e-3, integrator=integrator)
     with pytest.raises(InputError, match="plane: travel: got inf, need a finite length"):
         Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), np.inf)
