@@ -45,6 +45,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Weight of all rods and solids: `[gravity]`": {"": schema.GRAVITY},
     "Rotation of the frame: `[spin]`": {"": schema.SPIN},
     "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
+    "How an obstacle moves: `motion = {...}`": {"": schema.MOTION},
     "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},
     "Ties: `[tie.NAME]`": {"": schema.TIES},
     "What is measured: `[measure.NAME]`": schema.MEASURES,

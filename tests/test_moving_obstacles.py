@@ -1,10 +1,13 @@
 """Obstacles that move and turn: nothing but a change of frame, rope over drums, and the work they do."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import straight
 from touching import STIFF, bar
 
+from comparisons import contact
 from isorod import (
     Body,
     Contact,
@@ -21,6 +24,7 @@ from isorod import (
 )
 from isorod.contact.operator import ContactOperator
 from isorod.dynamics.explicit.mass import Mass
+from isorod.files.scene import FileScene
 from isorod.model.moving import ObstacleMotion
 from isorod.tensors import rotation
 
@@ -29,8 +33,7 @@ CENTER = (0.0, -9.0, -1.0)
 ANGLE = 0.02
 BOX = TriangleMesh(
     np.array([[x, y, z] for x in (-9.0, 9.0) for y in (-5.0, -1.0) for z in (-9.0, 9.0)]),
-    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4)]
-    + [(1, 5, 7), (1, 7, 3)],
+    [(int(a), int(b), int(c)) for a, b, c in "013 032 467 475 045 051 237 276 026 064 157 173".split()],
 )
 
 
@@ -46,9 +49,7 @@ def shapes(motion=None):
 
 def held(obstacle, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)):
     space = bar(4.0)
-    supports = [
-        Support.end(space, end, displacement=shift, turn=turn, center=CENTER) for end in ("start", "end")
-    ]
+    supports = [Support.end(space, end, displacement=shift, turn=turn, center=CENTER) for end in ("start", "end")]
     return Model([Body(space, STIFF, density=1.0)], supports, contacts=[Contact(0, obstacle, **HOW)])
 
 
@@ -187,3 +188,77 @@ def test_motions_that_do_not_fit_are_refused():
     for integrator in ("explicit", "implicit"):
         with pytest.raises(InputError, match="contact 0: motion of the obstacle by load factor is for statics alone"):
             dynamics.solve(plain, end_time=1.0, time_step=0.1, integrator=integrator)
+
+
+ROLLER = """
+[rod.bar]
+curve = {straight = {start = [-20.0, 0.0, 0.0], end = [20.0, 0.0, 0.0]}}
+section = {circle = 3.0}
+law = {NeoHookean = {E = 2.0e5, nu = 0.3}}
+space = {elements = 4, degree = 3, order = 2, section_points = 8}
+[obstacle.roller]
+Cylinder = {point = [0.0, 8.0, 0.0], axis = [0, 0, 1], radius = 5.0}
+motion = {move = [[0, 0, 0, 0], [0.5, 0, -0.05, 0], [1, 0.02, -0.05, 0]], angle = [[0, 0], [1, 3]]}
+[contact.roller]
+first = "bar"
+second = "roller"
+penalty = 2.0e5
+points = [8, 8]
+friction = 0.1
+[support.left]
+end = "start"
+[support.right]
+end = "end"
+[analysis.statics]
+load_steps = 2
+[measure.press]
+obstacle_force = "roller"
+[measure.torque]
+obstacle_moment = "roller"
+component = "z"
+[measure.left]
+reaction = "left"
+[measure.right]
+reaction = "right"
+"""
+
+
+def test_a_file_says_how_a_roller_moves(tmp_path):
+    path = tmp_path / "roller.toml"
+    path.write_text(ROLLER)
+    scene = FileScene(str(path))
+    solution = statics.solve(scene.model(), **scene.settings())
+    assert [step.factor for step in solution.path] == [0.5, 1.0]
+    found = scene.measure(solution)
+    press, track = found["press"], scene.model().contacts[0].motion.track
+    np.testing.assert_allclose(track[-1], (1.0, 0.02, -0.05, 0.0, np.radians(3.0)))
+    np.testing.assert_allclose(found["left"] + found["right"], -press, atol=1e-8 * abs(press[1]))
+    # The roller slips on the bar: it goes along by 0.02, its surface by 0.26 more.
+    assert press[0] == pytest.approx(0.1 * abs(press[1]), rel=1e-2)
+    assert found["torque"] == pytest.approx(5.0 * press[0], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("angle = [[0, 0], [1, 3]]", 'angle = "3 deg"', "angle"),
+        ("move = [[0, 0, 0, 0], ", "move = [[0.1, 0, 0, 0], ", "move: got a first row"),
+        ("angle =", "turn =", "turn"),
+        ('obstacle_force = "roller"', 'obstacle_force = "bar"', "bar.*roller"),
+    ],
+)
+def test_what_a_file_says_wrong_is_refused_in_a_line(tmp_path, old, new, said):
+    path = tmp_path / "roller.toml"
+    path.write_text(ROLLER.replace(old, new))
+    with pytest.raises(InputError, match=f"roller.toml.*{said}") as caught:
+        FileScene(str(path)).model()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_drum_hauls_a_rope_as_a_capstan_does():
+    """Half a turn: tensions by exp of friction times angle, times the drum's radius over that of the rope's axis."""
+    scene = FileScene(str(Path(contact.__file__).with_name("drum.toml")))
+    solution = statics.solve(scene.model(), **scene.settings())
+    found = scene.measure(solution)
+    assert -found["pull"] == pytest.approx(np.exp(-0.2 * np.pi * 20.0 / 20.25), rel=2e-3)
+    assert solution.contacts[0].sticking == 0

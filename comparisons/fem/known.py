@@ -130,8 +130,8 @@ def _refuse_contact(model: Model, k: int) -> None:
         raise InputError(f"contact {k}: friction is not on the finite element side; compare without it")
     if contact.has_inner:
         raise InputError(f"contact {k}: an inner surface is not on the finite element side")
-    if contact.travel:
-        raise InputError(f"contact {k}: a plane that moves is not on the finite element side")
+    if contact.motion is not None:
+        raise InputError(f"contact {k}: an obstacle that moves is not on the finite element side")
     if contact.obstacle is not None and not isinstance(contact.obstacle, Plane | Cylinder):
         raise InputError(f"contact {k}: a sphere or a mesh of triangles is not on the finite element side")
 

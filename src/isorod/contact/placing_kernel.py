@@ -117,4 +117,3 @@ def obstacle_work(packed: Packed, loads: Array, begin: float, end: float) -> flo
         for a in range(3):
             work += loads[k, a] * (new[a] - old[a]) + loads[k, 3 + a] * one.spin[a] * (new[3] - old[3])
     return work
-

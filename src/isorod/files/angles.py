@@ -8,7 +8,7 @@ import numpy as np
 
 from isorod.arrays import Numbers
 from isorod.files import values
-from isorod.files.document import Place
+from isorod.files.document import Place, shown
 
 
 def degrees(place: Place, value: Any) -> tuple[float, ...]:
@@ -34,6 +34,8 @@ def radians(place: Place, value: Any) -> tuple[float, ...]:
 
 def _table(place: Place, value: Any) -> Any:
     """Return a number in degrees, or rows whose last one is in degrees, in radians."""
+    if isinstance(value, str):
+        raise place.error(f"got {shown(value)}, need {ANGLES.words}")
     found = np.array(values.value_of(place, value, Numbers), dtype=float)
     if found.ndim:
         found[..., -1] = np.radians(found[..., -1])

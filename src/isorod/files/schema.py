@@ -205,8 +205,8 @@ RESERVED = frozenset(
     "linear_iterations load_steps cuts residual_norms pressures contacts ties solids contact_area penetration "
     "augmentations residuals rigid below shift iterations frequencies times reactions tie_forces tie_moments "
     "contact_force kinetic stored contact_energy added_kinetic muscle_work load_work dissipated energy_error "
-    "obstacle_forces obstacle_moments momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
+    "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
-    "critical_load critical_loads".split()
+    "critical_load critical_loads obstacle_forces obstacle_moments".split()
 )

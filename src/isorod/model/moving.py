@@ -142,8 +142,8 @@ def refuse_late(motions: Sequence[ObstacleMotion | None]) -> None:
     for index, motion in enumerate(motions):
         if motion is not None and motion.track[-1, 0] > 1.0 + 1e-12:
             raise InputError(
-                f"contact {index}: motion of the obstacle: got rows up to {motion.track[-1, 0]:g}, need load factors, up "
-                "to 1, in statics"
+                f"contact {index}: motion of the obstacle: got rows up to {motion.track[-1, 0]:g}, need load factors "
+                "up to 1 in statics"
             )
 
 

@@ -202,7 +202,8 @@ class System:
     ) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, those on facets behind them, and what says so; changes no state.
 
-        Obstacles that move are where they are at a time, or where they were last.  The latter is that of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
+        Obstacles that move are where they are at a time, or where they were last.  What says so is that of
+        `isorod.dynamics.explicit.contact_step_kernel.subtract`.
         """
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:

@@ -190,7 +190,9 @@ class Run(run.Run):
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
             ends = self.assembler.met(displacement), self.assembler.met(displacement + change)
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends, (time, time + dt))
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
+                *ends, (time, time + dt)
+            )
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
