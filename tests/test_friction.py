@@ -9,14 +9,12 @@ from conftest import straight
 from refused import refused
 from touching import ACROSS, LAW, STIFF, add_forces, assert_tangent, crease, moved, pair, reference, shaken, stiffness
 
-from isorod import Body, BodyForce, Contact, Model, Plane, Space, Sphere, Support, TriangleMesh, dynamics, statics
+from isorod import Body, BodyForce, Contact, Model, Plane, Space, Sphere, Support, dynamics, statics
 from isorod.contact.friction import pack as pack_friction
 from isorod.contact.friction_kernel import add_friction
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import pack
 from isorod.dynamics.explicit.mass import Mass
-
-TETRAHEDRON = TriangleMesh(np.eye(4, 3), np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]))
 
 
 def rubbing(model, friction):
@@ -300,7 +298,6 @@ test_bad_numbers_get_one_line = refused(
     (lambda: Contact(0, 1, friction=-0.1), "friction -0.1, need a coefficient, not negative"),
     (lambda: Contact(0, 1, friction=float("nan")), "friction nan, need"),
     (lambda: Contact(0, 1, across=1.0), "contact: got 1 control points across a patch, need 2 to 12"),
-    (lambda: Contact(0, TETRAHEDRON, friction=0.1), "meshes of triangles have none"),
     (lambda: Contact(0, 1, friction="rough"), "friction: got 'rough'"),
     (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), faces=["end"]), "end faces touch nothing"),
 )
