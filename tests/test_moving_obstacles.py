@@ -233,9 +233,9 @@ def test_a_file_says_how_a_roller_moves(tmp_path):
     press, track = found["press"], scene.model().contacts[0].motion.track
     np.testing.assert_allclose(track[-1], (1.0, 0.02, -0.05, 0.0, np.radians(3.0)))
     np.testing.assert_allclose(found["left"] + found["right"], -press, atol=1e-8 * abs(press[1]))
-    # The roller slips on the bar: it goes along by 0.02, its surface by 0.26 more.
-    assert press[0] == pytest.approx(0.1 * abs(press[1]), rel=1e-2)
-    assert found["torque"] == pytest.approx(5.0 * press[0], rel=1e-2)
+    # The roller slips on the bar: it goes along by 0.02, its surface by 0.26 more.  Normals tilt a little.
+    assert press[0] == pytest.approx(0.1 * abs(press[1]), rel=2e-2)
+    assert found["torque"] == pytest.approx(5.0 * 0.1 * solution.contacts[0].force, rel=1e-2)
 
 
 @pytest.mark.parametrize(
