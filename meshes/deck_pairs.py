@@ -80,9 +80,7 @@ def interaction(contact: Contact, model: Model, title: str) -> list[str]:
 
 def moved(contact: Contact, title: str, factor: float) -> list[str]:
     """Return the displacements of an obstacle at a load factor."""
-    way = np.zeros(3)
-    if isinstance(contact.obstacle, Plane):
-        way = contact.travel * factor * np.array(contact.obstacle.normal) / np.linalg.norm(contact.obstacle.normal)
+    way = np.zeros(3) if contact.motion is None else contact.motion.at(factor)[1]
     return [f"{title},{k + 1},{k + 1},{way[k]:.12g}" for k in range(3)]
 
 
@@ -92,6 +90,10 @@ def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
     The set of nodes of the face is that of all nodes of these bricks.
     """
     one = contact.obstacle
+    if contact.motion is not None and (len(contact.motion.track) > 2 or contact.motion.track[:, 4].any()):
+        raise InputError(
+            "an obstacle that turns, or moves along a path, is not written to .inp; one that is shifted is"
+        )
     centre, size = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
     if isinstance(one, Plane):
         return _block(np.array(one.point), np.array(one.normal), centre, size, name)

@@ -13,6 +13,7 @@ from isorod.files.measures import Axis, Component, Point, along, component_of, r
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
+    from isorod.dynamics.history import History
     from isorod.model.model import Model
     from isorod.statics.analysis import Equilibrium
 
@@ -77,6 +78,45 @@ def contact_patch(solution: "Equilibrium", contact: int, component: Patch = "are
     """
     refuse_others(solution, "contact_patch")
     return _patch(solution.model, contact, solution.contacts[contact], component)
+
+
+def obstacle_force(
+    solution: "Equilibrium | History", obstacle: tuple[int, ...], component: Component | None = None
+) -> Any:
+    """Return the force of a rigid obstacle on the rods, friction included, or one component of it.
+
+    Parameters
+    ----------
+    obstacle
+        Which one.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return component_of(_of_obstacle(solution, obstacle, 0), component)
+
+
+def obstacle_moment(
+    solution: "Equilibrium | History", obstacle: tuple[int, ...], component: Component | None = None
+) -> Any:
+    """Return the moment of a rigid obstacle on the rods about the point that it turns about, or its own.
+
+    Parameters
+    ----------
+    obstacle
+        Which one.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return component_of(_of_obstacle(solution, obstacle, 1), component)
+
+
+def _of_obstacle(solution: Any, contacts: tuple[int, ...], which: int) -> Any:
+    """Return force (0) or moment (1) of an obstacle, by the contacts it is in, ``(3,)``; of a motion at each output."""
+    if hasattr(solution, "path"):
+        loads = next(step.obstacles for step in solution.path if step.factor == solution.factor)
+        return loads[[*contacts], 3 * which : 3 * which + 3].sum(axis=0)
+    found = solution.obstacle_moments if which else solution.obstacle_forces
+    return found[:, [*contacts]].sum(axis=1)
 
 
 def _pushes(solution: "Equilibrium", number: int) -> tuple[Array, Array]:

@@ -177,8 +177,8 @@ MEASURES = {
     "contact_force": _measure("contacts:contact_force", contact=CONTACT),
     "contact_moment": _measure("contacts:contact_moment", contact=CONTACT),
     "contact_patch": _measure("contacts:contact_patch", contact=CONTACT),
-    "obstacle_force": _measure("obstacle_force", obstacle=OBSTACLE),
-    "obstacle_moment": _measure("obstacle_moment", obstacle=OBSTACLE),
+    "obstacle_force": _measure("contacts:obstacle_force", obstacle=OBSTACLE),
+    "obstacle_moment": _measure("contacts:obstacle_moment", obstacle=OBSTACLE),
     "tie_force": _measure("tie_force", tie=TIE),
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
