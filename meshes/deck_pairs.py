@@ -91,9 +91,7 @@ def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
     """
     one = contact.obstacle
     if contact.motion is not None and (len(contact.motion.track) > 2 or contact.motion.track[:, 4].any()):
-        raise InputError(
-            "an obstacle that turns, or moves along a path, is not written to .inp; one that is shifted is"
-        )
+        raise InputError("an obstacle that turns or moves along a path is not written to .inp; a shifted one is")
     centre, size = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
     if isinstance(one, Plane):
         return _block(np.array(one.point), np.array(one.normal), centre, size, name)
