@@ -46,29 +46,34 @@ class Pressing:
 
     def __init__(self, share: Share, loads: Sequence[Pressure | SectionLoad]) -> None:
         space = share.body.space
+        # Of each load the factor that it has now.
+        self._loads, self._factors = loads, [1.0] * len(loads)
         nodes = space.element_nodes[share.first : share.last]
         shape = (*share.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)
-        moments = [Twisting(share, load) for load in loads if isinstance(load, SectionLoad)]
+        moments = [(k, Twisting(share, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
         self._twisting = bool(moments)
-        self._moments = [one for one in moments if one.element >= 0]
+        self._moments = [(k, one) for k, one in moments if one.element >= 0]
         self._surfaces = []
-        for load in loads:
+        for k, load in enumerate(loads):
             if isinstance(load, SectionLoad):
                 continue
             xi, u, weights = load.points(space)
             values, gradients = space.basis.functions(xi)
             own = u[share.first : share.last]
             _, axial, slopes = space.axis.local(own.ravel())
-            self._surfaces.append(
-                Surface(
-                    values,
-                    gradients[:, :, 1] * xi[:, :1] - gradients[:, :, 0] * xi[:, 1:],
-                    axial.reshape(*own.shape, -1),
-                    slopes.reshape(*own.shape, -1),
-                    weights[share.first : share.last],
-                )
+            surface = Surface(
+                values,
+                gradients[:, :, 1] * xi[:, :1] - gradients[:, :, 0] * xi[:, 1:],
+                axial.reshape(*own.shape, -1),
+                slopes.reshape(*own.shape, -1),
+                weights[share.first : share.last],
             )
+            self._surfaces.append((k, surface))
+
+    def at(self, begin: float, end: float) -> None:
+        """Let loads be their means over a time, or what they are at it."""
+        self._factors = [load.factor(begin, end) for load in self._loads]
 
     def _tangents(self, s: Surface, nodal: Array) -> tuple[Array, Array]:
         """Return ``dx/dtheta`` and ``dx/du``, shape ``(E, t, q, 3)``."""
@@ -77,13 +82,14 @@ class Pressing:
         return around, np.einsum("etj,qn,ejna->etqa", s.slopes, s.values, places, optimize=True)
 
     def forces(self, nodal: Array) -> Array:
-        """Return the forces at load factor 1, shape of the nodal displacements ``(E, l, n, 3)``."""
+        """Return the forces, with the factors of now, shape of the nodal displacements ``(E, l, n, 3)``."""
         result = np.zeros(nodal.shape)
-        for s in self._surfaces:
-            pull = s.weights[..., None] * np.cross(*self._tangents(s, nodal))
+        for k, s in self._surfaces:
+            pull = self._factors[k] * s.weights[..., None] * np.cross(*self._tangents(s, nodal))
             result += np.einsum("etj,qn,etqa->ejna", s.axial, s.values, pull, optimize=True)
-        for one in self._moments:
-            result[one.element] += one.forces(self._places(one, nodal)).reshape(nodal.shape[1:])
+        for k, one in self._moments:
+            forces = one.forces(self._places(one, nodal)).reshape(nodal.shape[1:])
+            result[one.element] += self._factors[k] * forces
         return result
 
     def _places(self, one: Twisting, nodal: Array) -> Array:
@@ -105,13 +111,13 @@ class Pressing:
         """Return the derivatives of the forces, shape ``(E, l n 3, l n 3)``."""
         size = nodal[0].size
         result = np.zeros((nodal.shape[0], size, size))
-        for s in self._surfaces:
-            around, along = (s.weights[..., None] * one for one in self._tangents(s, nodal))
+        for k, s in self._surfaces:
+            around, along = (self._factors[k] * s.weights[..., None] * one for one in self._tangents(s, nodal))
             by_around = np.einsum("qn,qk,abc,etqc->etnkab", s.values, s.around, _CROSS, along, optimize=True)
             by_along = np.einsum("qn,qk,acb,etqc->etnkab", s.values, s.values, _CROSS, around, optimize=True)
             whole = np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.axial, by_around, optimize=True)
             whole += np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.slopes, by_along, optimize=True)
             result += whole.reshape(result.shape)
-        for one in self._moments:
-            result[one.element] += one.derivatives(self._places(one, nodal))
+        for k, one in self._moments:
+            result[one.element] += self._factors[k] * one.derivatives(self._places(one, nodal))
         return result

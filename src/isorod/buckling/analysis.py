@@ -20,7 +20,7 @@ from isorod.checks import rigid_motions
 from isorod.checks.estimate_of_modes import Softening
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal import loaded
-from isorod.model.model import Model
+from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
 from isorod.output.state import State
 from isorod.petsc.options import in_force
@@ -68,7 +68,7 @@ def solve(
     SolveError
         If a rigid motion is free, SLEPc does not converge, or the path bends or ends before the first factor.
     """
-    expect("model", model, Model)
+    unmoved(model, "buckling")
     modes = whole_number("modes", modes, 1, 1000)
     expect("linear_at", linear_at, float | int | None)
     if linear_at is not None and not 0.0 <= linear_at < np.inf:

@@ -26,7 +26,7 @@ from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 # Error of implicit steps above which they are warned of.
-_LARGE = 0.01
+_LARGE = 0.005
 
 
 def solve(
@@ -49,8 +49,10 @@ def solve(
 ) -> History:
     """Integrate the motion of a model from time zero.
 
-    Supports keep their displacement (at load factor 1) throughout, and loads, which implicit steps alone take, their
-    full value from the start; supports that turn by more than a quarter of a turn want an initial displacement.
+    Supports keep their displacement (at load factor 1) throughout, and loads their full value from the start, but for
+    what has a ``history``, a factor by time (`isorod.model.history.InTime`); supports may ``spin``.  Steps have the
+    whole impulse of a load, and the exact way of a support, whether their ends are at the table's kinks or not.
+    Supports that turn by more than a quarter of a turn at once want an initial displacement.
     Explicit steps are central differences with the consistent mass; for a step longer than its critical one, mass is
     added to fast waves (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
     (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.  Bodies may have the mixed
@@ -73,7 +75,8 @@ def solve(
     ramp
         Time in which the activation of muscles grows linearly to that of their laws.
     displacement, velocity
-        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.  Of incompressible
+        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.  Velocities that
+        are not given are those of the bodies (`isorod.model.body.Body`).  Of incompressible
         bodies the nearest that change no volume are taken, in the norm of mass.
     checkpoint, every, resume
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
@@ -114,6 +117,8 @@ def solve(
     with in_force(petsc):
         run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
         ranks = run.system.ranks
+        if velocity is None:
+            velocity = np.concatenate([body.initial_velocity for body in model.bodies]).ravel()
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
         if model.solids:
             from isorod.dynamics.implicit.solids import initial as of_solids
@@ -273,8 +278,8 @@ def _check(model: Model, settings: Settings, every: float) -> None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     model.refuse_hold("motions")
     for k, one in model.means.items():
-        if np.any(one.displacement):
-            raise InputError(f"support {k}: a mean motion is not displaced in dynamics; hold it, or use loads")
+        if np.any(one.displacement) and one.history is None:
+            raise InputError(f"support {k}: a mean motion is not displaced at once in dynamics; give it a history")
     for k, motion in enumerate(model.motions):
         if motion.tied.any():
             raise InputError(f"support {k}: tied components are not supported in dynamics")
@@ -304,7 +309,7 @@ def _check_loads(model: Model, integrator: str) -> None:
 def _check_turns(model: Model) -> None:
     """Raise `InputError` if a support is turned at once by so much that the motion cannot know how often."""
     for k, motion in enumerate(model.motions):
-        turn = float(np.linalg.norm(motion.turn))
+        turn = float(np.linalg.norm(motion.clock.at(0.0) * motion.turn))
         if turn > LONGEST:
             raise InputError(
                 f"support {k}: got an instantaneous rotation of {np.degrees(turn):.4g} degrees, need at most 90; apply "
@@ -316,5 +321,5 @@ def _nodal(model: Model, name: str, given: ArrayLike | None) -> Array:
     values = np.zeros(model.dofs) if given is None else np.array(given, dtype=float)
     if values.shape != (model.dofs,) or not np.isfinite(values).all():
         raise InputError(f"initial {name}: got shape {values.shape}, need ({model.dofs},) finite numbers")
-    values[model.held] = model.values if name == "displacement" else 0.0
+    values[model.held] = (model.placed(0.0) if name == "displacement" else model.rates(0.0))[model.held]
     return values

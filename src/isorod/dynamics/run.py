@@ -15,6 +15,7 @@ from isorod.checks.reactions import support_forces
 from isorod.dynamics.explicit.step_kernel import FOLLOWED, PUSHED, activation
 from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError, SolveError
+from isorod.model.model import Model
 
 # The balance of energy must hold to this share of the work done.
 IMBALANCE = 0.05
@@ -75,8 +76,6 @@ class Run(ABC):
         self._momentum = np.zeros(3)
         # Only functions that add up to one take part in the virtual work of a translation.
         self._carried = system.model.is_carrier.repeat(3).astype(float)
-        # The resultant of the loads.
-        self._loaded = (self._carried * system.model.external).reshape(-1, 3).sum(axis=0)
         own = np.zeros(2)
         for share in system.ranks.shares:
             body, table = share.body, share.body.space.tabulate(share.first, share.last)
@@ -202,7 +201,6 @@ class Run(ABC):
         """
         energy, normal, area, deepest, *_ = contact
         displacement = self.system.state.displacement[self.system.order]
-        moved = displacement - self.rows.get("displacement", [displacement])[0]
         return {
             "times": self.time,
             "displacement": displacement,
@@ -219,7 +217,7 @@ class Run(ABC):
             "pressure": np.empty(0),
             "solid_displacement": np.empty(0),
             "solid_velocity": np.empty(0),
-            "load_work": float(self.system.model.external @ moved + self.system.state.sums[FOLLOWED]),
+            "load_work": float(self.system.state.sums[FOLLOWED]),
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
@@ -251,7 +249,7 @@ class Run(ABC):
         state = self.system.state
         impulses = np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:FOLLOWED]).sum()
         moving = np.abs(self._moving(state.velocity)).sum()
-        return float(moving + impulses + self.time * np.abs(self._loaded).sum())
+        return float(moving + impulses)
 
     def _by_support(self, held: Array) -> Array:
         """Return the sums of what belongs to the held degrees of freedom, shape ``(supports, 3)``."""
@@ -266,7 +264,7 @@ class Run(ABC):
         state = self.system.state
         moved = state.displacement - self.lag * self.step * state.velocity
         moving = self._moving(state.velocity + self.settings.damping * moved)
-        given = self._by_support(state.impulse).sum(axis=0) + state.sums[PUSHED:FOLLOWED] + self.time * self._loaded
+        given = self._by_support(state.impulse).sum(axis=0) + state.sums[PUSHED:FOLLOWED]
         return moving.reshape(-1, 3).sum(axis=0) - given
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
@@ -276,7 +274,7 @@ class Run(ABC):
         digest.update(system.digest().encode())
         mixed = [body for body in system.model.bodies if body.formulation == "mixed"]
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
-        digest.update(repr((system.model.following, system.model.ties)).encode())
+        digest.update(repr((system.model.loads, system.model.ties, _clocks(system.model))).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
             *([law.lame for law in body.laws] for body in mixed),
@@ -367,3 +365,9 @@ class Run(ABC):
 def total(seen: dict[str, Any]) -> float:
     """Return the energy of an output, all kinds together."""
     return float(seen["kinetic"] + seen["stored"] + seen["contact_energy"])
+
+
+def _clocks(model: Model) -> list[object]:
+    """Return how supports move by time."""
+    moved = [(one.turn.tolist(), one.path[-1].tolist(), one.clock) for one in model.motions if one.clock.moves]
+    return [*moved, *((one.values.tolist(), one.clock) for one in model.means.values() if one.clock.moves)]

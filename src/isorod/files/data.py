@@ -12,6 +12,7 @@ from isorod.errors import InputError
 from isorod.files import values, wires
 from isorod.files.document import Place
 from isorod.geometry import table
+from isorod.model.history import TimeTable
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -91,7 +92,28 @@ POINTS = values.Kind(points, "points in lists, or the name of a file beside this
 BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 
 
+def _history(place: Place, value: Any) -> TimeTable:
+    """Return a factor by time, of rows or the name of a CSV file of such beside the scene's."""
+    rows = values.value_of(place, value, Numbers)
+    if isinstance(value, str):
+        rows = _table(place, value, place.data(value))[1]
+        if rows.shape[1] != 2:
+            raise place.error(f"{value}: {rows.shape[1]} numbers a line, need time and factor")
+    with place.locating():
+        return TimeTable.of(rows)
+
+
+HISTORY = values.Kind(_history, "rows [time, factor] in a list, or the name of a file beside this one")
+
+
 def _csv(place: Place, name: str, content: bytes) -> Points:
+    columns, found = _table(place, name, content)
+    names = [word.strip("\"'").lower() for word in columns]
+    return _named(place, name, found, names) if names else _counted(place, name, found)
+
+
+def _table(place: Place, name: str, content: bytes) -> tuple[list[str], Array]:
+    """Return the words of a first line of names, and the numbers of a CSV file."""
     try:
         columns, rows = table.read(content)
     except UnicodeDecodeError as problem:
@@ -106,9 +128,7 @@ def _csv(place: Place, name: str, content: bytes) -> Points:
             )
     if not rows:
         raise place.error(f"{name}: no points are in it")
-    found = np.array([row.values for row in rows])
-    names = [word.strip("\"'").lower() for word in columns]
-    return _named(place, name, found, names) if names else _counted(place, name, found)
+    return columns, np.array([row.values for row in rows])
 
 
 def _counted(place: Place, name: str, rows: Array) -> Points:

@@ -130,6 +130,8 @@ class FileScene(Scene):
         self._gravity = None
         if "gravity" in self.content:
             self._gravity = call(top / "gravity", schema.GRAVITY, (top / "gravity").table(self.content["gravity"]))
+            if self._gravity.arguments.get("history") is not None and self._names.solids:
+                raise (top / "gravity" / "history").error("finite element bodies know no history; leave it out")
             for plan in self._names.solids.values():
                 plan.gravity = self._gravity.arguments["acceleration"]
         self._names.check(top)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from isorod.files.angles import ANGLES, DEGREES, RADIANS
-from isorod.files.data import BOND, POINTS, VARYING
+from isorod.files.data import BOND, HISTORY, POINTS, VARYING
 from isorod.files.document import Place
 from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several, table
 from isorod.files.material import BULK, CONSTANTS, FIBRE
@@ -77,7 +77,8 @@ SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
 
 def _on_rod(target: str, main: str | None = None) -> Form:
-    return Form(target, main, kinds={"body": ROD}, keys={"body": "rod", "which": "end", "at": "place"}, left=("space",))
+    kinds, keys = {"body": ROD, "history": HISTORY}, {"body": "rod", "which": "end", "at": "place"}
+    return Form(target, main, kinds=kinds, keys=keys, left=("space",))
 
 
 def _support(target: str) -> Form:
@@ -113,7 +114,7 @@ def _on_group(name: str, **more: Any) -> Form:
 SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS, "geometry": GEOMETRY})
 HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
-GRAVITY = Form("isorod.model.load:Weight", left=("of", "body"))
+GRAVITY = Form("isorod.model.load:Weight", kinds={"history": HISTORY}, left=("of", "body"))
 SPIN = Form("isorod.model.load:Spin")
 MOTION = Form("isorod.model.moving:ObstacleMotion", kinds={"angle": ANGLES})
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from isorod.arrays import Numbers
 from isorod.errors import InputError
 from isorod.model.mean import MeanSupport
 from isorod.model.support import Support
@@ -20,6 +21,8 @@ def end(
     during: tuple[float, float] = (0.0, 1.0),
     mean: str = "",
     axis: tuple[float, float, float] | None = None,
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    history: Numbers | None = None,
 ) -> Support | MeanSupport:
     """Return a support of the whole `"start"` or `"end"` face: every node is held, or their mean alone.
 
@@ -42,9 +45,16 @@ def end(
         The face stays free to deform, and what is held is its mean displacement, in the `components`, and of `"fixed"`
         its mean rotation, of a `"hinge"` that but about its `axis`, of a `"fork"` that about the normal alone, of a
         `"pin"` none.
+    spin
+        Angular velocity about the `center` in motions, radians per time.
+    history
+        In motions the factor by time of displacement, rotation or spin: rows of time and factor, straight between them,
+        or the name of a CSV file of such beside this one; the last value from there on.
     """
     if not mean and axis is None:
-        return Support.end(space, which, components, displacement, body, turn, center, tied, during)
-    if np.any(turn) or center is not None or tied or tuple(during) != (0.0, 1.0):
-        raise InputError("mean: a face held in the mean does not turn; leave out rotation, center, tied and during")
-    return MeanSupport.end(space, which, mean, components, displacement, axis, body)
+        return Support.end(space, which, components, displacement, body, turn, center, tied, during, spin, history)
+    if np.any(turn) or np.any(spin) or center is not None or tied or tuple(during) != (0.0, 1.0):
+        raise InputError(
+            "mean: a face held in the mean does not turn; leave out rotation, spin, center, tied and during"
+        )
+    return MeanSupport.end(space, which, mean, components, displacement, axis, body, history)

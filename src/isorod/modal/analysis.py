@@ -17,7 +17,7 @@ from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
-from isorod.model.model import Model
+from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
@@ -72,7 +72,7 @@ def solve(
         If the equilibrium is not found, SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
         mode was missed.
     """
-    expect("model", model, Model)
+    unmoved(model, "modal analysis")
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
     expect("load steps", load_steps, int)

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, representable
+from isorod.errors import Checked, InputError, finite, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.places import Places
+from isorod.model.history import rigid_velocity
 from isorod.space.space import CHOICES, Space, Table
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ class Body(Checked):
         mixed in all else if all laws have a Poisson's ratio of 0.49 or more, with fibres of 0.499, or one of 0.5 and
         all a positive one.
 
+    velocity, spin, spin_center
+        Of motions at the start, as of a rigid body: velocity of a point, ``(3,)``, angular velocity, radians per time,
+        and the point, the centre of mass where it is not given.
+
     Attributes
     ----------
     chosen
@@ -75,6 +80,9 @@ class Body(Checked):
     material: Material | Sequence[Material] | Sequence[Sequence[Material]]
     density: float | Sequence[float] | Sequence[Sequence[float]] = 0.0
     formulation: str | None = None
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin_center: tuple[float, float, float] | None = None
     chosen: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,6 +96,11 @@ class Body(Checked):
         bad = ~(np.isfinite(self.densities) & (self.densities >= 0.0))
         if bad.any():
             raise InputError(f"density: got {self.densities[bad][0]:g}, need a finite mass per volume, not negative")
+        for name in ("velocity", "spin", "spin_center"):
+            given = getattr(self, name)
+            finite(name, () if given is None else given, "finite components")
+        if self.spin_center is not None and not any(self.spin):
+            raise InputError("spin_center: the body does not turn; give its spin")
         for value in np.unique(self.densities[self.densities > 0.0]):
             representable("density", float(value))
         if self._on_places(self.material) is None:
@@ -108,6 +121,22 @@ class Body(Checked):
                     "that takes formulation 'mixed'"
                 )
         self._warn_of_smooth_joints()
+
+    @cached_property
+    def initial_velocity(self) -> Array:
+        """The velocity of the nodes at the start of a motion, shape ``(nodes, 3)``."""
+        space, center = self.space, self.spin_center
+        if center is None and any(self.spin):
+            masses = self.masses(space)
+            center = tuple(masses @ space.positions / masses[space.is_carrier].sum())
+        return rigid_velocity(space.positions, space.is_carrier, self.velocity, self.spin, center or (0.0, 0.0, 0.0))
+
+    def masses(self, space: Space) -> Array:
+        """Return the integrals of density times the functions of a space on its rod, shape ``(nodes,)``."""
+        table = space.tabulate(0, space.axis.elements)
+        weights = self.densities_at(table) * table.weights
+        found = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
+        return np.bincount(space.element_nodes.ravel(), found.ravel(), space.nodes)
 
     @property
     def _rings(self) -> int:

@@ -5,10 +5,11 @@ from typing import Protocol
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.errors import Checked, InputError, finite
 from isorod.geometry.quadrature import axis_points, circle_points
 from isorod.model.body import Body
+from isorod.model.history import InTime, TimeTable
 from isorod.space.space import Space
 from isorod.space.trace import Trace, section_trace
 
@@ -23,12 +24,19 @@ class Load(Protocol):
     def body(self) -> int:
         """Index of the body in the model."""
 
+    @property
+    def history(self) -> "TimeTable | Numbers | None":
+        """The factor by time (`isorod.model.history.InTime`)."""
+
+    def factor(self, begin: float, end: float) -> float:
+        """Return the mean of that over a time, or its value at one."""
+
     def nodal(self, space: Space) -> Array:
         """Return the consistent nodal forces at load factor 1, shape ``(nodes, 3)``."""
 
 
 @dataclass(frozen=True)
-class SectionLoad(Checked):
+class SectionLoad(InTime):
     """Force and moment spread over a cross-section: ``t = force / A + w x r``, of reference areas.
 
     ``r`` is the place from the section's middle and ``J w = moment``, ``J = int (r.r 1 - r r^T) dA``: a distributing
@@ -80,6 +88,7 @@ class SectionLoad(Checked):
         force: tuple[float, float, float] | None = None,
         body: int = 0,
         moment: tuple[float, float, float] | None = None,
+        history: Numbers | None = None,
     ) -> "SectionLoad":
         """Return a load on the whole ``"start"`` or ``"end"`` face.
 
@@ -96,13 +105,15 @@ class SectionLoad(Checked):
         moment
             Total moment at load factor 1 about the middle of the face, force times length, shape ``(3,)``: the same in
             space however the face turns, spread as bending and torsion have it (`SectionLoad`).
+        history
+            In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
         Raises
         ------
         InputError
             If there is neither, or the end is none.
         """
-        return cls(force, float(space.axis.breaks[space.end(which)]), body, space, moment)
+        return cls(force, float(space.axis.breaks[space.end(which)]), body, space, moment, history=history)
 
     @property
     def turns(self) -> bool:
@@ -138,7 +149,7 @@ class SectionLoad(Checked):
 
 
 @dataclass(frozen=True)
-class Pressure(Checked):
+class Pressure(InTime):
     """A uniform pressure on the lateral surface, along its normal: ``f_jl = -p int S_l R_j n dA``.
 
     Parameters
@@ -199,7 +210,7 @@ class Pressure(Checked):
 
 
 @dataclass(frozen=True)
-class BodyForce(Checked):
+class BodyForce(InTime):
     """A uniform force per reference volume, such as weight ``density * gravity``: ``f_jl = density int S_l R_j dV``.
 
     Parameters
@@ -226,7 +237,7 @@ class BodyForce(Checked):
 
 
 @dataclass(frozen=True)
-class LineLoad(Checked):
+class LineLoad(InTime):
     """A force per length of the centre line at rest, uniform over each section: ``f_jl = q int R_j dA / A ds``.
 
     Parameters
@@ -260,7 +271,7 @@ class LineLoad(Checked):
 
 
 @dataclass(frozen=True)
-class PointLoad(Checked):
+class PointLoad(InTime):
     """A force at a place of the lateral surface: what the functions there make of it, ``f_jl = R_j S_l force``.
 
     The space smears it over about an arc between control points and an element; under a point force displacement and
@@ -317,7 +328,7 @@ class PointLoad(Checked):
 
 
 @dataclass(frozen=True)
-class Weight(Checked):
+class Weight(InTime):
     """The weight of a body: its densities, by place if it has several, times an acceleration.
 
     Parameters
@@ -342,11 +353,7 @@ class Weight(Checked):
 
     def nodal(self, space: Space) -> Array:
         """Return the nodal forces, shape ``(nodes, 3)``."""
-        table = space.tabulate(0, space.axis.elements)
-        weights = self.of.densities_at(table) * table.weights
-        masses = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
-        total = np.bincount(space.element_nodes.ravel(), masses.ravel(), space.nodes)
-        return total[:, None] * np.array(self.acceleration)
+        return self.of.masses(space)[:, None] * np.array(self.acceleration)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from isorod.arrays import Array, Index
-from isorod.errors import Checked, InputError, finite
+from isorod.arrays import Array, Index, Numbers
+from isorod.errors import InputError, finite
+from isorod.model.history import Clock, InTime, clock_of
 from isorod.model.motion import SupportMotion
 from isorod.space.space import Space
 from isorod.space.trace import Trace, ring_trace, section_trace
@@ -22,7 +23,7 @@ MEANS = ("pin", "fork", "hinge", "fixed")
 
 
 @dataclass(frozen=True, eq=False)
-class MeanSupport(Checked):
+class MeanSupport(InTime):
     """A support of mean motions of a section.
 
     Attributes
@@ -56,6 +57,21 @@ class MeanSupport(Checked):
     free: bool = False
     space: Space | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        table = self.clock.table
+        if table is None:
+            return
+        if not np.any(self.displacement):
+            raise InputError("history: the support does not move; give it a displacement")
+        if table.jumps or table.at(0.0) != 0.0:
+            raise InputError("history: a mean motion starts at factor 0 and does not jump; let it begin with [0, 0]")
+
+    @property
+    def clock(self) -> Clock:
+        """By what factor it has moved at a time."""
+        return clock_of(self.history)
+
     @classmethod
     def section(
         cls,
@@ -66,6 +82,7 @@ class MeanSupport(Checked):
         displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
         axis: tuple[float, float, float] | None = None,
         body: int = 0,
+        history: Numbers | None = None,
     ) -> "MeanSupport":
         """Return a support of the mean motion of a cross-section, which stays free to deform.
 
@@ -82,6 +99,9 @@ class MeanSupport(Checked):
             Of the mean at load factor 1, shape ``(3,)``, units of length.
         body
             Index of the body in the model.
+        history
+            In motions the factor by time of the displacement, rows of time and factor
+            (`isorod.model.history.InTime`).
 
         Raises
         ------
@@ -110,7 +130,7 @@ class MeanSupport(Checked):
         section_trace(space, u)
         if not len(ways) and not len(axes):
             raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
-        return cls(u, ways, axes, displacement, None, body, space=space)
+        return cls(u, ways, axes, displacement, None, body, space=space, history=history)
 
     @classmethod
     def end(
@@ -122,10 +142,11 @@ class MeanSupport(Checked):
         displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
         axis: tuple[float, float, float] | None = None,
         body: int = 0,
+        history: Numbers | None = None,
     ) -> "MeanSupport":
         """Return a support of the mean motion of the ``"start"`` or ``"end"`` face (`section`)."""
         u = float(space.axis.breaks[space.end(which)])
-        return cls.section(space, u, mean, components, displacement, axis, body)
+        return cls.section(space, u, mean, components, displacement, axis, body, history)
 
     @classmethod
     def bearing(cls, space: Space, u: float, body: int = 0) -> "MeanSupport":

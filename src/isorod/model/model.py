@@ -1,7 +1,7 @@
 """Models: bodies, supports, loads and contact definitions, the input of every analysis."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.errors import Checked, InputError
+from isorod.errors import Checked, InputError, expect
 from isorod.model.body import Body
 from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
@@ -201,6 +201,39 @@ class Model(Checked):
             result[motion.dofs] = motion.at(factor)
         return result
 
+    @property
+    def moves(self) -> bool:
+        """Whether supports move by time."""
+        return any(motion.clock.moves for motion in self.motions) or any(one.clock.moves for one in self.means.values())
+
+    def placed(self, time: float) -> Array:
+        """Return what supports add to the unknowns of a motion at a time, shape ``(dofs,)``."""
+        return self._by_motion(lambda one: one.at(one.clock.at(time)))
+
+    def rates(self, time: float, before: bool = False) -> Array:
+        """Return how fast supports move what they hold after a time, or ``before``, shape ``(dofs,)``."""
+        return self._by_motion(lambda one: one.velocity(time, before))
+
+    def accelerations(self, time: float) -> Array:
+        """Return how fast these grow, shape ``(dofs,)``."""
+        return self._by_motion(lambda one: one.acceleration(time))
+
+    def _by_motion(self, found: "Callable[[SupportMotion], Array]") -> Array:
+        result = np.zeros(self.dofs)
+        for motion in self.motions:
+            result[motion.dofs] = found(motion)
+        return result
+
+    def loaded(self, begin: float, end: float) -> Array:
+        """Return the means over a time of nodal forces that depend on no state, or those at it, shape ``(dofs,)``."""
+        if all(load.history is None for load in self.loads):
+            return self.external
+        return np.asarray(sum(factor(begin, end) * forces for factor, forces in self._external_by_load))
+
+    @cached_property
+    def _external_by_load(self) -> "list[tuple[Callable[[float, float], float], Array]]":
+        return [(load.factor, replace(self, loads=[load]).external) for load in self.loads]
+
     @cached_property
     def driven(self) -> Array:
         """How fast supports move what they bind as they come to rest (`SupportMotion.driven`), shape ``(dofs,)``."""
@@ -295,3 +328,17 @@ class Model(Checked):
     def nodal(self, displacement: Array, body: int = 0) -> Array:
         """Return one body's part ``(nodes, 3)`` of a vector of all degrees of freedom."""
         return displacement.reshape(-1, 3)[self.first_node[body] : self.first_node[body + 1]]
+
+
+def unmoved(model: Model, what: str) -> None:
+    """Raise `InputError` for what is no model, or has what moves by time, which ``what`` has none of."""
+    expect("model", model, Model)
+    for kind, several in (("support", model.supports), ("load", model.loads)):
+        for k, one in enumerate(several):
+            if one.history is not None:
+                raise InputError(f"{kind} {k}: history: there is no time in {what}; leave it out, or ask for dynamics")
+            if np.any(getattr(one, "spin", 0.0)):
+                raise InputError(f"{kind} {k}: spin: supports spin in dynamics; in {what} the frame does, with [spin]")
+    for b, body in enumerate(model.bodies):
+        if any(body.velocity) or any(body.spin):
+            raise InputError(f"body {b}: velocity: there is no motion in {what}; leave velocity and spin out")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
+from isorod.model.history import Clock
 from isorod.tensors import cross, rotation, turning
 
 
@@ -15,7 +16,7 @@ class SupportMotion(NamedTuple):
     At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
     ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
     more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
-    ``0, 1/s, ..., 1``, straight between them.
+    ``0, 1/s, ..., 1``, straight between them.  In motions ``f`` is what the ``clock`` says, which is for one leg.
     """
 
     dofs: Index
@@ -24,6 +25,7 @@ class SupportMotion(NamedTuple):
     turn: Array
     tied: NDArray[np.bool_]
     during: tuple[float, float] = (0.0, 1.0)
+    clock: Clock = Clock()
 
     def driven(self) -> Array:
         """Return how fast, a share of the way, displacements are prescribed at the end of it, shape ``(m,)``.
@@ -48,3 +50,19 @@ class SupportMotion(NamedTuple):
             rows = turning(factor * self.turn)[self.dofs % 3]
             result = result + np.einsum("ma,ma->m", rows, self.arms)
         return result
+
+    def velocity(self, time: float, before: bool = False) -> Array:
+        """Return how fast displacements are after a time, or ``before``, shape ``(m,)``."""
+        rate = self.clock.rate(time, before)
+        return rate * self.path[-1] + self._turning(time, rate * cross(self.turn))
+
+    def acceleration(self, time: float) -> Array:
+        """Return how fast these grow, shape ``(m,)``."""
+        rate, grows = 0.5 * (self.clock.rate(time, False) + self.clock.rate(time, True)), self.clock.acceleration(time)
+        spin = cross(self.turn)
+        return grows * self.path[-1] + self._turning(time, grows * spin + rate**2 * spin @ spin)
+
+    def _turning(self, time: float, spin: Array) -> Array:
+        """Return a matrix ``(3, 3)`` times the arms as they are at a time."""
+        rows = (spin @ rotation(self.clock.at(time) * self.turn))[self.dofs % 3]
+        return np.asarray(np.einsum("ma,ma->m", rows, self.arms))

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index, Numbers
-from isorod.errors import Checked, InputError
+from isorod.errors import InputError
+from isorod.model.history import InTime, TimeTable, clock_of
 from isorod.model.motion import SupportMotion
 from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
 
 
 @dataclass(frozen=True, eq=False)
-class Support(Checked):
+class Support(InTime):
     """Prescribed displacements of nodes.
 
     Parameters
@@ -44,6 +45,9 @@ class Support(Checked):
     waypoints
         Displacements at ``f`` = 1/s, 2/s, ..., (s - 1)/s, shape ``(s - 1, m, 3)``, between which the nodes move
         straight; the whole of ``displacement`` is one straight line where not given.
+    spin
+        Angular velocity in motions, radians per time, ``(3,)``, in the place of ``displacement`` and ``turn``: nodes
+        turn about the centre of the ``arms`` all the time, as fast as the ``history`` says, if there is one.
     """
 
     nodes: Index
@@ -56,6 +60,19 @@ class Support(Checked):
     space: Space | None = field(default=None, repr=False)
     during: tuple[float, float] = (0.0, 1.0)
     waypoints: Numbers | None = field(default=None, repr=False)
+    spin: Numbers = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        spins, moves = np.any(self.spin), np.any(self.displacement) or np.any(self.turn)
+        if spins and moves:
+            raise InputError("spin: the support has a displacement or a rotation too; give one of them")
+        if self.history is not None and not (spins or moves):
+            raise InputError("history: the support does not move; give it a displacement, a rotation or a spin")
+        if (self.history is not None or spins) and (tuple(self.during) != (0.0, 1.0) or self.waypoints is not None):
+            raise InputError("during: what moves by time has no load factors; leave it out")
+        if not spins and isinstance(self.history, TimeTable) and self.history.jumps:
+            raise InputError("history: a support cannot jump from one place to another; give times that rise")
 
     @classmethod
     def end(
@@ -69,6 +86,8 @@ class Support(Checked):
         center: tuple[float, float, float] | None = None,
         tied: str = "",
         during: tuple[float, float] = (0.0, 1.0),
+        spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        history: Numbers | None = None,
     ) -> "Support":
         """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
 
@@ -96,6 +115,11 @@ class Support(Checked):
             The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
         during
             Load factors between which it moves (`Support`).
+        spin
+            Angular velocity about the ``center`` in motions, radians per time, ``(3,)``.
+        history
+            In motions the factor by time of displacement, turn or spin, rows of time and factor
+            (`isorod.model.history.InTime`).
 
         Raises
         ------
@@ -103,8 +127,8 @@ class Support(Checked):
             If the rod is closed, or the end is none.
         """
         nodes = np.arange(space.nodes).reshape(space.layers, -1)[space.end(which)]
-        rest = {"components": components, "body": body, "tied": tied, "during": during}
-        return cls._rigid(nodes, space, displacement, turn, center, **rest)
+        rest = {"components": components, "body": body, "tied": tied, "during": during, "spin": spin}
+        return cls._rigid(nodes, space, displacement, turn, center, history=history, **rest)
 
     @classmethod
     def patch(
@@ -119,6 +143,8 @@ class Support(Checked):
         center: tuple[float, float, float] | None = None,
         tied: str = "",
         during: tuple[float, float] = (0.0, 1.0),
+        spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        history: Numbers | None = None,
     ) -> "Support":
         """Return a support of a patch of the lateral surface: every node whose function acts there is held.
 
@@ -132,7 +158,7 @@ class Support(Checked):
             of the disk, which are those of the section's first axis if that is a circle.
         along
             Lengths along the centre line, from the start, the first below the second.
-        components, tied, displacement, body, turn, center, during
+        components, tied, displacement, body, turn, center, during, spin, history
             As for `end`.
 
         Raises
@@ -141,8 +167,8 @@ class Support(Checked):
             If an angle or a length is out of range, or the section functions have no control points on the surface.
         """
         nodes = patch_nodes(space, around, along)
-        rest = {"components": components, "body": body, "tied": tied, "during": during}
-        return cls._rigid(nodes, space, displacement, turn, center, **rest)
+        rest = {"components": components, "body": body, "tied": tied, "during": during, "spin": spin}
+        return cls._rigid(nodes, space, displacement, turn, center, history=history, **rest)
 
     @classmethod
     def _rigid(
@@ -151,7 +177,7 @@ class Support(Checked):
         """Return a support of nodes that move as a rigid body does; ``rest`` are its other fields."""
         is_carrier = space.is_carrier[nodes, None]
         arms = None
-        if np.any(turn):
+        if np.any(turn) or np.any(rest["spin"]):
             arms = space.positions[nodes]
             middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
             arms = arms - is_carrier * middle
@@ -189,11 +215,15 @@ class Support(Checked):
         if turn.shape != (3,) or not np.isfinite(turn).all():
             raise InputError(f"got turn {turn.tolist()}, need three finite components in radians")
         during = self._period()
+        spin = np.asarray(self.spin, dtype=float)
+        if spin.shape != (3,) or not np.isfinite(spin).all():
+            raise InputError(f"got spin {spin.tolist()}, need three finite components in radians per time")
         dofs = 3 * (first_node + nodes)[:, None] + columns
+        clock = clock_of(self.history, bool(spin.any()))
         arms = self._turned(space, nodes, tied)
         path = self._path(rates, columns)
         path = np.where(tied, 0.0, path).reshape(len(path), -1)
-        return SupportMotion(dofs.ravel(), path, arms.reshape(-1, 3), turn, tied.ravel(), during)
+        return SupportMotion(dofs.ravel(), path, arms.reshape(-1, 3), turn + spin, tied.ravel(), during, clock)
 
     def _path(self, last: Array, columns: Index) -> Array:
         """Return the displacements of all components at equal shares of the way, none at first, ``(s + 1, m, c)``."""
@@ -220,3 +250,10 @@ class Support(Checked):
         if tied.any():
             result[tied] -= arms[np.argmax(space.is_carrier[nodes])]
         return result
+
+
+def center_of(space: Space, support: Support) -> Array:
+    """Return the point about which a support turns, shape ``(3,)``."""
+    nodes = np.asarray(support.nodes)
+    k = int(np.argmax(space.is_carrier[nodes]))
+    return np.asarray(space.positions[nodes[k]] - np.asarray(support.arms)[k])

@@ -15,8 +15,8 @@ from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_name, carried, check_balance, check_means, support_displacements
 from isorod.checks.tie_result import TieResult, at_load
 from isorod.checks.turning import refuse_small
-from isorod.errors import expect, whole_number
-from isorod.model.model import Model
+from isorod.errors import whole_number
+from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
 from isorod.output.solids import WithSolids
 from isorod.output.state import Animated, Deformation, State
@@ -314,7 +314,7 @@ def solve(
         ``det F``, or the bodies; or penetration does not fall to what the contact asks for; or no stable equilibrium is
         found.
     """
-    expect("model", model, Model)
+    unmoved(model, "statics")
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
         return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)

@@ -5,14 +5,15 @@ CMAME 190 (2000) 1763-1783),
 
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = p,
 
-where the loads ``p`` are constant, but pressures that follow a surface, which are as in the middle of the step, and the
+where the loads ``p`` are their means over the step, whatever their history, pressures that follow a surface as in the
+middle of the step, and the
 internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
 (`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
 are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact has its forces at
 the mean of both states: they keep both momenta, and the energy to second order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,6 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.averages import forces_of
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.exerted import carried
 from isorod.assembly.gradients import add_stress
@@ -29,6 +29,7 @@ from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
 from isorod.dynamics.implicit.contraction import element_matrices
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -97,6 +98,8 @@ class StepAssembler(Assembler):
         Sum of the norms of inertial, internal and external forces at the last residual.
     rounding
         What rounding makes of the residual.
+    moved
+        What supports move during the step, of all degrees of freedom: where these go if no unknown does anything.
     pressure
         All coefficients of the pressures of mixed bodies in the middle of the last step, force per area, ``(p,)``.
     """
@@ -111,6 +114,7 @@ class StepAssembler(Assembler):
         self.pressure = np.empty(0)
         self._rates = 0.0, 0.0
         self._velocity = self._start = np.zeros(self._exchange.size)
+        self.moved = np.zeros(model.dofs if self.coupling is None else self.coupling.constraints.held.size)
 
     def _part(self, share: Share) -> Part:
         return StepPart(share, self._exchange)
@@ -135,8 +139,22 @@ class StepAssembler(Assembler):
         self.built.append("contact")
         return MidpointContact(self.model, self.comm)
 
-    def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
-        """Set the state a step starts from (all degrees of freedom), its length and the damping."""
+    def at(self, begin: float, end: float) -> None:
+        """Let loads be their means over a time, or what they are at it."""
+        if self.model.loads:
+            self._external = self._once(self.model.loaded(begin, end))
+        for pressing in self._pressing:
+            pressing.at(begin, end)
+
+    def begin(
+        self, step: float, damping: float, displacement: Array, velocity: Array, moved: Array | None = None
+    ) -> None:
+        """Set the state a step starts from (all degrees of freedom), its length, the damping, and what supports move.
+
+        Of what is held the velocity is that with which ``2 (moved / step - velocity)`` is its change.
+        """
+        self.moved = np.zeros_like(displacement) if moved is None else moved
+        self._prescribed = None
         self._velocity, self._start = self.local(velocity), self.local(displacement)
         self._rates = 2.0 / step**2 + damping / step, 2.0 / step
         self.rounding = 0.0
@@ -146,12 +164,16 @@ class StepAssembler(Assembler):
             part.begin(self._start)
             part.inertia = self._rates[0]
         if self.coupling is not None:
-            self.coupling.begin(step, damping, displacement, velocity)
+            self.coupling.begin(step, damping, displacement, velocity, self.moved)
         if self.contact is not None:
             self.contact.start = self.met(displacement)
 
+    def prescribed(self, factor: float) -> Array:
+        """Return what supports move during the step, and masters of ties their slaves, ``(dofs,)``."""
+        return self.moved[: self.model.dofs].copy()
+
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
-        # Supports stay where they are: their displacements do not change.
+        # What activation is has no part in what supports do.
         return super()._state(x, 0.0)
 
     def _forces(self, local: Array, factor: float) -> Array:
@@ -180,11 +202,11 @@ class StepAssembler(Assembler):
         whole = part.padded_matrices(self._pressing[k].derivatives(part.nodal(self._middle(local))))
         return -0.5 * whole[which].reshape(which.size, *[part.dofs.shape[1]] * 2)
 
-    def following(self, displacement: Array) -> Array:
-        """Return the forces of pressures that follow, both of all degrees of freedom, on every rank."""
-        if not self.model.following:
+    def loads(self, displacement: Array) -> Array:
+        """Return the forces of the loads in a state, both of all degrees of freedom of rods, on every rank."""
+        if not self.model.loads:
             return np.zeros(self.model.dofs)
-        return self.everywhere(self._loads(self.local(displacement)) - self._external)
+        return self.everywhere(self._loads(self.local(displacement)))
 
     def _momenta(self, velocity: Array) -> Array:
         return self._sums(part.masses(velocity) for part in self.parts)
@@ -192,7 +214,9 @@ class StepAssembler(Assembler):
     def change(self, x: PETSc.Vec) -> Array:
         """Return unknowns as a change of all degrees of freedom: supports move none."""
         rods: Array = self.shapes(self.all_unknowns(x)[None])[0]
-        return rods if self.coupling is None else np.append(rods, self.coupling.everywhere(self.solids(x, 0.0)))
+        if self.coupling is None:
+            return rods
+        return np.append(rods, self.coupling.everywhere(self.solids(x, 0.0)) - self.moved[rods.size :])
 
     def guess(self, change: Array) -> PETSc.Vec:
         """Return the unknowns from which a step's iterations begin, given a change of all degrees of freedom."""
@@ -219,13 +243,17 @@ class StepAssembler(Assembler):
         """Return forces on all degrees of freedom with those on slaves of ties on their masters."""
         return forces if self.coupling is None else self.coupling.passed_on(forces)
 
-    def tied(self, displacement: Array) -> Array:
-        """Return a displacement of all degrees of freedom, or a velocity, whose slaves of ties move as they must."""
+    def tied(self, displacement: Array, given: Callable[[MeanSupport], float] = lambda one: 0.0) -> Array:
+        """Return a displacement of all degrees of freedom, or a velocity, whose slaves of ties move as they must.
+
+        ``given`` says by what factor, or at what rate, mean motions are displaced.
+        """
         if self.coupling is None:
             return displacement
-        result = displacement.copy()
-        slaves = self.coupling.constraints.slaves
-        result[slaves] = self.coupling.constraints.rows @ displacement
+        result, constraints = displacement.copy(), self.coupling.constraints
+        means = (self.model.means[k] for k in constraints.held_means)
+        values = np.concatenate([np.empty(0), *(given(one) * one.values for one in means)])
+        result[constraints.slaves] = constraints.rows @ displacement + constraints.offsets @ values
         return result
 
     def bonded(self, displacement: Array) -> tuple[Array | float, float]:
@@ -237,14 +265,13 @@ class StepAssembler(Assembler):
         assert self.coupling is not None
         return self.coupling.passed_on(self.system_forces(x, factor))
 
-    def averages(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return the forces of supports of mean motions during a step, ``(supports, 3)``."""
+    def averages(self, x: PETSc.Vec, factor: float) -> dict[int, Array]:
+        """Return what supports of mean motions exert during a step (`isorod.assembly.exerted.carried`)."""
         if not self.model.means:
-            return np.zeros((1, 3))
+            return {}
         assert self.coupling is not None
         middle = self.coupling.middle(self.system_displacement(x, factor))
-        found = carried(self.coupling.constraints, self.system_forces(x, factor), middle)
-        return forces_of(self.model, found)
+        return carried(self.coupling.constraints, self.system_forces(x, factor), middle)
 
     def met(self, everywhere: Array) -> Array:
         """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""

@@ -38,17 +38,17 @@ class StepCoupling(Coupling):
         super().__init__(model, comm, unknown_of, rows, unknowns)
         self.steps = _steps(model.solids)
         self.amount = 0.0
-        self._start = np.zeros(self.constraints.held.size)
+        self._start = self._moved = np.zeros(self.constraints.held.size)
 
-    def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
-        """Set the state a step starts from (all degrees of freedom), its length and the damping."""
-        self._start = displacement
+    def begin(self, step: float, damping: float, displacement: Array, velocity: Array, moved: Array) -> None:
+        """Set the state a step starts from (all degrees of freedom), its length, the damping, what supports move."""
+        self._start, self._moved = displacement, moved
         for one, own in zip(self.steps, self.own_dofs, strict=True):
             one.begin(step, damping, displacement[own], velocity[own])
 
     def given(self, factor: float) -> Array:
-        """Return what all degrees of freedom change by where no unknown does: supports stay where they are."""
-        return np.zeros(self._start.size)
+        """Return what all degrees of freedom change by where no unknown does."""
+        return self._moved.copy()
 
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the inertial and internal less the external forces of each solid's degrees of freedom here."""

@@ -52,7 +52,9 @@ class Inertia:
         """Return the state nearest to one from which steps may begin: itself, with what ties make of it."""
         return self.assembler.tied(displacement), self.assembler.tied(velocity)
 
-    def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+    def settle(
+        self, balance: Array, displacement: Array, velocity: Array, driven: Array, step: float
+    ) -> tuple[Array, Array]:
         """Return the forces that supports and ties exert, shape ``(dofs,)``, and all pressures.
 
         Parameters
@@ -61,7 +63,10 @@ class Inertia:
             Internal forces but for those of pressures, less external ones, shape ``(dofs,)``.
         displacement, velocity, step
             The state, and the time step.
+        driven
+            Accelerations that supports prescribe, ``(dofs,)``.
         """
+        balance = balance + self.assembler.momenta(driven)
         solution = self.assembler.vector()
         self._ksp.solve(self.assembler.onto_unknowns(balance), solution)
         held = balance - self.assembler.momenta(self.assembler.change(solution))
@@ -139,11 +144,17 @@ class MixedInertia(Inertia):
         grown = self._sums(lambda part, sums: part.add_rates(local, moving, sums), lambda part: part.rigid)
         return displacement, velocity + lost(displacement, grown)
 
-    def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+    def settle(
+        self, balance: Array, displacement: Array, velocity: Array, driven: Array, step: float
+    ) -> tuple[Array, Array]:
         """Return the forces that supports and ties exert, ``(dofs,)``, and all pressures (`Inertia.settle`)."""
         assembler, half = self.assembler, 0.5 * step
+        balance = balance + assembler.momenta(driven)
         local, moving = assembler.local(displacement), assembler.local(velocity)
         fixed = self._sums(lambda part, sums: part.add_bends(local, moving, sums))
+        if driven.any():
+            pushed = assembler.local(driven)
+            fixed.axpy(1.0, self._sums(lambda part, sums: part.add_rates(local, pushed, sums)))
         fixed.scale(-half)
         fixed.axpy(-1.0 / half, self._sums(lambda part, sums: part.add_integrals(local, sums), lambda part: part.soft))
         fixed.axpy(-1.0, assembler.onto_unknowns(balance))

@@ -82,7 +82,7 @@ class Newton:
         self.iterations += self.snes.getIterationNumber()
         if self.snes.getConvergedReason() < 0 and not self._accurate():
             return None
-        return self.assembler.change(self.x)
+        return self.assembler.change(self.x) + self.assembler.moved
 
     def _accurate(self) -> bool:
         # A line search finds no lower residual where there is none.

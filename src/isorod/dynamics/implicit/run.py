@@ -19,7 +19,10 @@ from isorod.dynamics.implicit.phase import Phase
 from isorod.dynamics.implicit.solids import Solids, resultant
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
+from isorod.model.mean import MeanSupport
+from isorod.model.support import center_of
 from isorod.petsc.library import solver_types
+from isorod.tensors import rotation
 
 if TYPE_CHECKING:
     from isorod.contact.passing import Passing
@@ -91,6 +94,8 @@ class Run(run.Run):
                 np.where(held, 0.0, velocity[rods:]),
             )
         displacement, velocity = self._inertia.prepare(displacement, velocity, self._longest)
+        if self.system.model.moves:
+            velocity = self.assembler.tied(velocity, lambda one: one.clock.rate(0.0, False))
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
         self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
@@ -121,7 +126,8 @@ class Run(run.Run):
         displacement, velocity = (
             np.append(self.rows[name][0], self.rows[f"solid_{name}"][0]) for name in ("displacement", "velocity")
         )
-        return Phase(self.assembler.momenta, displacement, self.step * velocity)
+        begun, after = self._unturned(displacement, 0.0), displacement + self.step * velocity
+        return Phase(self.assembler.momenta, begun, self._unturned(after, self.step) - begun)
 
     def _now(self) -> dict[str, Array]:
         solids = {f"solid_{name}": getattr(self.solids, name) for name in _KEPT}
@@ -160,7 +166,7 @@ class Run(run.Run):
         for k in range(self.count):
             self._allowed, self._shortest = self.cuts + _CUTS, self.step
             self._step(self.time + k * self.step, self.step, 0)
-            self._phase.add(self._displacement)
+            self._phase.add(self._unturned(self._displacement, self.time + (k + 1) * self.step))
             self.tell(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
@@ -177,7 +183,9 @@ class Run(run.Run):
     def _step(self, time: float, dt: float, halvings: int) -> None:
         """Take a step, or halves of it where Newton's iterations do not converge."""
         displacement, velocity = self._displacement, self._velocity
-        self.assembler.begin(dt, self.settings.damping, displacement, velocity)
+        moved = self._driven(time, dt, velocity)
+        self.assembler.begin(dt, self.settings.damping, displacement, velocity, moved)
+        self.assembler.at(time, time + dt)
         if self.assembler.contact is not None:
             self.assembler.contact.begin(time, dt)
         level = self.level(time + 0.5 * dt)
@@ -196,7 +204,7 @@ class Run(run.Run):
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
-            self._move(dt, level, change)
+            self._move(time, dt, level, change, velocity)
             return
         self._refuse_deep(time)
         self.cuts += 1
@@ -204,6 +212,46 @@ class Run(run.Run):
             raise SolveError(self._given_up(problem, time, halvings))
         self._step(time, 0.5 * dt, halvings + 1)
         self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)
+
+    def _driven(self, time: float, dt: float, velocity: Array) -> Array | None:
+        """Return what supports move in a step, and change the velocity at its start to what begins it.
+
+        Places and velocities of supports are exact at the ends of steps, a kink of their motion in a step or not; with
+        ``moved / dt`` less half the change of the velocity in place of this, the step has the change as it is.
+        """
+        model = self.system.model
+        if not model.moves:
+            return None
+        ends, assembler = (time, time + dt), self.assembler
+
+        def change(one: MeanSupport) -> float:
+            return one.clock.at(ends[1]) - one.clock.at(ends[0])
+
+        def begun(one: MeanSupport) -> float:
+            rates = [one.clock.rate(end, end > 0.0) for end in ends]
+            return change(one) / dt - 0.5 * (rates[1] - rates[0])
+
+        moved = np.zeros_like(velocity)
+        moved[model.held] = (model.placed(ends[1]) - model.placed(ends[0]))[model.held]
+        grown = model.rates(ends[1], True)[model.held] - velocity[model.held]
+        velocity[model.held] = moved[model.held] / dt - 0.5 * grown
+        velocity[:] = assembler.tied(velocity, begun)
+        return assembler.tied(moved, change)
+
+    def _unturned(self, displacement: Array, time: float) -> Array:
+        """Return a displacement as bodies that supports spin see it: what is prescribed is not late."""
+        model = self.system.model
+        if not any(motion.turn.any() for motion in model.motions):
+            return displacement
+        result = displacement.copy()
+        for one, motion in zip(model.supports, model.motions, strict=True):
+            if motion.clock.moves and motion.turn.any():
+                space, (first, last) = model.bodies[one.body].space, model.first_node[one.body : one.body + 2]
+                arms = space.positions - space.is_carrier[:, None] * center_of(space, one)
+                own = arms + displacement.reshape(-1, 3)[first:last]
+                turned = own @ rotation(motion.clock.at(time) * motion.turn) - arms
+                result.reshape(-1, 3)[first:last] = turned
+        return result
 
     def _refuse_deep(self, time: float) -> None:
         """Raise `SolveError` if bodies are as deep in each other where a step starts: no shorter one helps."""
@@ -229,42 +277,53 @@ class Run(run.Run):
         worst = self.system.worst(self.system.state.displacement) + self.solids.worst()
         return f"{place}{how}; {worst}{self._jumped()}"
 
-    def _move(self, dt: float, level: float, change: Array) -> None:
-        """Add a step's change of the displacement to the state, and its sums."""
+    def _move(self, time: float, dt: float, level: float, change: Array, begun: Array) -> None:
+        """Add a step's change of the displacement to the state, and its sums; ``begun`` is the velocity it began at."""
         system, state, rods = self.system, self.system.state, self.system.model.dofs
-        self._add_impulses(dt, level, change)
+        self._add_impulses(time, dt, level, change)
         self.assembler.accept(self.newton.x)
         mean = change / dt
         state.sums[DISSIPATED] += dt * self.settings.damping * float(mean @ self.assembler.momenta(mean))
         active = self._available > 0.0 or self.solids.active
         before = self._energies()[1] if active else 0.0
         state.displacement[system.order] += change[:rods]
-        after = 2.0 * mean - self._velocity
-        after[system.model.held] = 0.0
+        after = 2.0 * mean - begun
+        after[system.model.held] = system.model.rates(time + dt, True)[system.model.held]
+        if system.model.moves:
+            after = self.assembler.tied(after, lambda one: one.clock.rate(time + dt, True))
         state.velocity[system.order] = after[:rods]
         self.solids.move(change[rods:], after[rods:])
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
         self.taken += 1
 
-    def _add_impulses(self, dt: float, level: float, change: Array) -> None:
-        """Add impulses and work of a step to the sums: of supports, contact, pressures that follow, and on solids."""
-        state, rods, solids = self.system.state, self.system.model.dofs, self.solids
+    def _add_impulses(self, time: float, dt: float, level: float, change: Array) -> None:
+        """Add impulses and work of a step to the sums: of supports, contact, loads, and on solids."""
+        state, model, solids = self.system.state, self.system.model, self.solids
+        rods = model.dofs
         met = self.assembler.met(change)
         change, moved = change[:rods], change[rods:]
         if self.assembler.coupling is None:
-            state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
+            held = self.assembler.reactions(self.newton.x, level)
         else:
             carried = self.assembler.carried_forces(self.newton.x, level)
-            state.impulse[:] += dt * carried[self.system.model.bound]
-            state.sums[PUSHED:FOLLOWED] += dt * self.assembler.averages(self.newton.x, level).sum(axis=0)
-            loads = solids.loads(solids.displacement + 0.5 * moved)
-            state.sums[FOLLOWED] += float(loads @ moved)
-            state.sums[PUSHED:FOLLOWED] += dt * resultant(loads + np.where(solids.held, carried[rods:], 0.0))
+            held = carried[model.bound]
+            means = self.assembler.averages(self.newton.x, level)
+            state.sums[PUSHED:FOLLOWED] += dt * averages.forces_of(model, means).sum(axis=0)
+            for k, amounts in means.items():
+                one = model.means[k]
+                if one.clock.moves:
+                    way = one.clock.at(time + dt) - one.clock.at(time)
+                    state.sums[FOLLOWED] += way * float(amounts @ one.values)
+            pulled = solids.loads(solids.displacement + 0.5 * moved)
+            state.sums[FOLLOWED] += float(pulled @ moved)
+            state.sums[PUSHED:FOLLOWED] += dt * resultant(pulled + np.where(solids.held, carried[rods:], 0.0))
             solids.add_work(moved)
-        followed = self.assembler.following(state.displacement[self.system.order] + 0.5 * change)
-        state.sums[FOLLOWED] += float(followed @ change)
-        state.sums[PUSHED:FOLLOWED] += dt * (followed * self._carried).reshape(-1, 3).sum(axis=0)
+        state.impulse[:] += dt * held
+        state.sums[FOLLOWED] += float(held @ change[model.bound])
+        loads = self.assembler.loads(state.displacement[self.system.order] + 0.5 * change)
+        state.sums[FOLLOWED] += float(loads @ change)
+        state.sums[PUSHED:FOLLOWED] += dt * (loads * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(met)[0]
             pushed[:rods] *= self._carried
@@ -293,14 +352,18 @@ class Run(run.Run):
         self._place_facets()
         forces, contact = system.forces(state.displacement, level, self.time)
         momenta = self.assembler.momenta(velocity)
-        loads = model.external + self.assembler.following(displacement[: model.dofs])
+        self.assembler.at(self.time, self.time)
+        loads = self.assembler.loads(displacement[: model.dofs])
         internal = np.append(forces[system.order] - loads, solids.internal(solids.displacement, level))
         internal[model.dofs :] -= solids.loads(solids.displacement)
         if self.assembler.contact is not None:
             internal[self.assembler.contact.beyond] += forces[model.dofs :]
         bonds, slipped = self.assembler.bonded(displacement)
         balance = internal + bonds + self.settings.damping * momenta
-        carried, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
+        driven = np.zeros_like(velocity)
+        driven[: model.dofs] = model.accelerations(self.time)
+        driven = self.assembler.tied(driven)
+        carried, pressure = self._inertia.settle(balance, displacement, velocity, driven, self.step)
         held = self.assembler.onto_masters(carried)
         coupling = self.assembler.coupling
         ties = [] if coupling is None else results(model, coupling, carried, displacement)

@@ -1,0 +1,157 @@
+"""Factors by time: what loads and motions of supports are multiplied with in motions."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from isorod.arrays import Array, Numbers
+from isorod.errors import Checked, InputError, numbers
+
+
+@dataclass(frozen=True)
+class TimeTable:
+    """A factor by time, straight between its points; before the first and after the last it has their values.
+
+    Attributes
+    ----------
+    times, factors
+        Of the points; at two of the same time the factor jumps.
+    """
+
+    times: tuple[float, ...]
+    factors: tuple[float, ...]
+
+    @classmethod
+    def of(cls, given: "TimeTable | Numbers") -> "TimeTable":
+        """Return the table of rows ``[time, factor]``; raises `InputError` for rows that are none."""
+        if isinstance(given, TimeTable):
+            return given
+        rows = numbers("history", given)
+        if rows.ndim != 2 or rows.shape[1] != 2 or not rows.size:
+            raise InputError(f"history: got shape {rows.shape}, need rows [time, factor], as [[0, 0], [0.1, 1]]")
+        if not np.isfinite(rows).all():
+            raise InputError(f"history: row {np.argmin(np.isfinite(rows).all(axis=1))} is not finite")
+        back = np.flatnonzero(np.diff(rows[:, 0]) < 0.0)
+        if back.size:
+            k = int(back[0])
+            raise InputError(
+                f"history: times run back from {rows[k, 0]:g} to {rows[k + 1, 0]:g} (row {k + 1}); need them to rise"
+            )
+        return cls(tuple(rows[:, 0].tolist()), tuple(rows[:, 1].tolist()))
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the factor jumps."""
+        return bool((np.diff(self.times) == 0.0).any())
+
+    def _piece(self, time: float, before: bool) -> tuple[int, int]:
+        """Return the points between which a time is, those at a point after it, or before it."""
+        k = int(np.searchsorted(self.times, time, "left" if before else "right"))
+        return max(k - 1, 0), min(k, len(self.times) - 1)
+
+    def at(self, time: float, before: bool = False) -> float:
+        """Return the factor at a time; where it jumps that after it, or that ``before``."""
+        first, last = self._piece(time, before)
+        begin = self.factors[first]
+        return begin if first == last else begin + (time - self.times[first]) * self.slope(time, before)
+
+    def slope(self, time: float, before: bool = False) -> float:
+        """Return how fast the factor grows after a time, or ``before``."""
+        first, last = self._piece(time, before)
+        if self.times[first] == self.times[last]:
+            return 0.0
+        return (self.factors[last] - self.factors[first]) / (self.times[last] - self.times[first])
+
+    def integral(self, begin: float, end: float) -> float:
+        """Return the integral of the factor over a time, exact."""
+        inner = [time for time in self.times if begin < time < end]
+        ends = np.array([begin, *inner, end])
+        values = [0.5 * (self.at(a) + self.at(b, True)) for a, b in pairwise(ends)]
+        return float(np.diff(ends) @ values)
+
+    def mean(self, begin: float, end: float) -> float:
+        """Return the mean of the factor over a time, or the factor at it where both ends are one."""
+        return self.at(begin) if begin == end else self.integral(begin, end) / (end - begin)
+
+
+@dataclass(frozen=True)
+class InTime(Checked):
+    """What may have a history.
+
+    Parameters
+    ----------
+    history
+        In motions the factor by time: rows of time and factor, shape ``(n, 2)``, straight between them, the last value
+        from there on; in statics there is none.
+    """
+
+    history: "TimeTable | Numbers | None" = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.history is not None:
+            self._set(history=TimeTable.of(self.history))
+
+    def factor(self, begin: float, end: float) -> float:
+        """Return the mean of the factor over a time, or the factor at it where both ends are one."""
+        return self.history.mean(begin, end) if isinstance(self.history, TimeTable) else 1.0
+
+
+@dataclass(frozen=True)
+class Clock:
+    """By what factor a support has moved at a time.
+
+    Attributes
+    ----------
+    table
+        The factor, or None: one, all the time.
+    spins
+        Whether the table is that of the factor's rate, which then is one where there is none.
+    """
+
+    table: TimeTable | None = None
+    spins: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is any motion."""
+        return self.spins or self.table is not None
+
+    def at(self, time: float) -> float:
+        """Return the factor."""
+        if self.spins:
+            return time if self.table is None else self.table.integral(0.0, time)
+        return 1.0 if self.table is None else self.table.at(time)
+
+    def rate(self, time: float, before: bool) -> float:
+        """Return how fast it grows after a time, or ``before``."""
+        if self.spins:
+            return 1.0 if self.table is None else self.table.at(time, before)
+        return 0.0 if self.table is None else self.table.slope(time, before)
+
+    def acceleration(self, time: float) -> float:
+        """Return how fast its rate grows: at a kink of this the mean of before and after."""
+        if not self.spins or self.table is None:
+            return 0.0
+        return 0.5 * (self.table.slope(time) + self.table.slope(time, True))
+
+
+def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Clock:
+    """Return the clock of a support."""
+    return Clock(history if isinstance(history, TimeTable) else None, spins)
+
+
+def rigid_velocity(positions: Array, carriers: Array, velocity: Numbers, spin: Numbers, center: Numbers) -> Array:
+    """Return velocities ``(nodes, 3)`` of nodes of a body that moves, and turns about a point, as a rigid one does.
+
+    Parameters
+    ----------
+    positions, carriers
+        As `isorod.space.space.Space` has them, ``(nodes, 3)`` and ``(nodes,)``.
+    velocity, spin, center
+        Of the point, angular, radians per time, and the point, ``(3,)`` each.
+    """
+    arms = positions - carriers[:, None] * np.asarray(center, dtype=float)
+    moved = carriers[:, None] * np.asarray(velocity, dtype=float)
+    return np.asarray(moved + np.cross(np.asarray(spin, dtype=float), arms))
