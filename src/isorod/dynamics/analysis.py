@@ -109,13 +109,14 @@ def solve(
     model = model.in_motion(integrator)
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)
-    _check_loads(model, integrator)
+    if model.solids and integrator == "explicit":
+        raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
     if displacement is None:
         _check_turns(model)
     if resume and checkpoint is None:
         raise InputError("resume: got no checkpoint, need the file that the run wrote")
     with in_force(petsc):
-        run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
+        run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm, integrator == "explicit"), settings)
         ranks = run.system.ranks
         if velocity is None:
             velocity = np.concatenate([body.initial_velocity for body in model.bodies]).ravel()
@@ -293,17 +294,6 @@ def _check(model: Model, settings: Settings, every: float) -> None:
     for k, solid in enumerate(model.solids):
         if not 0.0 < solid.density < np.inf:
             raise InputError(f"solid {k} has density {solid.density:g}, dynamics needs a positive mass per volume")
-
-
-def _check_loads(model: Model, integrator: str) -> None:
-    """Raise `InputError` if the model has loads that the steps do not know."""
-    if model.loads and integrator == "explicit":
-        raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
-    if model.means and integrator == "explicit":
-        k = next(iter(model.means))
-        raise InputError(f"support {k}: explicit steps know no mean motions and springs; use integrator 'implicit'")
-    if model.solids and integrator == "explicit":
-        raise InputError("solids: not supported by explicit steps; use integrator 'implicit'")
 
 
 def _check_turns(model: Model) -> None:

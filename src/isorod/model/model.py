@@ -232,7 +232,16 @@ class Model(Checked):
 
     @cached_property
     def _external_by_load(self) -> "list[tuple[Callable[[float, float], float], Array]]":
-        return [(load.factor, replace(self, loads=[load]).external) for load in self.loads]
+        found = []
+        for load in self.loads:
+            space, result = self.bodies[load.body].space, np.zeros((self.dofs // 3, 3))
+            first, last = self.first_node[load.body : load.body + 2]
+            if load not in self.following:
+                result[first:last] = load.nodal(space)
+            elif isinstance(load, SectionLoad):
+                result[first:last] = load.steady(space)
+            found.append((load.factor, result.ravel()))
+        return found
 
     @cached_property
     def driven(self) -> Array:
@@ -273,15 +282,7 @@ class Model(Checked):
     @cached_property
     def external(self) -> Array:
         """Nodal forces of the loads at load factor 1 that depend on no state, shape ``(dofs,)``."""
-        result = np.zeros((int(self.first_node[-1]), 3))
-        for load in self.loads:
-            first, last = self.first_node[load.body : load.body + 2]
-            space = self.bodies[load.body].space
-            if load not in self.following:
-                result[first:last] += load.nodal(space)
-            elif isinstance(load, SectionLoad):
-                result[first:last] += load.steady(space)
-        return result.ravel()
+        return sum((forces for _, forces in self._external_by_load), np.zeros(self.dofs))
 
     @cached_property
     def following(self) -> list[Pressure | SectionLoad]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.assembly import averages
 from isorod.dynamics import run
 from isorod.dynamics.explicit.step_kernel import (
     ACTIVATED,
@@ -62,7 +63,7 @@ class Run(run.Run):
     def __init__(self, system: System, settings: Settings) -> None:
         super().__init__(system, settings)
         self._carried *= system.model.free >= 0
-        if system.model.ties:
+        if system.model.ties or any(one.stiffness is None for one in system.model.means.values()):
             system.tie()
         # Steps that take as long as a block, as far as is known.
         self._block = 1
@@ -79,12 +80,16 @@ class Run(run.Run):
 
     def _now(self) -> dict[str, Array]:
         """Return the state but for what was recorded."""
-        return super()._now() | {"placed": self.system.mass.at, "estimated_at": self._estimated_at}
+        since = 0.0 if self.system.drive is None else self.system.drive.since
+        own = {"placed": self.system.mass.at, "estimated_at": self._estimated_at, "since": np.array(since)}
+        return super()._now() | own
 
     def restore(self, kept: dict[str, Array]) -> None:
         """Continue from what `state` returned; see `isorod.dynamics.run.Run.restore`."""
         self._estimated_at = kept["estimated_at"]
         self.system.mass.place(kept["placed"])
+        if self.system.drive is not None:
+            self.system.drive.since = float(kept["since"])
         super().restore(kept)
 
     def solver(self) -> dict[str, str]:
@@ -128,8 +133,8 @@ class Run(run.Run):
         seconds = 0.0
         for retries in range(_RETRIES + 1):
             limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
-            if any(contact.motion is not None for contact in self.system.model.contacts):
-                # Nobody knows what work obstacles will do; the balance of energy does afterwards.
+            if self.system.drive is not None or any(one.motion is not None for one in self.system.model.contacts):
+                # What loads, supports and obstacles will do is not known before; the balance of energy tells it.
                 limit = np.inf
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
             taken, outcome, spent = self._take(course)
@@ -215,49 +220,76 @@ class Run(run.Run):
 
     def _moving_energy(self, time: float) -> float:
         """Return the kinetic energy (`isorod.dynamics.History.kinetic`) at a time, also between outputs."""
-        system, state, dt = self.system, self.system.state, self.step
-        forces, _ = system.forces(state.displacement, self.level(time), time)
-        half = 0.5 * self.settings.damping * dt
-        ahead = system.velocity(((1.0 - half) * state.momenta - dt * forces) / (1.0 + half))
-        return 0.5 * float(state.momenta @ ahead)
+        forces, _ = self._forces(time)
+        return 0.5 * float(self.system.momenta(self.system.state.velocity) @ self._ahead(forces, time))
 
-    def _stagger(self, velocity: Array, dissipated: float, work: float, load_work: float) -> None:
+    def _forces(self, time: float) -> tuple[Array, tuple[float, ...]]:
+        """Return what `System.forces` does at a time."""
+        if self.system.drive is not None:
+            self.system.drive.time, self.system.drive.step = time, self.step
+        return self.system.forces(self.system.state.displacement, self.level(time), time)
+
+    def _ahead(self, forces: Array, time: float) -> Array:
+        """Return the velocity half a step after a time, given the forces at it."""
+        system, state, dt = self.system, self.system.state, self.step
+        half, held = 0.5 * self.settings.damping * dt, np.zeros(state.held.size)
+        if system.drive is not None:
+            held = system.drive.next(time, dt)
+            course = Course(time, dt, self.settings.ramp, self.settings.damping, 0.0)
+            forces = forces + system.drive.inertia(state.velocity[state.held], held, course)
+        return system.velocity(((1.0 - half) * state.momenta - dt * forces) / (1.0 + half), held)
+
+    def _stagger(self, velocity: Array, dissipated: float, work: float, loaded: float) -> None:
         """Take the velocity, given at the time of the displacement, back by half a step.
 
-        What half a step adds to the sums is taken off, so that dissipation and the other works are as given.
+        What half a step adds to the sums is taken off, so that dissipation, muscle work and that of loads are as given.
         """
         system, state = self.system, self.system.state
-        forces, _ = system.forces(state.displacement, self.level(self.time), self.time)
-        momenta = system.momenta(velocity)
-        state.momenta[:] = momenta + 0.5 * self.step * (forces + self.settings.damping * momenta)
+        if system.drive is not None:
+            system.drive.since = self.time
+        forces, _ = self._forces(self.time)
+        momenta, behind = system.momenta(velocity), np.zeros_like(velocity)
+        momenta += 0.5 * self.step * (forces + self.settings.damping * momenta)
+        if system.drive is not None:
+            behind[state.held] = 2.0 * velocity[state.held] - system.drive.next(self.time, self.step)
+            momenta -= system.momenta(behind)
+        state.momenta[:] = momenta
         state.momenta[state.held] = 0.0
-        state.velocity[:] = system.velocity(state.momenta)
+        state.velocity[:] = system.velocity(state.momenta, behind[state.held])
         seen = self._measure()
         state.sums[DISSIPATED] += dissipated - seen["dissipated"]
         state.sums[ACTIVATED] += work - seen["muscle_work"]
-        state.sums[FOLLOWED] += load_work - seen["load_work"]
+        state.sums[FOLLOWED] += loaded - seen["load_work"]
 
     def _measure(self) -> dict[str, Any]:
         """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
         system, state, dt = self.system, self.system.state, self.step
         now, before = self.level(self.time), self.level(self.time - dt)
-        forces, contact = system.forces(state.displacement, now, self.time)
+        forces, contact = self._forces(self.time)
         half = 0.5 * self.settings.damping * dt
         behind = state.velocity
-        ahead = system.velocity(((1.0 - half) * state.momenta - dt * forces) / (1.0 + half))
+        ahead = self._ahead(forces, self.time)
         mean = 0.5 * (behind + ahead)
         velocity = mean[system.order]
         stored, active = system.energies(state.displacement)
         # What is held resists the acceleration of its neighbours too.
         resisted = system.momenta((ahead - behind) / dt + self.settings.damping * mean)
         seen = self._seen(velocity, (forces + resisted)[state.held], contact)
+        seen["load_work"] += 0.5 * system.obstacle_work(self.time - dt, self.time)
+        if system.drive is not None:
+            inside = forces + resisted
+            loads = system.drive.loads(state.displacement)
+            loads[state.held] += inside[state.held]
+            seen["load_work"] += 0.5 * dt * float(loads @ behind)
+            means = system.drive.averages(inside, state.displacement)
+            seen["reactions"] += averages.forces_of(system.model, means)
+            stored += system.drive.stored(state.displacement)
         return seen | {
-            "load_work": seen["load_work"] + 0.5 * system.obstacle_work(self.time - dt, self.time),
-            "kinetic": 0.5 * float(state.momenta @ ahead),
+            "kinetic": 0.5 * float(system.momenta(behind) @ ahead),
             "added_kinetic": 0.5 * system.mass.added(velocity),
             "stored": stored,
             "muscle_work": state.sums[ACTIVATED] + 0.5 * (now - before) * active - now * active,
-            "dissipated": state.sums[DISSIPATED] + half * float(state.momenta @ mean) + contact[-1],
+            "dissipated": state.sums[DISSIPATED] + half * float(system.momenta(behind) @ mean) + contact[-1],
         }
 
     def _watch(self, seen: dict[str, Any]) -> None:

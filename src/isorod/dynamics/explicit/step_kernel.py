@@ -50,6 +50,8 @@ class State(NamedTuple):
         Places of the held degrees of freedom.
     impulse
         Time integral of the supports' forces on the model, shape of ``held``.
+    loads
+        Forces from outside in the next step, of this rank; empty where there are none, ever.
     sums
         Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), the
         impulse of rigid obstacles and of pressures that follow on the model, and the work of these, shape ``(6,)``.
@@ -62,6 +64,7 @@ class State(NamedTuple):
     held: NDArray[np.uint64]
     impulse: Array
     sums: Array
+    loads: Array
 
 
 class Course(NamedTuple):
@@ -86,7 +89,7 @@ class Course(NamedTuple):
     limit: float
 
 
-STATE = types.NamedTuple([F1, F1, F1, F1, types.Array(u8, 1, "C"), F1, F1], State)
+STATE = types.NamedTuple([F1, F1, F1, F1, types.Array(u8, 1, "C"), F1, F1, F1], State)
 COURSE = types.NamedUniTuple(f8, 5, Course)
 
 
@@ -115,6 +118,10 @@ def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
 def push(mesh: Mesh, state: State, course: Course, mass: MassFactors, inverted: float) -> None:
     """Let the forces evaluated act on the momenta for one step, and say how many points were inverted."""
     v, p, dt, spans = state.velocity, state.momenta, course.step, mesh.spans
+    if state.loads.size:
+        for s in range(spans.shape[0]):
+            for d in range(spans[s, 0], spans[s, 1]):
+                state.forces[d] -= state.loads[d]
     for h in range(state.held.size):
         place = state.held[h]
         state.impulse[h] += dt * state.forces[place]

@@ -12,6 +12,7 @@ from scipy.linalg import eigh_tridiagonal
 from isorod.arrays import Array
 from isorod.assembly.gradients import deformation_gradients
 from isorod.dynamics.explicit import step_kernel
+from isorod.dynamics.explicit.drive import Drive
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.exchange_kernel import all_sums, divide, eliminate
 from isorod.dynamics.explicit.mass import Mass
@@ -41,6 +42,8 @@ class System:
         Bodies with densities, supports, contacts.
     comm
         The ranks that share it; this one alone where there is none.
+    explicit
+        Whether the steps are, which take loads and motions of supports from here.
 
     Attributes
     ----------
@@ -48,14 +51,17 @@ class System:
         Which part is this rank's.
     mass, factors
         The mass, and what steps divide by it; see `scale`.
+    drive
+        Loads, springs and moving supports of explicit steps, None where there are none.
     ties
         The ties, where steps are told of them (`tie`).
     beyond
         Displacement of facets of finite element bodies that rods touch, ``(b,)``; they move in implicit steps alone.
     """
 
-    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None, explicit: bool = False) -> None:
         self.model = model
+        driven = explicit and bool(model.loads or model.means or model.moves)
         self.order = order(model)
         self.ranks = Ranks(model, self.order, comm)
         self.mesh = pack(model, self.ranks)
@@ -73,7 +79,9 @@ class System:
             held=self.order[model.held].astype(np.uint64),
             impulse=np.zeros(model.held.size),
             sums=np.zeros(6),
+            loads=np.zeros(model.dofs if driven else 0),
         )
+        self.drive = Drive(self) if driven else None
         # Momenta of the highest frequency found last.
         self.highest = np.zeros(self.free.size)
         # The smallest size of a quadrature point's surroundings, for finite differences.
@@ -145,6 +153,17 @@ class System:
 
         Of several ranks each has its part (`parted`).
         """
+        if self.drive is None:
+            return self._advance(course, first, last)
+        for k in range(first, last):
+            self.drive.begin(course.begin + k * course.step, course)
+            taken, outcome = self._advance(course, k, k + 1)
+            if outcome != step_kernel.DONE:
+                return taken, outcome
+            self.drive.end(course)
+        return last, step_kernel.DONE
+
+    def _advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
         given = self.mesh, self.state, course, self.factors, first, last
         if self.contact is None:
             return step_kernel.advance(*given)
@@ -185,12 +204,15 @@ class System:
 
     def settle(self) -> None:
         """Let momenta be those of the velocity, and no more."""
-        self.state.momenta[:] = self.momenta(self.state.velocity)
+        free = self.state.velocity.copy()
+        free[self.state.held] = 0.0
+        self.state.momenta[:] = self.momenta(free)
         self.state.momenta[self.state.held] = 0.0
 
-    def velocity(self, momenta: Array) -> Array:
-        """Return the velocity that belongs to momenta, both state vectors; zero where held."""
+    def velocity(self, momenta: Array, held: Array | float = 0.0) -> Array:
+        """Return the velocity that belongs to momenta, both state vectors, with that of what is held."""
         result, own = np.zeros_like(momenta), momenta.copy()
+        result[self.state.held] = held
         own[self.ranks.others] = 0.0
         eliminate(self.factors, own)
         all_sums(self.factors.call, self.factors.own, self.factors.all)
@@ -208,8 +230,9 @@ class System:
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
+        outside = 0.0 if self.drive is None else self.drive.forces(displacement)
         if self.contact is None:
-            return self.ranks.sums(forces), (0.0,) * 8
+            return self.ranks.sums(forces) - outside, (0.0,) * 8
         from isorod.contact.placing_kernel import place_obstacles
         from isorod.dynamics.explicit import contact_step_kernel
 
@@ -223,7 +246,9 @@ class System:
         self.contact.packed.starts[:] = starts
         energy, force, area, deepest, *others = said
         deepest = self.ranks.smallest(deepest)
-        return self.ranks.sums(forces), (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
+        total = self.ranks.sums(forces)
+        total[: self.model.dofs] -= outside
+        return total, (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
 
     def obstacle_loads(self) -> Array:
         """Return what the obstacle of each contact exerts, as the last `forces` left it, ``(contacts, 6)``."""

@@ -291,7 +291,7 @@ class Run(run.Run):
         after[system.model.held] = system.model.rates(time + dt, True)[system.model.held]
         if system.model.moves:
             after = self.assembler.tied(after, lambda one: one.clock.rate(time + dt, True))
-            # What supports make faster all at once, at a kink of their motion, they push at the mean of both velocities.
+            # What supports make faster all at once, at kinks of their motion, they push at the mean of both velocities.
             before = self._velocity
             rest = 0.5 * (before + after) - mean
             state.sums[FOLLOWED] += float(rest @ self.assembler.momenta(after - before))
