@@ -64,13 +64,6 @@ def test_a_state_of_rest_under_loads_stays_and_is_held_by_its_supports():
     assert history.reactions[-1] == pytest.approx(rest.reactions, abs=1e-8)
 
 
-@pytest.mark.parametrize("load", [weight, lambda space: isorod.Pressure(1.0, follows=True)])
-def test_loads_are_refused_by_explicit_steps(load):
-    with pytest.raises(isorod.InputError) as refused:
-        isorod.dynamics.solve(bar([load]), 1.0, 0.1, integrator="explicit")
-    assert str(refused.value) == "loads: not supported by explicit steps; use integrator 'implicit'"
-
-
 # Pressures that follow
 
 

@@ -205,7 +205,10 @@ class FileScene(Scene):
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
-        return choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+        found = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+        if self.analysis == "dynamics" and not {"integrator", "time_step"} & found.keys():
+            found["integrator"] = "auto"
+        return found
 
     def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
         """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""
