@@ -99,7 +99,7 @@ def _history(place: Place, value: Any) -> TimeTable:
         rows = _table(place, value, place.data(value))[1]
         if rows.shape[1] != 2:
             raise place.error(f"{value}: {rows.shape[1]} numbers a line, need time and factor")
-    with place.locating():
+    with place.locating({"history": place}):
         return TimeTable.of(rows)
 
 

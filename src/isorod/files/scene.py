@@ -130,10 +130,8 @@ class FileScene(Scene):
         self._gravity = None
         if "gravity" in self.content:
             self._gravity = call(top / "gravity", schema.GRAVITY, (top / "gravity").table(self.content["gravity"]))
-            if self._gravity.arguments.get("history") is not None and self._names.solids:
-                raise (top / "gravity" / "history").error("finite element bodies know no history; leave it out")
             for plan in self._names.solids.values():
-                plan.gravity = self._gravity.arguments["acceleration"]
+                plan.gravity = self._gravity.arguments
         self._names.check(top)
         self.units: dict[str, str] = {}
         self.along: list[str] = []
@@ -206,9 +204,8 @@ class FileScene(Scene):
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
         found = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
-        if self.analysis == "dynamics" and not {"integrator", "time_step"} & found.keys():
-            found["integrator"] = "auto"
-        return found
+        free = self.analysis == "dynamics" and not {"integrator", "time_step"} & found.keys()
+        return found | ({"integrator": "auto"} if free else {})
 
     def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
         """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""

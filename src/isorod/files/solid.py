@@ -169,7 +169,7 @@ class SolidPlan:
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place = place
-        self.gravity: tuple[float, float, float] | None = None
+        self.gravity: dict[str, Any] | None = None
         own = {key: one for key, one in table.items() if key not in self.KEYS}
         known = (*schema.SOLID.parameters, *self.KEYS)
         for key in own:
@@ -216,7 +216,9 @@ class SolidPlan:
             density = self._solid.make()[2]
             if not density > 0.0:
                 raise self.place.error("density: gravity acts on a body that has one")
-            x, y, z = self.gravity
+            if self.gravity.get("history") is not None:
+                raise self.place.error("finite element bodies know no history of gravity; leave it out")
+            x, y, z = self.gravity["acceleration"]
             loads.append(body_force((density * x, density * y, density * z)))
         return OfBody(name, self.place, self.grid, held, loads, self._solid.arguments.get("geometry"))
 

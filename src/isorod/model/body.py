@@ -136,7 +136,7 @@ class Body(Checked):
         table = space.tabulate(0, space.axis.elements)
         weights = self.densities_at(table) * table.weights
         found = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
-        return np.bincount(space.element_nodes.ravel(), found.ravel(), space.nodes)
+        return np.asarray(np.bincount(space.element_nodes.ravel(), found.ravel(), space.nodes), dtype=float)
 
     @property
     def _rings(self) -> int:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Numbers
 from isorod.errors import Checked, InputError, numbers
@@ -142,7 +143,9 @@ def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Cloc
     return Clock(history if isinstance(history, TimeTable) else None, spins)
 
 
-def rigid_velocity(positions: Array, carriers: Array, velocity: Numbers, spin: Numbers, center: Numbers) -> Array:
+def rigid_velocity(
+    positions: Array, carriers: NDArray[np.bool_], velocity: Numbers, spin: Numbers, center: Numbers
+) -> Array:
     """Return velocities ``(nodes, 3)`` of nodes of a body that moves, and turns about a point, as a rigid one does.
 
     Parameters

@@ -59,6 +59,8 @@ class SectionLoad(InTime):
         The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
     moment
         Total moment at load factor 1 about the middle of the section, force times length, shape ``(3,)``.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
@@ -163,6 +165,8 @@ class Pressure(InTime):
     follows
         Whether normal and area are those of the moving surface, as of a fluid's pressure; if not, the force on each
         piece of the surface stays as it is, which where displacements are small is the same.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
@@ -219,6 +223,8 @@ class BodyForce(InTime):
         Force per reference volume at load factor 1, shape ``(3,)``.
     body
         Index of the body in the model.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     density: tuple[float, float, float]
@@ -246,6 +252,8 @@ class LineLoad(InTime):
         Force per length at load factor 1, shape ``(3,)``.
     body
         Index of the body in the model.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     per_length: tuple[float, float, float]
@@ -289,6 +297,8 @@ class PointLoad(InTime):
         ``"outer"``, or ``"inner"``: that of the hole of a rod that has one.
     body
         Index of the body in the model.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     u: float
@@ -339,6 +349,8 @@ class Weight(InTime):
         The body.
     body
         Its index in the model.
+    history
+        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     acceleration: tuple[float, float, float]

@@ -232,7 +232,7 @@ class Model(Checked):
 
     @cached_property
     def _external_by_load(self) -> "list[tuple[Callable[[float, float], float], Array]]":
-        found = []
+        found: list[tuple[Callable[[float, float], float], Array]] = []
         for load in self.loads:
             space, result = self.bodies[load.body].space, np.zeros((self.dofs // 3, 3))
             first, last = self.first_node[load.body : load.body + 2]

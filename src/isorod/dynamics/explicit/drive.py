@@ -7,21 +7,19 @@ Where supports move what they hold at ``v_h``, the momenta of steps are those of
 and ``v_h`` half a step ahead is the way from this step to the next over its length: places of supports are exact.
 """
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly import averages, exerted
 from isorod.assembly.constraints import Constraints
+from isorod.assembly.pressing import Pressing
 from isorod.dynamics.explicit.step_kernel import DISSIPATED, FOLLOWED, PUSHED, Course
 from isorod.errors import InputError
 
 if TYPE_CHECKING:
     from isorod.dynamics.explicit.system import System
-    from isorod.dynamics.implicit.assembler import StepAssembler
 
 
 class Drive:
@@ -58,23 +56,24 @@ class Drive:
         self._held = [k for k, one in model.means.items() if one.stiffness is None]
         self._constraints = Constraints(model) if model.means else None
         self._carriers = model.is_carrier.repeat(3)
-        self._following: StepAssembler | None = None
-        if model.following:
-            from isorod.dynamics.implicit import assembler
-
-            alone = replace(model, supports=(), contacts=(), ties=(), loads=model.following)
-            self._following = assembler.StepAssembler(alone, PETSc.COMM_SELF)
+        self._following = [
+            (share.which, Pressing(share, [one for one in model.following if one.body == share.which]))
+            for share in (system.ranks.shares if model.following else ())
+        ]
         self._before = self._impulse = self._loads = self._outside = np.empty(0)
 
     def _loaded(self, displacement: Array) -> Array:
         """Return the forces of loads, of a displacement in the model's order, as it is."""
         span = max(self.time - 0.5 * self.step, self.since), self.time + 0.5 * self.step
-        steady = self._system.model.loaded(*span)
-        if self._following is None:
-            return steady
-        self._following.at(*span)
-        # The forces beside moments are in both.
-        return steady - self._following.model.loaded(*span) + self._following.loads(displacement)
+        model = self._system.model
+        found = model.loaded(*span).copy()
+        for b, pressing in self._following:
+            pressing.at(*span)
+            space, first = model.bodies[b].space, model.first_node[b]
+            nodes = space.element_nodes.reshape(space.axis.elements, -1, space.layer_nodes)
+            pushed = pressing.forces(model.nodal(displacement, b)[nodes])
+            np.add.at(found.reshape(-1, 3), first + nodes, pushed)
+        return found
 
     def forces(self, displacement: Array) -> Array:
         """Return the forces of loads and springs at a displacement, both state vectors."""
@@ -99,7 +98,8 @@ class Drive:
     def stored(self, displacement: Array) -> float:
         """Return the energy of springs."""
         moved = displacement[self._system.order]
-        return sum(0.5 * float(one.stiffness @ one.moved(moved) ** 2) for one in self._springs)  # type: ignore[operator]
+        springs = ((one.stiffness, one.moved(moved)) for one in self._springs)
+        return sum(0.5 * float(stiffness @ way**2) for stiffness, way in springs if stiffness is not None)
 
     def next(self, time: float, step: float) -> Array:
         """Return how fast supports move what they hold until the next step."""

@@ -20,7 +20,7 @@ from isorod.dynamics.implicit.solids import Solids, resultant
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
 from isorod.model.mean import MeanSupport
-from isorod.model.support import center_of
+from isorod.model.support import Support, center_of
 from isorod.petsc.library import solver_types
 from isorod.tensors import rotation
 
@@ -245,7 +245,7 @@ class Run(run.Run):
             return displacement
         result = displacement.copy()
         for one, motion in zip(model.supports, model.motions, strict=True):
-            if motion.clock.moves and motion.turn.any():
+            if isinstance(one, Support) and motion.clock.moves and motion.turn.any():
                 space, (first, last) = model.bodies[one.body].space, model.first_node[one.body : one.body + 2]
                 arms = space.positions - space.is_carrier[:, None] * center_of(space, one)
                 own = arms + displacement.reshape(-1, 3)[first:last]
@@ -292,9 +292,9 @@ class Run(run.Run):
         if system.model.moves:
             after = self.assembler.tied(after, lambda one: one.clock.rate(time + dt, True))
             # What supports make faster all at once, at kinks of their motion, they push at the mean of both velocities.
-            before = self._velocity
-            rest = 0.5 * (before + after) - mean
-            state.sums[FOLLOWED] += float(rest @ self.assembler.momenta(after - before))
+            start = self._velocity
+            rest = 0.5 * (start + after) - mean
+            state.sums[FOLLOWED] += float(rest @ self.assembler.momenta(after - start))
         state.velocity[system.order] = after[:rods]
         self.solids.move(change[rods:], after[rods:])
         if active:
