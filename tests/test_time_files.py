@@ -78,19 +78,3 @@ def test_statics_have_no_time(scene, more):
     still = scene('analysis = "statics"\n', BAR, HUB, more)
     with pytest.raises(isorod.InputError, match="in statics"):
         isorod.statics.solve(still.model())
-
-
-@pytest.mark.parametrize(("end", "taken"), [(0.2, "explicit"), (60.0, "implicit")])
-def test_steps_that_nobody_names_are_chosen_and_said(scene, end, taken):
-    """Short motions of waves are explicit, long ones that are loaded slowly are not; and which is in the record."""
-    free = scene(
-        BAR.replace("0.1, n = 4", "0.02, n = 4"),
-        HUB,
-        PUSH.replace("0.0, 1e-3", "1e-7, 0.0"),
-        f"history = [[0, 0], [{end}, 1]]\n[analysis.dynamics]\nend_time = {end}\noutputs = 4\n",
-    )
-    from isorod.dynamics.choice import choose
-
-    assert free.settings()["integrator"] == "auto"
-    found = choose(free.model(), end, 4, None)
-    assert found.integrator == taken and "is critical" in found.why

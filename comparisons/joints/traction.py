@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from isorod.model.history import InTime
 from isorod.model.tie import EndFace, LateralSurface
 from isorod.space.space import Space
 from isorod.space.trace import end_trace, lateral_trace
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Traction:
+class Traction(InTime):
     """Dead tractions on an end face or the lateral surface of a rod.
 
     Parameters

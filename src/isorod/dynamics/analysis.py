@@ -28,9 +28,6 @@ from isorod.petsc.options import in_force
 # Error of implicit steps above which they are warned of.
 _LARGE = 0.005
 
-# Times that implicit steps whose length is chosen are tried, shorter each time.
-_ATTEMPTS = 4
-
 
 def solve(
     model: Model,
@@ -87,8 +84,7 @@ def solve(
     progress
         Show how far it is on standard error (`isorod.output.progress`).
     integrator
-        ``"explicit"``, ``"implicit"``, or ``"auto"``: these and their step are chosen (`isorod.dynamics.choice`), and
-        implicit ones taken again, shorter, where they are off by more than 0.5 %.
+        ``"explicit"`` or ``"implicit"``.
     petsc
         PETSc options for the implicit steps of this run alone, such as ``{"snes_rtol": 1e-8}``
         (`isorod.petsc.options.in_force`).
@@ -109,13 +105,6 @@ def solve(
         does not converge; or bodies in contact would go through each other.
     """
     expect("model", model, Model)
-    if integrator == "auto":
-        if checkpoint is not None:
-            raise InputError("integrator: a run with a checkpoint names its integrator, and an implicit one its step")
-        given = {"damping": damping, "ramp": ramp, "displacement": displacement, "velocity": velocity}
-        return _automatic(
-            model, end_time, outputs, comm, given | {"progress": progress, "petsc": petsc, "solids": solids}
-        )
     start, chosen = perf_counter(), _run_of(integrator)
     model = model.in_motion(integrator)
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
@@ -185,29 +174,6 @@ def solve(
         ranks=ranks.size,
         ramp=settings.ramp,
     )
-
-
-def _automatic(
-    model: Model, end_time: float, outputs: int, comm: PETSc.Comm | None, given: Mapping[str, Any]
-) -> History:
-    """Return the motion with steps that are chosen, those of implicit ones by what error they turn out to have."""
-    from isorod.dynamics.choice import choose
-
-    found = choose(model, end_time, whole_number("outputs", outputs, 1, 1_000_000), comm)
-    step, last = found.time_step, None
-    for attempt in range(_ATTEMPTS):
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            last = solve(model, end_time, step, outputs, integrator=found.integrator, comm=comm, **given)
-        error = last.time_error
-        if error is None or step is None or error <= _LARGE or attempt == _ATTEMPTS - 1:
-            break
-        step = 0.5 * step if error > 0.1 else step * float(np.sqrt(0.5 * _LARGE / error))
-    for one in warned:
-        warnings.warn(one.message, one.category, stacklevel=3)
-    assert last is not None
-    last.solver["time integration"] += f", {found.integrator} steps of {last.time_step:.3g} chosen: {found.why}"
-    return last
 
 
 def _warn_of_steps(run: Run) -> None:

@@ -203,9 +203,7 @@ class FileScene(Scene):
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
-        found = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
-        free = self.analysis == "dynamics" and not {"integrator", "time_step"} & found.keys()
-        return found | ({"integrator": "auto"} if free else {})
+        return choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
 
     def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
         """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""

@@ -7,7 +7,7 @@ Where supports move what they hold at ``v_h``, the momenta of steps are those of
 and ``v_h`` half a step ahead is the way from this step to the next over its length: places of supports are exact.
 """
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from isorod.assembly.constraints import Constraints
 from isorod.assembly.pressing import Pressing
 from isorod.dynamics.explicit.step_kernel import DISSIPATED, FOLLOWED, PUSHED, Course
 from isorod.errors import InputError
-
-if TYPE_CHECKING:
-    from isorod.dynamics.explicit.system import System
 
 
 class Drive:
@@ -39,7 +36,7 @@ class Drive:
         If there is what explicit steps do not know, or what several ranks do not.
     """
 
-    def __init__(self, system: "System") -> None:
+    def __init__(self, system: Any) -> None:
         self._system, model = system, system.model
         self.time = self.since = 0.0
         self.step = 1.0
