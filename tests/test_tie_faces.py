@@ -6,6 +6,7 @@ import pytest
 from isorod import LinearElastic, Space, Tie, airfoil, circle, ellipse, flower, rounded_rectangle, statics, straight
 from isorod.assembly.constraints import Constraints
 from isorod.model import Body, Model, Support
+from isorod.model.history import InTime
 from isorod.model.tie import EndFace
 from isorod.space.trace import end_trace
 
@@ -47,11 +48,12 @@ def rule_of(space, which):
     return trace, np.column_stack([np.ones(len(radius)), trace.points[:, :2]]), radius
 
 
-class OnFace:
+class OnFace(InTime):
     """A traction along the axis on the end of a body, by the rule of its elements."""
 
     def __init__(self, body, traction):
-        self.body, self.traction = body, traction
+        super().__init__()
+        self._set(body=body, traction=traction)
 
     def nodal(self, space):
         trace, fields, radius = rule_of(space, "end")
