@@ -7,6 +7,7 @@ from importlib import import_module
 from time import perf_counter
 from typing import Any
 
+from isorod.command import steps
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 from isorod.output.words import STRESS_ERROR
@@ -62,7 +63,8 @@ def solve(
         start = None if begin is None else begin(model)
         if start is not None:
             settings = {**settings, "start": start}
-        solution = _solve_refined(scene, model, analysis.solve, settings)
+        analyse = steps.solve if steps.are_open(scene, settings) else analysis.solve
+        solution = _solve_refined(scene, model, analyse, settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - started
     # With ``check``: what proves a result is a part of getting it.
