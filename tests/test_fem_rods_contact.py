@@ -14,7 +14,7 @@ from comparisons.fem.contact.obstacles import Obstacle
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.run import mesh_of
 from isorod import statics
-from isorod.files.measures import contact_force
+from isorod.files.contacts import contact_force
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support

@@ -34,7 +34,7 @@ def test_what_a_file_says_is_varied_by_its_path(command, tmp_path):
     assert [row[lift] for row in table] == ["0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "4"]
     for row in table[::3]:
         alone = command.record("run", file, "--set", f"{lift}={row[lift]}")
-        assert [row[f"force[{k}]"] for k in range(3)] == sheet.cells(alone["force"])
+        assert [row[f"force[{a}]"] for a in "xyz"] == sheet.cells(alone["force"])
         assert alone["options"]["support"]["upper"]["displacement"][2] == float(row[lift])
         assert row["error_estimate"] == (f"{alone['error_estimate']:.2g}" if "error_estimate" in alone else "")
     # Another file under the same name is another sweep.

@@ -119,7 +119,6 @@ def test_bad_input(cylinder):
             "prescribed by another support",
         ),
         (lambda: Model([body], [start, Support.end(space, "start", "", tied="x")]), "prescribed by another support"),
-        (lambda: dynamics.solve(Model([body], [start], loads=[BodyForce((1.0, 0.0, 0.0))]), 1.0), "loads"),
         (lambda: dynamics.solve(Model([body], [Support.end(space, "end", "xy", tied="z")]), 1.0), "tied"),
     ]
     for make, words in cases:

@@ -43,7 +43,7 @@ def moved(steps, **settings):
 
 def test_long_steps_are_warned_of_and_short_ones_are_not():
     exact = moved(120, outputs=10).displacement
-    for steps, warned in ((10, True), (60, False)):
+    for steps, warned in ((10, True), (90, False)):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             found = moved(steps, outputs=10)

@@ -39,7 +39,7 @@ def test_branches_are_named_by_their_tips_and_begin_where_their_rim_leaves_the_t
     found = scene(tmp_path, PLANT)
     rods = dict(zip(found.rod_names(), found.rods(), strict=True))
     assert list(rods) == ["oak-5", "oak-4", "oak-6"]
-    assert found.tie_names() == ["oak-4", "oak-6"]
+    assert found.names["ties"] == ["oak-4", "oak-6"]
     np.testing.assert_allclose(ends(rods["oak-5"]), [[0, 0, 0], [0, 0, 40]], atol=1e-9)
     # At right angles the rim reaches the surface where its widest points do: 0.8 from the axis.
     np.testing.assert_allclose(ends(rods["oak-4"]), [[0.8, 0, 10], [8, 0, 10]], atol=0.02)

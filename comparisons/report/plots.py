@@ -210,7 +210,8 @@ def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) ->
                 low, high = middle - half, middle + half
                 meets = any((low < b).all() and (high > a).all() for a, b in taken)
                 nearer = (
-                    float(np.linalg.norm(np.array(marks) - middle, axis=1).min()) < np.linalg.norm(at - middle) - 0.5
+                    float(np.linalg.norm(np.reshape(marks, (-1, 2)) - middle, axis=1).min(initial=np.inf))
+                    < np.linalg.norm(at - middle) - 0.5
                 )
                 if not meets and (low > frame[0]).all() and (high < frame[1]).all():
                     crossed = int(((on_lines > low) & (on_lines < high)).all(axis=1).sum())

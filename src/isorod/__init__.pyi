@@ -55,6 +55,7 @@ from isorod.model import LateralSurface as LateralSurface
 from isorod.model import LineLoad as LineLoad
 from isorod.model import MeanSupport as MeanSupport
 from isorod.model import Model as Model
+from isorod.model import ObstacleMotion as ObstacleMotion
 from isorod.model import Plane as Plane
 from isorod.model import PointLoad as PointLoad
 from isorod.model import Pressure as Pressure

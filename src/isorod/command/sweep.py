@@ -170,7 +170,9 @@ def _run(
             columns = curves.columns(table.decode().splitlines(), "sweep")
             results.make_folder(str(Path(found.png).parent))
             units = {name: unit.strip("()") for name, unit in scene.units.items()}
-            curves.draw(columns, str(scene.title), picture.SIZE, Path(found.png), units)
+            curves.draw(
+                columns, str(scene.title if scene.content else scene.name), picture.SIZE, Path(found.png), units
+            )
     failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in records.values())
     return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
 

@@ -106,7 +106,7 @@ class Passing:
                 return f"contact {k}: penetration is {DEEPEST * depth / limit:.2g} of the smaller radius"
         return None
 
-    def passed(self, before: Array, after: Array, when: tuple[float, float]) -> str | None:
+    def passed(self, before: Array, after: Array, when: tuple[float, float] = (0.0, 1.0)) -> str | None:
         """Return in words which bodies go through each other between two displacements, if some do.
 
         They are those that contact takes (`isorod.contact.operator.ContactOperator`), at load factors or times ``when``
@@ -123,7 +123,7 @@ class Passing:
             or self._facets(start, increment, (before, after), _NEAREST)
         )
 
-    def free(self, before: Array, after: Array, when: tuple[float, float]) -> float:
+    def free(self, before: Array, after: Array, when: tuple[float, float] = (0.0, 1.0)) -> float:
         """Return the fraction of the increment between two displacements on which none enter each other.
 
         Load factors ``when`` are those of `passed`.

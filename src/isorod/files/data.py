@@ -12,10 +12,11 @@ from isorod.errors import InputError
 from isorod.files import values, wires
 from isorod.files.document import Place
 from isorod.geometry import table
-from isorod.model.history import TimeTable
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    from isorod.model.history import TimeTable
 
 _AXES = ("x", "y", "z")
 # Names under which programs that find centre lines keep the radius.
@@ -92,8 +93,11 @@ POINTS = values.Kind(points, "points in lists, or the name of a file beside this
 BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 
 
-def _history(place: Place, value: Any) -> TimeTable:
+def _history(place: Place, value: Any) -> "TimeTable":
     """Return a factor by time, of rows or the name of a CSV file of such beside the scene's."""
+    # Loads what models are made of.
+    from isorod.model.history import TimeTable
+
     rows = values.value_of(place, value, Numbers)
     if isinstance(value, str):
         rows = _table(place, value, place.data(value))[1]

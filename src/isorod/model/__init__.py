@@ -5,6 +5,7 @@ from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Spin, Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
+from isorod.model.moving import ObstacleMotion
 from isorod.model.support import Support
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Tie
 from isorod.model.triangle_mesh import TriangleMesh
@@ -19,6 +20,7 @@ __all__ = [
     "LineLoad",
     "MeanSupport",
     "Model",
+    "ObstacleMotion",
     "Plane",
     "PointLoad",
     "Pressure",
