@@ -10,7 +10,7 @@ ANALYSES = {
     "statics": "[analysis.statics]",
     "modes": "[analysis.modal]\nmodes = 3",
     "implicit": '[analysis.dynamics]\nend_time = 0.2\ntime_step = 0.1\noutputs = 2\nintegrator = "implicit"',
-    "explicit": "[analysis.dynamics]\nend_time = 0.2\noutputs = 2",
+    "explicit": "[analysis.dynamics]\nend_time = 0.2\noutputs = 2\nintegrator = 'explicit'",
 }
 
 _SOFT = "law = {NeoHookean = {E = 100.0, nu = 0.3}}"

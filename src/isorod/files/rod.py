@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
+# Keys of thermal expansion, known without what it loads.
+_WARM = ("expansion", "temperature")
+
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4
 
@@ -89,7 +92,7 @@ class RodPlan:
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
         self._rings = call(place, schema.RINGS, rings) if rings else None
-        warm = {key: one for key, one in table.items() if key in schema.THERMAL.parameters}
+        warm = {key: one for key, one in table.items() if key in _WARM}
         self._warm = call(place, schema.THERMAL, warm) if warm else None
         rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep, *rings, *warm)}
         self._body: Call | None = None
