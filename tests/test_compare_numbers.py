@@ -271,6 +271,7 @@ def test_labels_of_near_points_do_not_meet():
     near = [(f"run {k}", (3.0 * (1.0 + 1e-3 * k), 3.0), "black") for k in range(9)]
     plots._label(axis, [("default", (3.0, 3.0), "black"), *near])
     # Without the threads to their places, which those of annotations hold.
+    figure.draw_without_rendering()
     boxes = [pyplot.Text.get_window_extent(one) for one in axis.texts]
     pyplot.close(figure)
     assert axis.texts[0].get_text() == "default"

@@ -200,8 +200,8 @@ def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) ->
     taken = [(np.array(place) - 4.0, np.array(place) + 4.0) for place in marks]
     for text, place, colour in labels:
         at = dots * axis.transData.transform(place)
-        # Letters are about 0.6 times as wide as high.
-        half = 0.5 * np.array([0.6 * size * len(text), size])
+        # Letters are about 0.6 times as wide as high, lines a little higher.
+        half = 0.5 * np.array([0.6 * size * len(text), 1.1 * size])
         free: list[tuple[float, ...]] = []
         for far in (0.0, 8.0, 18.0, 30.0):
             for angle in np.radians([30, 150, -30, -150, 90, -90, 0, 180]):
