@@ -27,14 +27,14 @@ class Browser:
         data = None if body.pop("get", False) else json.dumps(body).encode()
         request = urllib.request.Request(self.address + path, data, {"Content-Type": "application/json"})
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(request, timeout=30) as answer:
+        with opener.open(request, timeout=60) as answer:
             return json.load(answer)["value"]
 
     def run(self, script, *arguments):
         """Return what a script in the page returns."""
         return self.ask("/execute/sync", script=script, args=list(arguments))
 
-    def until(self, script, *arguments, seconds=20.0):
+    def until(self, script, *arguments, seconds=60.0):
         """Return what a script in the page returns, as soon as that is true."""
         end = time.monotonic() + seconds
         while not (found := self.run(script, *arguments)):

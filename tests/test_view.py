@@ -225,10 +225,12 @@ def test_a_browser_shows_the_rod_and_tells_its_numbers(bent, tmp_path):
         host = address.split("/")[2]
         assert host.startswith("127.0.0.1:")
         page.ask("/url", url=address)
-        page.until("return document.querySelector('.picture img')?.naturalWidth > 0")
+        # The picture has the page's size: what is typed before that may be written over.
+        page.until("return document.querySelector('.picture img')?.naturalWidth > 600")
         page.until("return document.querySelector('#field').value === 'von_mises'")
         assert coloured(page) > 0.02
         page.run(SET, "#u", "0.5", "change")
+        page.until(f"return {ROWS}.length === 11 && document.querySelector('#xi').value === '0, 0'")
         page.run(SET, "#xi", "0.5, 0", "change")
         page.until(f"return {ROWS}.length === 11 && document.body.innerText.includes('at rest at 2.5, 0, 50')")
         numbers = dict(page.run(f"return {ROWS}"))
