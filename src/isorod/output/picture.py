@@ -46,7 +46,7 @@ _LOW = 400
 _PARTS, _ALIKE = 5, 1e-3
 
 # How little of what is long is foreshortened: 0 is not at all.
-_FORESHORTENED = 0.3
+_FORESHORTENED = 0.12
 
 # Letters in a line of what is below it.
 _NARROW = 14
