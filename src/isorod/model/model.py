@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from isorod.model.contact import Contact
     from isorod.model.tie import Tie
 
+# The analyses that take histories, and what is said in others.
+_TIMED = ("statics", "modal analysis")
+_ONE_FACTOR = "one factor multiplies all that loads the model; ask for statics"
+
 # What a model is made of, each several times.
 _PARTS = ("bodies", "solids", "supports", "loads", "contacts", "ties")
 
@@ -364,16 +368,16 @@ class Model(Checked):
 def unmoved(model: Model, what: str, timed: bool = False) -> None:
     """Raise `InputError` for what is no model, or moves by time, of which ``what`` has none unless it is ``timed``."""
     expect("model", model, Model)
-    for kind, several in (("support", model.supports), ("load", model.loads)):
-        for k, one in enumerate(several):
-            if one.history is not None and not timed:
-                raise InputError(
-                    f"{kind} {k}: history: there is no time in {what} without an end_time; give one, or leave it out"
-                    if what != "buckling"
-                    else f"{kind} {k}: history: in buckling one factor multiplies all loads; leave it out"
-                )
-            if np.any(getattr(one, "spin", 0.0)):
-                raise InputError(f"{kind} {k}: spin: supports spin in dynamics; in {what} the frame does, with [spin]")
+    laws = [(f"body {b}: temperature", law) for b, body in enumerate(model.bodies) for law in body.laws]
+    several = [(f"support {k}", one) for k, one in enumerate(model.supports)]
+    several += [(f"load {k}", one) for k, one in enumerate(model.loads)]
+    for name, one in [*several, *laws, ("spin", model.spin)]:
+        if getattr(one, "history", None) is not None and not timed:
+            cure = f"there is no time in {what} without an end_time; give one" if what in _TIMED else _ONE_FACTOR
+            raise InputError(f"{name}: history: {cure}, or leave it out")
+    for name, one in several:
+        if np.any(getattr(one, "spin", 0.0)):
+            raise InputError(f"{name}: spin: supports spin in dynamics; in {what} the frame does, with [spin]")
     for b, body in enumerate(model.bodies):
         if any(body.velocity) or any(body.spin):
             raise InputError(f"body {b}: velocity: there is no motion in {what}; leave velocity and spin out")

@@ -14,6 +14,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError, positive
+from isorod.material.thermal import Thermal
 from isorod.model.history import Times, TimeTable
 from isorod.model.model import Model
 from isorod.model.support import Support
@@ -37,10 +38,10 @@ def until(model: Model, end_time: float) -> Model:
         model = model.times.of
     positive("end_time", end_time, "a positive time")
     _refuse_by_factor(model)
-    known = {f"{kind} {k}": one for kind, k, one in _several(model) if isinstance(one.history, TimeTable)}
-    tables = [one.history for one in known.values()]
-    for name, one in known.items():
-        _refuse_short(f"{name}: history", one.history.times[-1] if len(one.history.times) > 1 else np.inf, end_time)
+    known = {name: TimeTable.of(one.history) for name, one in _several(model) if one.history is not None}
+    tables = [*known.values()]
+    for name, table in known.items():
+        _refuse_short(f"{name}: history", table.times[-1] if len(table.times) > 1 else np.inf, end_time)
     tracks = {k: one.motion.track[:, 0] for k, one in enumerate(model.contacts) if one.motion and not one.motion.plain}
     for k, when in tracks.items():
         _refuse_short(f"contact {k}: motion of the obstacle", when[-1], end_time)
@@ -56,9 +57,9 @@ def until(model: Model, end_time: float) -> Model:
     ramp = TimeTable(tuple(way.tolist()), tuple(np.minimum(times / kinks[1], 1.0).tolist()))
 
     def over(history: Any) -> TimeTable:
-        if not isinstance(history, TimeTable):
+        if history is None:
             return ramp
-        table = _snapped(history, kinks)
+        table = _snapped(TimeTable.of(history), kinks)
         values = [table.at(time, before) for time, before in zip(times, early, strict=True)]
         # From rest on.
         return TimeTable(ramp.times, (0.0, *values[1:]))
@@ -89,12 +90,14 @@ def until(model: Model, end_time: float) -> Model:
         )
 
 
-def _several(model: Model) -> Iterator[tuple[str, int, Any]]:
-    """Yield what may have a history: its kind, its number, and it."""
+def _several(model: Model) -> Iterator[tuple[str, Any]]:
+    """Yield what may have a history, with what it is called."""
     for kind, several in (("support", model.supports), ("load", model.loads)):
-        yield from ((kind, k, one) for k, one in enumerate(several))
+        yield from ((f"{kind} {k}", one) for k, one in enumerate(several))
     if model.spin is not None:
-        yield "spin", 0, model.spin
+        yield "spin", model.spin
+    for b, body in enumerate(model.bodies):
+        yield from ((f"body {b}: temperature", law) for law in set(body.laws) if isinstance(law, Thermal))
 
 
 def _refuse_short(what: str, last: float, end_time: float) -> None:
