@@ -60,11 +60,14 @@ class ContactPolicy:
     ----------
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
+    spent
+        Energy that friction has dissipated up to where the last load step began.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
         self._solver, self._contact = solver, contact
         self.in_steps = contact.friction is not None or contact.model.times is not None
+        self.spent = 0.0
         # What penalties are multiplied by where a step with friction begins.
         self._begins = 1.0
 
@@ -101,7 +104,7 @@ class ContactPolicy:
         """
         solver, contact, softer = self._solver, self._contact, self._begins
         contact.place(factor)
-        contact.accept(self._displacement(factor))
+        self.spent += contact.accept(self._displacement(factor))
         start, undo = solver.x.copy(), contact.keep()
         while True:
             contact.stiffen(softer)
@@ -142,6 +145,16 @@ class ContactPolicy:
             except Diverged as problem:
                 raise Diverged(f"more points of contact: {problem}") from None
         return self._tighten(factor)
+
+    @property
+    def dissipated(self) -> float | None:
+        """Energy that friction has dissipated up to the full load, None where nothing rubs."""
+        if self._contact.friction is None:
+            return None
+        undo = self._contact.keep()
+        spent = self._contact.accept(self._displacement(1.0))
+        undo()
+        return self.spent + spent
 
     def settle_in_the_end(self) -> int:
         """Settle contact at the full load, where it must not fail; return how often multipliers were updated."""
