@@ -170,7 +170,6 @@ def _solve(
             stabilisation=stabilisation,
             path=path.steps if any(kept) or assembler.contact is not None or model.times is not None else (),
             negative_eigenvalues=negative,
-            dissipated=None if solver.policy is None else solver.policy.dissipated,
             ties=at_load(assembler, solver.x, 1.0),
             solids=assembler.solids(solver.x, 1.0),
         )

@@ -60,14 +60,11 @@ class ContactPolicy:
     ----------
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
-    spent
-        Energy that friction has dissipated up to where the last load step began.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
         self._solver, self._contact = solver, contact
         self.in_steps = contact.friction is not None or contact.model.times is not None
-        self.spent = 0.0
         # What penalties are multiplied by where a step with friction begins.
         self._begins = 1.0
 
@@ -104,9 +101,12 @@ class ContactPolicy:
         """
         solver, contact, softer = self._solver, self._contact, self._begins
         contact.place(factor)
-        self.spent += contact.accept(self._displacement(factor))
+        contact.accept(self._displacement(factor))
         start, undo = solver.x.copy(), contact.keep()
         while True:
+            if contact.model.times is not None:
+                # Where a patch unloads, the last ones would hold it apart.
+                contact.packed.multipliers[:] = 0.0
             contact.stiffen(softer)
             try:
                 solves = solver.advance(factor, target)
@@ -145,16 +145,6 @@ class ContactPolicy:
             except Diverged as problem:
                 raise Diverged(f"more points of contact: {problem}") from None
         return self._tighten(factor)
-
-    @property
-    def dissipated(self) -> float | None:
-        """Energy that friction has dissipated up to the full load, None where nothing rubs."""
-        if self._contact.friction is None:
-            return None
-        undo = self._contact.keep()
-        spent = self._contact.accept(self._displacement(1.0))
-        undo()
-        return self.spent + spent
 
     def settle_in_the_end(self) -> int:
         """Settle contact at the full load, where it must not fail; return how often multipliers were updated."""

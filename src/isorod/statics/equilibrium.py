@@ -70,8 +70,6 @@ class Equilibrium(State, WithSolids, Animated):
     largest
         Over time, where a state at a kink of a table stored more energy than the last one, that of most: errors are
         those there.
-    dissipated
-        Energy that friction has taken on the way; None where nothing rubs.
     """
 
     reactions: Array
@@ -93,7 +91,6 @@ class Equilibrium(State, WithSolids, Animated):
     negative_eigenvalues: int | None = None
     ties: Sequence[TieResult] = ()
     largest: "Equilibrium | None" = None
-    dissipated: float | None = None
 
     @property
     def _counted(self) -> str:
@@ -204,8 +201,6 @@ class Equilibrium(State, WithSolids, Animated):
             found["penetration"] = max(one.penetration for one in self.contacts)
             found["augmentations"] = self.augmentations
             found["contacts"] = [one.record() for one in self.contacts]
-        if self.dissipated is not None:
-            found["dissipated"] = self.dissipated
         if self.ties:
             found["ties"] = [one.record() for one in self.ties]
         if self.stabilisation is not None:
