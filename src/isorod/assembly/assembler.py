@@ -9,22 +9,21 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.extrapolation import pays
+from isorod.assembly.loaded import Loaded
 from isorod.assembly.part import Part
-from isorod.assembly.parts import Parts
 from isorod.assembly.pattern import Pattern, add
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
 from isorod.petsc.matrix import fits, keep_symmetric, preallocate, set_values, zeros
 
 if TYPE_CHECKING:
-    from isorod.assembly.pressing import Pressing
     from isorod.contact.operator import ContactOperator
 
 # Attribute of a tangent: the pattern of the parts' entries.
 _PATTERN = "isorod_pattern"
 
 
-class Assembler(Parts):
+class Assembler(Loaded):
     """Assembles a model over a communicator.
 
     Attributes
@@ -43,7 +42,6 @@ class Assembler(Parts):
         super().__init__(model, comm)
         with self._timed():
             self.contact = self._contact()
-            self._pressing = self._followers()
 
     def _contact(self) -> "ContactOperator | None":
         if not self.model.contacts:
@@ -73,25 +71,6 @@ class Assembler(Parts):
         """Return the displacement that contact takes: all degrees of freedom, and those of facets behind them."""
         return self._with_facets(self.displacement(x, factor), x, factor)
 
-    def _followers(self) -> "list[Pressing]":
-        """Return the pressures that follow each part, if any does."""
-        loads = self.model.following
-        if not loads:
-            return []
-        from isorod.assembly.pressing import Pressing
-
-        self.note("following loads")
-        return [Pressing(share, [load for load in loads if load.body == share.which]) for share in self.shares]
-
-    def _loads(self, local: Array) -> Array:
-        """Return the forces of the loads at load factor 1 in a state of this rank."""
-        if not self._pressing:
-            return self._external
-        followed = zip(self.parts, self._pressing, strict=True)
-        return self._external + self._sums(
-            part.padded(pressing.forces(part.nodal(local))) for part, pressing in followed
-        )
-
     @property
     def symmetric(self) -> bool:
         """Whether the tangent is: that of friction is not, nor that of moments on bodies that turn."""
@@ -106,11 +85,6 @@ class Assembler(Parts):
     def _linear(self) -> bool:
         """Whether all laws are linear."""
         return all(body.linear for body in self.model.bodies)
-
-    @cached_property
-    def _external(self) -> Array:
-        """Forces of the loads at load factor 1."""
-        return self._once(self.model.external) if self.model.loads else np.zeros(self._exchange.size)
 
     def matrix(self) -> PETSc.Mat:
         """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
@@ -155,12 +129,14 @@ class Assembler(Parts):
         spin = self.model.spin
         total = self._internal(local, factor)
         if spin is not None:
-            total -= factor * self._sums(part.centrifugal(local, spin) for part in self.parts)
+            grown = self.model.share(spin.history, factor)
+            total -= grown * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
             forces = self.contact.forces(self._everywhere)[0]
             own, self._pushed = np.split(forces, [self.model.dofs])
             total -= self._once(own)
-        return total - factor * self._loads(local)
+        self._reach(factor)
+        return total - self._loads(local)
 
     def _solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return what `_forces`, of the same state and called before, is of solids: on those of this rank."""
@@ -187,7 +163,7 @@ class Assembler(Parts):
             local = self._state(x, factor)
             forces = self._forces(local, factor)
             self._store(forces, out)
-            own = float(np.sum(forces[self._supported] ** 2) + np.sum((factor * self._loads(local)) ** 2))
+            own = float(np.sum(forces[self._supported] ** 2) + np.sum(self._loads(local) ** 2))
             if self.coupling is not None:
                 solids = self._solid_forces(x, factor)
                 self.coupling.add(solids, out)
@@ -218,6 +194,7 @@ class Assembler(Parts):
 
         All are those at load factor 1.
         """
+        self._reach(1.0)
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
         coupling = self.coupling
         solids = 0.0 if coupling is None else coupling.carried(coupling.solid_forces(x, 1.0), 1.0)
@@ -282,21 +259,11 @@ class Assembler(Parts):
     def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
         """Add the parts' tangents to the entries of a pattern."""
         loaded = self.model.spin is not None or bool(self._pressing)
+        self._reach(factor)
         for k, (part, blocks) in enumerate(zip(self.parts, pattern.blocks, strict=True)):
             part.add_entries(local, factor, blocks, entries)
             if loaded:
                 add(self._load_stiffness(k, local, factor, np.arange(part.layers.shape[0])), blocks, entries)
-
-    def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
-        """Return what loads that depend on the state add to the tangents of some elements of a part."""
-        part, spin = self.parts[k], self.model.spin
-        found = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
-        if spin is not None:
-            found -= factor * part.softening(spin)[which]
-        if self._pressing:
-            whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
-            found -= factor * whole[which].reshape(found.shape)
-        return found
 
     def geometric_stiffness(self, rate: PETSc.Vec, step: float, out: PETSc.Mat) -> None:
         """Fill ``out`` with what loads add to the tangent at rest (`isorod.assembly.prestress`).
@@ -308,6 +275,7 @@ class Assembler(Parts):
         with self._timed():
             states = [self._state(f * rate, f).copy() for f in (-step, 0.0, step)]
             own = out if self.coupling is None else self.coupling.of_rods(out)
+            self._reach(1.0)
             set_values(own, entries(self.parts, own.getAttr(_PATTERN), states, step, self._pressing))
             if self.coupling is not None:
                 self.coupling.fill(out, ())
@@ -328,7 +296,9 @@ class Assembler(Parts):
             local = self._state(x, factor)
             way = self.prescribed(factor + step) - self.prescribed(factor)
             move = self.local(way)
-            total = -step * self._loads(local)
+            self._reach(factor, step)
+            total = -self._loads(local)
+            self._reach(factor)
             for k in range(len(self.parts)):
                 self._add_change(k, local, factor, move, step, total)
             pushed = np.empty(0)
@@ -358,7 +328,8 @@ class Assembler(Parts):
             slots = part.slots_of(which)
             np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
         if self.model.spin is not None:
-            part.add(-step * part.centrifugal(local, self.model.spin), total)
+            grown = self.model.share(self.model.spin.history, factor, step)
+            part.add(-grown * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
             part.add_activation(local, factor, step, total)
 
@@ -368,7 +339,7 @@ class Assembler(Parts):
             local = self._state(x, factor)
             energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
             for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
-                energy += solid.energy(moved, factor)
+                energy += solid.energy(moved, self.model.share(None, factor))
             if self.coupling is not None and self.coupling.bonds is not None:
                 energy += self.coupling.bonds.energy(self.system_displacement(x, factor))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])

@@ -96,8 +96,8 @@ class Constraints:
         Each mean support as it is on the nodes, by its number.
     averaged, held_means
         The slaves of these, and the numbers of those that are held, in the order in which their motions stand.
-    offsets, given : (s, h), (h,)
-        What the slaves have of each of the mean motions that are held, and the values of these at load factor 1.
+    offsets : (s, h)
+        What the slaves have of each of the mean motions that are held.
 
     Raises
     ------
@@ -144,7 +144,6 @@ class Constraints:
         whole = self._resolved(whole[order])
         self.rows, self.offsets = whole[:, : 3 * self._nodes], whole[:, 3 * self._nodes :].toarray()
         self.held_means = [k for several in sets for k in several]
-        self.given = np.concatenate([np.empty(0), *(model.means[k].values for k in self.held_means)])
 
     def _averaged(self, several: Sequence[int]) -> tuple[Index, csr_array, Array]:
         """Return the slaves of the mean motions of supports, their rows, and what they have of the values of these."""

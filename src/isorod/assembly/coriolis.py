@@ -1,5 +1,6 @@
 """Coriolis forces in the frame that turns with a spin: ``G v``, ``G_jl,km = 2 int rho S_l R_j [w] S_m R_k dV``."""
 
+import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Index
@@ -15,12 +16,12 @@ _PAIRS = [(a, b) for a in range(3) for b in range(3) if a != b]
 
 
 def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
-    """Return the antisymmetric matrix ``G`` of a model with a spin at load factor 1."""
+    """Return the antisymmetric matrix ``G`` of a model with a spin, as fast as it is at load factor 1."""
     model = assembler.model
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
         raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
     assert model.spin is not None
-    across = cross(model.spin.velocity)
+    across = np.sqrt(model.share(model.spin.history, 1.0)) * cross(model.spin.velocity)
     mass = masses(assembler.parts, [assembler.unknown_of[a::3] for a in range(3)], lumped)
 
     def indices() -> tuple[Index, Index]:

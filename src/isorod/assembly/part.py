@@ -193,11 +193,10 @@ class Part:
 
     def add_activation(self, local: Array, factor: float, step: float, forces: Array) -> None:
         """Add the change of the internal forces when the load factor, and what of the laws goes with it, grows."""
-        # Stress is linear in the activation, and almost so in free thermal strains.
-        active, passive = np.zeros((2, local.size))
-        self.add_forces(local, factor + 0.5, active)
-        self.add_forces(local, factor - 0.5, passive)
-        forces += step * (active - passive)
+        after, before = np.zeros((2, local.size))
+        self.add_forces(local, factor + step, after)
+        self.add_forces(local, factor, before)
+        forces += after - before
 
     @property
     def expelled(self) -> float:

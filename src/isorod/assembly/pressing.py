@@ -3,7 +3,7 @@
 Of pressure ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du``, ``x`` where the surface is now.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +74,10 @@ class Pressing:
     def at(self, begin: float, end: float) -> None:
         """Let loads be their means over a time, or what they are at it."""
         self._factors = [load.factor(begin, end) for load in self._loads]
+
+    def reach(self, share: Callable[[Pressure | SectionLoad], float]) -> None:
+        """Let loads be what they are with a share of each."""
+        self._factors = [share(load) for load in self._loads]
 
     def _tangents(self, s: Surface, nodal: Array) -> tuple[Array, Array]:
         """Return ``dx/dtheta`` and ``dx/du``, shape ``(E, t, q, 3)``."""

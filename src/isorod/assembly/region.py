@@ -104,7 +104,7 @@ class Region:
         self, factor: float, pressed: bool, wanted: bool = False, extrapolates: bool = False
     ) -> tuple[Functions, Steps]:
         """Return what compiled loops are told of the law; whether moduli are wanted, and with extrapolated stress."""
-        law = self.piece.law.at(factor)
+        law = self.piece.law.reached(factor)
         one = law.compiled
         trace = not law.logarithmic
         functions = Functions(one.block, one.tangent if wanted else 0, law.constants)

@@ -96,7 +96,9 @@ class Finer:
             left = max(map(_left, (body.space for body in model.bodies), spaces))
             return cls(
                 model,
-                Model(bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids),
+                Model(
+                    bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids, times=model.times
+                ),
                 across,
                 left,
             )
@@ -270,4 +272,5 @@ def _support(support: Support, space: Space, fine: Space, across: Array) -> Supp
 
     arms = None if support.arms is None else moved(support.arms)
     given = moved(support.displacement)
-    return Support(np.array(nodes), support.components, given, support.body, support.turn, arms, support.tied)
+    found = Support(np.array(nodes), support.components, given, support.body, support.turn, arms, support.tied)
+    return replace(found, history=support.history)

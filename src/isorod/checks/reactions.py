@@ -39,6 +39,7 @@ def check_balance(
     moments: Array,
     out_of_balance: float,
     rtol: float,
+    most: float = 0.0,
 ) -> None:
     """Raise `SolveError` where displacements vanish or support forces do not balance; warn where these are rounding.
 
@@ -57,6 +58,8 @@ def check_balance(
         Norm of the residual at the end.
     rtol
         Relative tolerance of SNES: where it is looser, balance is asked for to this only.
+    most
+        The largest force, or moment over size, that a support had on the way: rounding of this may be left.
     """
     model, tolerance = assembler.model, max(TOLERANCE, rtol)
     moved = float(np.abs(displacement).max())
@@ -69,7 +72,7 @@ def check_balance(
     # Where supports carry moments alone, their forces vanish.
     load = max(largest, float(np.linalg.norm(moments, axis=1).max()) / model.size)
     # Nor are there any where loads balance each other, as pressure in a tube does.
-    load = max(load, assembler.carried(x))
+    load = max(load, assembler.carried(x), most)
     # No sum over n entries is larger than sqrt(n) times their norm.
     if np.sqrt(model.unknowns) * out_of_balance <= tolerance * load:
         return
@@ -150,7 +153,9 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
     model, displacement = assembler.model, assembler.displacement(x, factor)
     forces = assembler.reactions(x, factor)
     reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
-    work, own = float(forces @ model.driven[model.bound]), exerted.in_equilibrium(assembler, x, factor)
+    # Without times what is driven is told at the full load alone.
+    driven = model.driven if model.times is None else model.drives(factor)
+    work, own = float(forces @ driven[model.bound]), exerted.in_equilibrium(assembler, x, factor)
     reactions += averages.forces_of(model, own)
     places = _places(model, displacement) if own else displacement
     for k, amounts in own.items():
@@ -158,7 +163,8 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
         nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_carrier[:, None]
         shares = averages.shares(model, model.means[k])
         moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
-        work += float(amounts @ model.means[k].values)
+        share = 1.0 if model.times is None else model.share(model.means[k].history, factor)
+        work += share * float(amounts @ model.means[k].values)
     return Carried(forces, reactions, moments, work)
 
 

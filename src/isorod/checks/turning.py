@@ -56,7 +56,7 @@ class Turning:
             for contact in model.contacts
             if contact.motion is not None
         ]
-        turns = max((float(np.linalg.norm(one.turn)) for one in model.motions), default=0.0) / (2.0 * np.pi)
+        turns = max((one.farthest for one in model.motions), default=0.0) / (2.0 * np.pi)
         if turns > _MOST:
             raise InputError(
                 f"support: got a rotation of {turns:.4g} turns, need at most {_MOST}: a load step takes a quarter turn"
@@ -73,7 +73,7 @@ class Turning:
             for support, motion in zip(self._model.supports, self._model.motions, strict=True):
                 begin, end = motion.during
                 if support.body == b and begin <= factor < end:
-                    rates.append(motion.turn / (end - begin))
+                    rates.append(self._model.pace(motion.clock.table, factor) * motion.turn / (end - begin))
             # About axes that stay, the angle between two grows by this at most.
             fastest = max(fastest, max(float(np.linalg.norm(one - other)) for one in rates for other in rates))
         slowest = LONGEST / fastest if fastest else np.inf
@@ -148,7 +148,7 @@ class Turning:
 def refuse_small(model: Model) -> None:
     """Raise `InputError` if a body whose law is of small strains is turned by more than a quarter of a turn."""
     for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
-        angle = float(np.linalg.norm(motion.turn))
+        angle = motion.farthest
         small = next((law for law in model.bodies[support.body].laws if not law.objective), None)
         if small is not None and angle > LONGEST:
             raise InputError(

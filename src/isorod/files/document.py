@@ -29,6 +29,7 @@ KEYS = (
     "tie",
     "measure",
     "case",
+    "step",
 )
 
 # A scene is written by hand; what is longer are data, which go beside it; and bytes of those at the most.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
 # Keys of thermal expansion, known without what it loads.
-_WARM = ("expansion", "temperature")
+_WARM = ("expansion", "temperature", "temperature_history")
 
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
-from isorod.files import cases, schema
+from isorod.files import cases, schema, steps
 from isorod.files.copies import Copies, placed
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
@@ -101,6 +101,7 @@ class FileScene(Scene):
     def __post_init__(self) -> None:
         document = Document(self.path)
         self.cases = cases.put(document, self.case, self.changes)
+        steps.put(document)
         self.name, self.content, self.data = Path(self.path).stem, document.content, document.read
         self._top = top = document.top
         for key in self.content:

@@ -69,7 +69,12 @@ SWEEP = Form(
     left=("section",),
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
-THERMAL = Form("isorod.material.thermal:Thermal", kinds={"expansion": VARYING}, left=("law",))
+THERMAL = Form(
+    "isorod.material.thermal:Thermal",
+    kinds={"expansion": VARYING, "history": HISTORY},
+    keys={"history": "temperature_history"},
+    left=("law",),
+)
 COPIES = Form("isorod.files.copies:copies")
 TREE = Form("isorod.files.trees:tree", left=("content",))
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
@@ -115,7 +120,7 @@ SOLID = Form("isorod.files.solid:solid", kinds={"mesh": MESH, "facets": FACETS, 
 HELD = _on_group("held")
 SOLID_LOADS = {name: _on_group(name) for name in ("force", "traction", "pressure", "body_force")}
 GRAVITY = Form("isorod.model.load:Weight", kinds={"history": HISTORY}, left=("of", "body"))
-SPIN = Form("isorod.model.load:Spin")
+SPIN = Form("isorod.model.load:Spin", kinds={"history": HISTORY})
 MOTION = Form("isorod.model.moving:ObstacleMotion", kinds={"angle": ANGLES})
 
 
@@ -209,5 +214,5 @@ RESERVED = frozenset(
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
-    "critical_load critical_loads obstacle_forces obstacle_moments".split()
+    "critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
 )

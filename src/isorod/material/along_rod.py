@@ -87,7 +87,7 @@ class Laws:
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
-        return Laws([piece._replace(law=piece.law.at(factor)) for piece in self.pieces])
+        return Laws([piece._replace(law=piece.law.reached(factor)) for piece in self.pieces])
 
     @property
     def follow(self) -> bool:

@@ -23,6 +23,8 @@ from isorod.material.places import Places, alone
 from isorod.material.points import Compiled, at_points, moduli_at_points
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from isorod.material.energy import Energy
 
 
@@ -70,6 +72,9 @@ class Material(Checked, ABC):
 
     # What directions are called in errors.
     _NAMES: ClassVar[tuple[str, ...]] = ("fibre direction", "fibre direction")
+
+    # By what it grows over time, by the load factor.
+    _grows: ClassVar[Any] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -173,6 +178,17 @@ class Material(Checked, ABC):
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: itself, unless something grows with the load, as a muscle's activation."""
         return self
+
+    def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
+        """Return the law as one that grows by a table in the place of the load factor, where it does by that.
+
+        ``over`` returns what a history, or none, is at a load factor (`isorod.model.times.until`).
+        """
+        return self if self.at(0.5) is self else self._with(_grows=over(None))
+
+    def reached(self, factor: float) -> Self:
+        """Return the law at a load factor, by its table if it has one."""
+        return self.at(factor if self._grows is None else self._grows(factor))
 
     @property
     def follows(self) -> bool:

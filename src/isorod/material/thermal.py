@@ -13,6 +13,8 @@ from isorod.material.places import Places
 from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from isorod.material.energy import Energy
 
 # Strains beyond these are no thermal expansion of a solid: a mistaken unit.
@@ -66,6 +68,8 @@ class Thermal(Material):
         Coefficient of linear expansion, 1 / temperature.
     temperature
         Change of temperature from that without stress, reached at the full load: it grows with the load factor.
+    history
+        In statics its factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
@@ -77,6 +81,7 @@ class Thermal(Material):
     law: Material
     expansion: float
     temperature: float
+    history: Any = None
 
     def _check(self) -> None:
         if isinstance(self.law, Thermal):
@@ -164,6 +169,16 @@ class Thermal(Material):
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the change of temperature."""
         return self._with(law=self.law.at(factor), temperature=factor * self.temperature)
+
+    def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
+        """Return the law with a temperature that grows by its own table, or as what has none does."""
+        return self._with(law=self.law.growing(over), _grows=over(self.history))
+
+    def reached(self, factor: float) -> Self:
+        """Return the law at a load factor, by its tables if it has some."""
+        if self._grows is None:
+            return self.at(factor)
+        return self.at(self._grows(factor))._with(law=self.law.reached(factor))
 
     @property
     def shear_modulus(self) -> float:

@@ -34,6 +34,7 @@ def solve(
     at_rest: bool = False,
     start: Array | None = None,
     progress: bool = False,
+    end_time: float | None = None,
 ) -> Modes:
     """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
 
@@ -61,6 +62,8 @@ def solve(
         Displacement ``(dofs,)`` near the equilibrium, as for `isorod.statics.solve`.
     progress
         Show how far it is on standard error (`isorod.output.progress`).
+    end_time
+        Time to which histories are followed before, as by `isorod.statics.solve`: the modes are those there.
 
     Raises
     ------
@@ -72,7 +75,7 @@ def solve(
         If the equilibrium is not found, SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
         mode was missed.
     """
-    unmoved(model, "modal analysis")
+    unmoved(model, "modal analysis", timed=end_time is not None or at_rest or state is not None)
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
     expect("load steps", load_steps, int)
@@ -84,13 +87,14 @@ def solve(
         found = state
         if state is not None:
             loaded.refuse(model)
-            if state.model is not model:
+            if model not in (state.model, None if state.model.times is None else state.model.times.of):
                 raise InputError("modes: the state is of another model; take its own")
         elif not at_rest:
-            found = loaded.find(model, load_steps, comm, start)
+            found = loaded.find(model, load_steps, comm, start, end_time)
         taken = {"equilibrium": perf_counter() - began} if found is not state else {}
         with closing(Teller()) as told:
-            return _solve(model, modes, lumped, found, comm, taken, told if progress else None)
+            there = model if found is None else found.model
+            return _solve(there, modes, lumped, found, comm, taken, told if progress else None)
 
 
 def _solve(

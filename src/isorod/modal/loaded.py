@@ -45,10 +45,11 @@ def state_of(model: Model, state: Equilibrium | None) -> str:
     if state is None:
         return "the state of rest" + (f", without {under}" if under else "")
     if not under:
-        return "an equilibrium without loads"
+        return "an equilibrium without loads" + ("" if model.times is None else f" at time {model.times.end:.6g}")
     pressed = sum(one.active for one in state.contacts)
     touching = f" with {_count(pressed, 'point') or 'no point'} in contact" if model.contacts else ""
-    return f"the equilibrium under {under}{touching}" + (", in the frame that turns" if spins(model) else "")
+    when = "" if model.times is None else f" at time {model.times.end:.6g}"
+    return f"the equilibrium under {under}{touching}{when}" + (", in the frame that turns" if spins(model) else "")
 
 
 def _count(number: int, what: str) -> str:
@@ -56,7 +57,11 @@ def _count(number: int, what: str) -> str:
 
 
 def find(
-    model: Model, load_steps: int, comm: PETSc.Comm | None = None, start: Array | None = None
+    model: Model,
+    load_steps: int,
+    comm: PETSc.Comm | None = None,
+    start: Array | None = None,
+    end_time: float | None = None,
 ) -> Equilibrium | None:
     """Return the equilibrium under what a model is under, None where that is nothing.
 
@@ -73,7 +78,7 @@ def find(
     with warnings.catch_warnings():
         # Nobody asks for them.
         warnings.filterwarnings("ignore", "support reactions are at round-off level")
-        return analysis.solve(model, load_steps, comm, start=start)
+        return analysis.solve(model, load_steps, comm, start=start, end_time=end_time)
 
 
 def refuse(model: Model, advice: str = "or use modes of the undeformed state (at_rest)") -> None:

@@ -1,7 +1,7 @@
 """Bodies: approximation space, constitutive law, density and formulation."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -345,6 +345,17 @@ class Body(Checked):
             each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
             laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
         return laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
+
+    def growing(self, over: Callable[[Any], Callable[[float], float]]) -> "Body":
+        """Return the body with laws that grow by tables (`isorod.material.law.Material.growing`)."""
+        made = {id(law): law.growing(over) for law in self.laws}
+        if all(made[id(law)] is law for law in self.laws):
+            return self
+        laws = [
+            [made[id(law)] for law in self.laws[k : k + self._rings]] for k in range(0, len(self.laws), self._rings)
+        ]
+        material = laws if self._rings > 1 else [law for (law,) in laws]
+        return replace(self, material=material, formulation=None if self.chosen else self.formulation)
 
     @property
     def families(self) -> int:

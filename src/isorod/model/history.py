@@ -1,7 +1,8 @@
-"""Factors by time: what loads and motions of supports are multiplied with in motions."""
+"""Factors by time: what loads and motions of supports are multiplied with."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,8 @@ class InTime(Checked):
     Parameters
     ----------
     history
-        In motions the factor by time: rows of time and factor, shape ``(n, 2)``, straight between them, the last value
-        from there on; in statics there is none.
+        The factor by time: rows of time and factor, shape ``(n, 2)``, straight between them; in motions the last value
+        from there on.  In statics it goes with an end time, which it reaches.
     """
 
     history: "TimeTable | Numbers | None" = field(default=None, kw_only=True)
@@ -136,6 +137,42 @@ class Clock:
         if not self.spins or self.table is None:
             return 0.0
         return 0.5 * (self.table.slope(time) + self.table.slope(time, True))
+
+
+class Times(NamedTuple):
+    """When a model is where on its way.
+
+    Attributes
+    ----------
+    way, times
+        Places on the way, from 0 to 1, that rise, and the times there, which stay the same where tables jump, ``(m,)``
+        each.
+    ramp
+        By what what has no history is multiplied, over the way.
+    of
+        The model without times.
+    """
+
+    way: Array
+    times: Array
+    ramp: TimeTable
+    of: Any
+
+    @property
+    def end(self) -> float:
+        """The end time."""
+        return float(self.times[-1])
+
+    def time(self, place: float) -> float:
+        """Return the time at a place of the way."""
+        return float(np.interp(place, self.way, self.times))
+
+    def place(self, time: float) -> float:
+        """Return the place on the way of a time, at a jump that after it."""
+        k = min(max(int(np.searchsorted(self.times, time, "right")) - 1, 0), len(self.times) - 2)
+        gap = self.times[k + 1] - self.times[k]
+        share = (time - self.times[k]) / gap if gap else 1.0
+        return float(self.way[k] + share * (self.way[k + 1] - self.way[k]))
 
 
 def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Clock:

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from isorod.arrays import Array, Numbers
-from isorod.errors import Checked, InputError, finite
+from isorod.errors import InputError, finite
 from isorod.geometry.quadrature import axis_points, circle_points
 from isorod.model.body import Body
 from isorod.model.history import InTime, TimeTable
@@ -60,7 +60,7 @@ class SectionLoad(InTime):
     moment
         Total moment at load factor 1 about the middle of the section, force times length, shape ``(3,)``.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
@@ -108,7 +108,7 @@ class SectionLoad(InTime):
             Total moment at load factor 1 about the middle of the face, force times length, shape ``(3,)``: the same in
             space however the face turns, spread as bending and torsion have it (`SectionLoad`).
         history
-            In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+            The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
         Raises
         ------
@@ -166,7 +166,7 @@ class Pressure(InTime):
         Whether normal and area are those of the moving surface, as of a fluid's pressure; if not, the force on each
         piece of the surface stays as it is, which where displacements are small is the same.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
@@ -224,7 +224,7 @@ class BodyForce(InTime):
     body
         Index of the body in the model.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     density: tuple[float, float, float]
@@ -253,7 +253,7 @@ class LineLoad(InTime):
     body
         Index of the body in the model.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     per_length: tuple[float, float, float]
@@ -298,7 +298,7 @@ class PointLoad(InTime):
     body
         Index of the body in the model.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     u: float
@@ -350,7 +350,7 @@ class Weight(InTime):
     body
         Its index in the model.
     history
-        In motions the factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        The factor by time, rows of time and factor (`isorod.model.history.InTime`).
     """
 
     acceleration: tuple[float, float, float]
@@ -369,7 +369,7 @@ class Weight(InTime):
 
 
 @dataclass(frozen=True)
-class Spin(Checked):
+class Spin(InTime):
     """A steady rotation of the frame in which displacements are measured: centrifugal force, by the load factor.
 
     Parameters
@@ -378,6 +378,8 @@ class Spin(Checked):
         Angular velocity vector, radians per time, at load factor 1 (at factor ``f``, ``sqrt(f)`` times as fast).
     center
         A point on the axis of rotation.
+    history
+        In statics the factor by time, of the centrifugal force (`isorod.model.history.InTime`).
     """
 
     velocity: tuple[float, float, float]

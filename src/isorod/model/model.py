@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError, expect
 from isorod.model.body import Body
+from isorod.model.history import Times, TimeTable
 from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
 from isorod.model.motion import SupportMotion
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from isorod.fenics.solid import Solid
     from isorod.model.contact import Contact
     from isorod.model.tie import Tie
+
+# The analyses that take histories, and what is said in others.
+_TIMED = ("statics", "modal analysis")
+_ONE_FACTOR = "one factor multiplies all that loads the model; ask for statics"
 
 # What a model is made of, each several times.
 _PARTS = ("bodies", "solids", "supports", "loads", "contacts", "ties")
@@ -37,6 +42,8 @@ class Model(Checked):
     ties, solids
         Welded surfaces (`isorod.model.tie.Tie`), and finite element bodies beside the rods
         (`isorod.fenics.solid.Solid`), which have supports and loads of their own.
+    times
+        When it is where on its way (`isorod.model.times.until`): histories are over that, load factors places on it.
     held
         Degrees of freedom that supports hold.
     bound, support_of
@@ -58,6 +65,7 @@ class Model(Checked):
     loads: Sequence[Load] = ()
     ties: "Sequence[Tie]" = ()
     solids: "Sequence[Solid]" = ()
+    times: Times | None = field(default=None, repr=False)
     first_node: Index = field(init=False)
     held: Index = field(init=False)
     free: Index = field(init=False)
@@ -196,10 +204,31 @@ class Model(Checked):
 
         The displacement of a state is ``x[free] + prescribed(factor)``, the first part left out where ``free`` is -1.
         """
-        result = np.zeros(3 * int(self.first_node[-1]))
-        for motion in self.motions:
-            result[motion.dofs] = motion.at(factor)
-        return result
+        return self._by_motion(lambda one: one.at(self.share(one.clock.table, factor)))
+
+    def share(self, table: "TimeTable | Numbers | None", factor: float, step: float | None = None) -> float:
+        """Return by what something with a table, or none, is multiplied at a load factor, or that grows in a step."""
+        if self.times is None:
+            return factor if step is None else step
+        own = table if isinstance(table, TimeTable) else self.times.ramp
+        return own.at(factor) if step is None else own.at(factor + step) - own.at(factor)
+
+    def pace(self, table: "TimeTable | Numbers | None", factor: float) -> float:
+        """Return how fast what something with a table is multiplied with grows after a load factor."""
+        if self.times is None:
+            return 1.0
+        return (table if isinstance(table, TimeTable) else self.times.ramp).slope(factor)
+
+    def when(self, factor: float, digits: str = ".6g") -> str:
+        """Return in words where on the way a load factor is."""
+        return f"load factor {factor:{digits}}" if self.times is None else f"time {self.times.time(factor):{digits}}"
+
+    def applied(self, factor: float, step: float | None = None) -> Array:
+        """Return what `external` is at a load factor, or by what that grows in a step, shape ``(dofs,)``."""
+        if self.times is None:
+            return (factor if step is None else step) * self.external
+        pairs = zip(self.loads, self._external_by_load, strict=True)
+        return sum((self.share(load.history, factor, step) * own for load, (_, own) in pairs), np.zeros(self.dofs))
 
     @property
     def moves(self) -> bool:
@@ -246,14 +275,17 @@ class Model(Checked):
     @cached_property
     def driven(self) -> Array:
         """How fast supports move what they bind as they come to rest (`SupportMotion.driven`), shape ``(dofs,)``."""
-        result = np.zeros(self.dofs)
-        for motion in self.motions:
-            result[motion.dofs] = motion.driven()
-        return result
+        return self.drives(1.0)
+
+    def drives(self, factor: float) -> Array:
+        """Return the same as they go on from a load factor, shape ``(dofs,)``."""
+        return self._by_motion(lambda one: one.driven(self.share(one.clock.table, factor)))
 
     @cached_property
     def stages(self) -> list[float]:
-        """Load factors at which supports begin or cease to move, or obstacles move otherwise, and 1, in order."""
+        """Load factors at which supports begin or cease to move, or obstacles or tables go on otherwise, and 1."""
+        if self.times is not None:
+            return [float(place) for place in self.times.way[1:]]
         ends = {end for motion in self.motions for end in motion.during}
         ends |= {float(end) for one in self.contacts if one.motion is not None for end in one.motion.track[:, 0]}
         return sorted((ends | {1.0}) - {0.0})
@@ -282,6 +314,8 @@ class Model(Checked):
     @cached_property
     def external(self) -> Array:
         """Nodal forces of the loads at load factor 1 that depend on no state, shape ``(dofs,)``."""
+        if self.times is not None:
+            return self.applied(1.0)
         return sum((forces for _, forces in self._external_by_load), np.zeros(self.dofs))
 
     @cached_property
@@ -331,15 +365,19 @@ class Model(Checked):
         return displacement.reshape(-1, 3)[self.first_node[body] : self.first_node[body + 1]]
 
 
-def unmoved(model: Model, what: str) -> None:
-    """Raise `InputError` for what is no model, or has what moves by time, which ``what`` has none of."""
+def unmoved(model: Model, what: str, timed: bool = False) -> None:
+    """Raise `InputError` for what is no model, or moves by time, of which ``what`` has none unless it is ``timed``."""
     expect("model", model, Model)
-    for kind, several in (("support", model.supports), ("load", model.loads)):
-        for k, one in enumerate(several):
-            if one.history is not None:
-                raise InputError(f"{kind} {k}: history: there is no time in {what}; leave it out, or ask for dynamics")
-            if np.any(getattr(one, "spin", 0.0)):
-                raise InputError(f"{kind} {k}: spin: supports spin in dynamics; in {what} the frame does, with [spin]")
+    laws = [(f"body {b}: temperature", law) for b, body in enumerate(model.bodies) for law in body.laws]
+    several = [(f"support {k}", one) for k, one in enumerate(model.supports)]
+    several += [(f"load {k}", one) for k, one in enumerate(model.loads)]
+    for name, one in [*several, *laws, ("spin", model.spin)]:
+        if getattr(one, "history", None) is not None and not timed:
+            cure = f"there is no time in {what} without an end_time; give one" if what in _TIMED else _ONE_FACTOR
+            raise InputError(f"{name}: history: {cure}, or leave it out")
+    for name, one in several:
+        if np.any(getattr(one, "spin", 0.0)):
+            raise InputError(f"{name}: spin: supports spin in dynamics; in {what} the frame does, with [spin]")
     for b, body in enumerate(model.bodies):
         if any(body.velocity) or any(body.spin):
             raise InputError(f"body {b}: velocity: there is no motion in {what}; leave velocity and spin out")

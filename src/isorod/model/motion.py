@@ -27,15 +27,22 @@ class SupportMotion(NamedTuple):
     during: tuple[float, float] = (0.0, 1.0)
     clock: Clock = Clock()
 
-    def driven(self) -> Array:
-        """Return how fast, a share of the way, displacements are prescribed at the end of it, shape ``(m,)``.
+    @property
+    def farthest(self) -> float:
+        """The largest angle by which it turns, radians."""
+        factors = (1.0,) if self.clock.table is None else self.clock.table.factors
+        return float(np.linalg.norm(self.turn) * np.abs(factors).max())
 
-        Nodal forces times this are forces times displacements and moments times turns.
+    def driven(self, factor: float = 1.0) -> Array:
+        """Return how fast, a share of the way, displacements are prescribed at load factor 1, shape ``(m,)``.
+
+        Nodal forces times this are forces times displacements and moments times turns.  Where a table ends it is at
+        another factor, and times that.
         """
-        rates = (len(self.path) - 1) * (self.path[-1] - self.path[-2])
+        rates = factor * (len(self.path) - 1) * (self.path[-1] - self.path[-2])
         if not self.turn.any():
             return rates
-        spin = cross(self.turn) @ rotation(self.turn)
+        spin = cross(factor * self.turn) @ rotation(factor * self.turn)
         return np.asarray(rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
 
     def at(self, factor: float) -> Array:

@@ -243,8 +243,10 @@ class Animated:
 
         animation.save(_pictures("animate", self._moments(), colour, scale, view, size), Path(path))
 
-    # What the states are counted in.
-    _counted: ClassVar[str] = "time"
+    @property
+    def _counted(self) -> str:
+        """What the states are counted in."""
+        return "time"
 
     def frames(self) -> Sequence[tuple[float, Deformation]]:
         """Return the states with their times or load factors."""

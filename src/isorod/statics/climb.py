@@ -1,6 +1,8 @@
 """The way to an equilibrium at the full load: in steps from rest, from a state that is near, or on to a stable one."""
 
 import warnings
+from collections.abc import Sequence
+from itertools import pairwise
 
 from isorod.arrays import Array
 from isorod.errors import SolveError
@@ -15,7 +17,7 @@ from isorod.statics.tuning import CONTROL
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
     policy = solver.policy
-    if start is None or (policy is not None and policy.rubs) or not solver.begin(start):
+    if start is None or (policy is not None and policy.in_steps) or not solver.begin(start):
         return None
     solver.settle()
     updates = 0 if policy is None else policy.settle_in_the_end()
@@ -46,13 +48,18 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
     Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path
     of one load step.
     """
-    policy = solver.policy
-    rubs = policy is not None and policy.rubs
-    stages = solver.assembler.model.stages
-    if rubs and start is not None and load_steps == 1:
+    policy, model = solver.policy, solver.assembler.model
+    in_steps, stages = policy is not None and policy.in_steps, model.stages
+    if in_steps and start is not None and load_steps == 1 and model.times is None:
         solver.guess = solver.assembler.state(start)
     stops = sorted({*stages, *path.outputs})
-    factor, step, augmentations, quick, loose = 0.0, 1.0 / load_steps, 0, 0, 0.0
+
+    def first(factor: float) -> float:
+        """Return the step to begin with: a part of all the way or, over time, of that to where a table goes on."""
+        way = 1.0 if model.times is None else _way(stages, factor)
+        return way / load_steps
+
+    factor, step, augmentations, quick, loose = 0.0, first(0.0), 0, 0, 0.0
     while factor < 1.0:
         end = next(stop for stop in stops if stop > factor)
         longest = solver.steps.turning.longest_step(factor)
@@ -60,7 +67,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         target = end if reached > end - 1e-12 else reached
         guessed = solver.guess is not None
         try:
-            if policy is not None and rubs:
+            if policy is not None and in_steps:
                 solves, updates = policy.step(factor, target)
             else:
                 solves, updates = solver.advance(factor, target), 0
@@ -75,27 +82,28 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 continue
             solver.cuts += 1
             step = 0.5 * (target - factor)
-            if step < min(1.0 / load_steps, longest) / 2**CONTROL.halvings:
+            if step < min(first(factor), longest) / 2**CONTROL.halvings:
+                rubs = solver.assembler.contact is not None and solver.assembler.contact.friction is not None
                 cure = "; an equilibrium without friction may exist" if rubs else ""
-                raise SolveError(f"load factor {target:.6g}: {problem}{cure}") from None
+                raise SolveError(f"{model.when(target)}: {problem}{cure}") from None
             continue
         factor = target
         if factor in stages:
             solver.forget_path()
         if factor == 1.0:
             solver.settle()
-            if policy is not None and (not rubs or solver.stabilisation is not None):
+            if policy is not None and (not in_steps or solver.stabilisation is not None):
                 updates += policy.settle_in_the_end()
         augmentations += updates
         loose = loose if _note(solver, path, factor) else factor
         quick = quick + 1 if solves <= (CONTROL.quick if policy is None else CONTROL.quick_touching) else 0
         if factor in stages:
-            step, quick = 1.0 / load_steps, 0
+            step, quick = first(factor), 0
         elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0
-            if rubs:
+            if in_steps:
                 # Whoever asks for more steps, since friction depends on the path, gets them.
-                step = min(step, 1.0 / load_steps)
+                step = min(step, first(factor))
     if loose:
         warnings.warn(
             f"up to load factor {loose:.4g} rigid-body modes are constrained by artificial stiffness, not yet by "
@@ -103,6 +111,11 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             stacklevel=5,
         )
     return augmentations
+
+
+def _way(stages: Sequence[float], factor: float) -> float:
+    """Return how far it is between the stages before and after a load factor."""
+    return next((end - begin for begin, end in pairwise([0.0, *stages]) if end > factor), 0.0)
 
 
 def _note(solver: Newton, path: Path, factor: float) -> bool:

@@ -58,13 +58,13 @@ class ContactPolicy:
 
     Attributes
     ----------
-    rubs
-        Whether there is friction.
+    in_steps
+        Whether contact is settled in each load step: with friction, which depends on the path, and over time.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
         self._solver, self._contact = solver, contact
-        self.rubs = contact.friction is not None
+        self.in_steps = contact.friction is not None or contact.model.times is not None
         # What penalties are multiplied by where a step with friction begins.
         self._begins = 1.0
 
@@ -81,7 +81,7 @@ class ContactPolicy:
     def failed(self, problem: Diverged) -> bool:
         """Change penalties after a load step that failed; return whether the same step is to be tried again."""
         deep = isinstance(problem, TooDeep)
-        if not self.rubs and not deep and self.may_soften:
+        if not self.in_steps and not deep and self.may_soften:
             self._contact.stiffen(CONTROL.softer)
             return True
         if deep and self.is_soft:
@@ -89,7 +89,7 @@ class ContactPolicy:
         return False
 
     def step(self, factor: float, target: float) -> tuple[int, int]:
-        """Take a load step with friction; return how many linear solves and updates of multipliers it took.
+        """Take a load step in which contact settles; return how many linear solves and updates of multipliers it took.
 
         Friction depends on the path, so penalties and multipliers are right at the end of each step.  Springs of
         friction are as stiff as penalties: where these fall within a step, anchors stay where they were when it began.
@@ -104,6 +104,9 @@ class ContactPolicy:
         contact.accept(self._displacement(factor))
         start, undo = solver.x.copy(), contact.keep()
         while True:
+            if contact.model.times is not None:
+                # Where a patch unloads, the last ones would hold it apart.
+                contact.packed.multipliers[:] = 0.0
             contact.stiffen(softer)
             try:
                 solves = solver.advance(factor, target)

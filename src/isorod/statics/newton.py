@@ -159,7 +159,8 @@ class Newton:
         contact = self.assembler.contact
         touching = "" if contact is None else f", {contact.touching:,} points in contact"
         cuts = f", {self.cuts} steps cut" if self.cuts else ""
-        return f"load factor {self._factor:.4g}, iteration {iteration}, residual force {norm:.2g}{touching}{cuts}"
+        reached = self.assembler.model.when(self._factor, ".4g")
+        return f"{reached}, iteration {iteration}, residual force {norm:.2g}{touching}{cuts}"
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
         """Return SNES's reason to stop; where lower penalties are left to try, hardly moving is one."""
@@ -349,8 +350,9 @@ class Newton:
             direct = SPARSE if is_mixed(self.assembler.model) else {"pc_type": "lu"}
             advice = " ".join(f"-{name} {value}" for name, value in {"ksp_type": "preonly", **direct}.items())
             raise SolveError(
-                f"the linear solver failed at load factor {factor:.6g} (KSP reason {ksp.getConvergedReason()}): a "
-                f"rigid-body mode is unconstrained, or the preconditioner is unsuitable (try {advice})"
+                f"the linear solver failed at {self.assembler.model.when(factor)} "
+                f"(KSP reason {ksp.getConvergedReason()}): a rigid-body "
+                f"mode is unconstrained, or the preconditioner is unsuitable (try {advice})"
                 f"{hourglass.hint(self.assembler.model)}"
             )
 

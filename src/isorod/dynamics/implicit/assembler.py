@@ -146,6 +146,9 @@ class StepAssembler(Assembler):
         for pressing in self._pressing:
             pressing.at(begin, end)
 
+    def _reach(self, factor: float, step: float | None = None) -> None:
+        """Leave loads as they are (`at`)."""
+
     def begin(
         self, step: float, damping: float, displacement: Array, velocity: Array, moved: Array | None = None
     ) -> None:

@@ -1,0 +1,69 @@
+"""Loads on this rank's parts of bodies, as they are at a load factor."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Index
+from isorod.assembly.parts import Parts
+from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from isorod.assembly.pressing import Pressing
+
+
+class Loaded(Parts):
+    """Parts with the loads on them."""
+
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+        # Load factor, and step, of which loads are now.
+        self._reached: tuple[float, float | None] | None = None
+        super().__init__(model, comm)
+        with self._timed():
+            self._pressing = self._followers()
+
+    def _followers(self) -> "list[Pressing]":
+        """Return the pressures that follow each part, if any does."""
+        loads = self.model.following
+        if not loads:
+            return []
+        from isorod.assembly.pressing import Pressing
+
+        self.note("following loads")
+        return [Pressing(share, [load for load in loads if load.body == share.which]) for share in self.shares]
+
+    def _reach(self, factor: float, step: float | None = None) -> None:
+        """Let loads be those at a load factor, or what they grow by in a step."""
+        if not self.model.loads or self._reached == (factor, step):
+            return
+        self._reached = factor, step
+        self._external = self._once(self.model.applied(factor, step))
+        for pressing in self._pressing:
+            pressing.reach(lambda load: self.model.share(load.history, factor, step))
+
+    def _loads(self, local: Array) -> Array:
+        """Return the forces of the loads as they are now in a state of this rank."""
+        if not self._pressing:
+            return self._external
+        followed = zip(self.parts, self._pressing, strict=True)
+        return self._external + self._sums(
+            part.padded(pressing.forces(part.nodal(local))) for part, pressing in followed
+        )
+
+    @cached_property
+    def _external(self) -> Array:
+        """Forces of the loads as they are now."""
+        return np.zeros(self._exchange.size)
+
+    def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
+        """Return what loads that depend on the state add to the tangents of some elements of a part."""
+        part, spin = self.parts[k], self.model.spin
+        found = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
+        if spin is not None:
+            found -= self.model.share(spin.history, factor) * part.softening(spin)[which]
+        if self._pressing:
+            whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
+            found -= whole[which].reshape(found.shape)
+        return found
