@@ -15,6 +15,7 @@ from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPP
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
+from isorod.files.warmth import EXPANSION, TEMPERATURE
 
 _WINDING = {"radius": VARYING, "pitch": VARYING}
 # Pieces of a curve that is a chain of them.
@@ -69,7 +70,9 @@ SWEEP = Form(
     left=("section",),
 )
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
-THERMAL = Form("isorod.material.thermal:Thermal", kinds={"expansion": VARYING}, left=("law",))
+THERMAL = Form(
+    "isorod.material.thermal:Thermal", kinds={"expansion": EXPANSION, "temperature": TEMPERATURE}, left=("law",)
+)
 COPIES = Form("isorod.files.copies:copies")
 TREE = Form("isorod.files.trees:tree", left=("content",))
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
