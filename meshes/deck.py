@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from isorod.errors import InputError
+from isorod.material.thermal import Thermal, bare
 from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
-from meshes import abaqus, deck_joined, deck_laws, deck_pairs, deck_solids, groups, held, nodal
+from meshes import abaqus, deck_heat, deck_joined, deck_laws, deck_pairs, deck_solids, groups, held, nodal
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -146,6 +147,9 @@ class _Problem:
         self.said: list[str] = []
         self.held = held.all_of(mesh, model)
         self.dead: Array = nodal.dead(mesh, model)
+        self.warm: Array = deck_heat.temperatures(mesh, model)
+        if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
+            raise InputError(f"{self.kind} of what is heated is not written to .inp: CalculiX knows it in statics alone")
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
         self.owner = np.full((len(mesh.points), 3), -1)
@@ -238,7 +242,9 @@ class _Problem:
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
-        words, said = deck_laws.finite(law) if self.large else deck_laws.elastic(law)
+        words, said = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
+        if isinstance(law, Thermal):
+            words = [*words, *deck_heat.expansion(law)]
         if said:
             self.said.append(f"{name}: {said}")
         title = abaqus.name_of(name)
@@ -248,7 +254,9 @@ class _Problem:
         yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
 
     def _sets(self) -> Iterator[str]:
-        """Yield the nodes of supports and of forces on ends, and what supports tie."""
+        """Yield the nodes of supports and of forces on ends, what supports tie, and the temperature at first."""
+        if self.warm.any():
+            yield from ["*INITIAL CONDITIONS,TYPE=TEMPERATURE", f"{abaqus.ALL_NODES},0."]
         for k, one in enumerate(self.held):
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
             on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
@@ -355,6 +363,8 @@ class _Problem:
             rod, k, surface = nodal.face_of(load).split(" ")
             title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
             yield from ["*DSLOAD", f"{title},P,{factor * load.pressure:.12g}"]
+        if self.warm.any():
+            yield from deck_heat.lines("*TEMPERATURE", self.number, factor * self.warm)
         spin = self.model.spin
         if spin is not None and any(spin.velocity):
             speed = float(np.linalg.norm(spin.velocity))

@@ -7,7 +7,6 @@ from isorod.material.law import Isotropic, Material, plane_waves
 from isorod.material.neo_hookean import NeoHookean
 from isorod.material.ogden import Ogden
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
-from isorod.material.thermal import Thermal
 
 # An incompressible law gets a bulk modulus of so many shear moduli: nu = 0.4995.
 STIFF = 1000.0
@@ -32,7 +31,7 @@ def elastic(law: Material) -> tuple[list[str], str]:
 
     Young's modulus and Poisson's ratio of laws that do not have these follow from the moduli of plane waves.
     """
-    if law.families or isinstance(law, Thermal):
+    if law.families:
         raise refused(law)
     if isinstance(law, Isotropic) and law.nu < 0.5:
         return ["*ELASTIC", f"{law.E:.12g},{law.nu:.12g}"], ""
@@ -59,7 +58,7 @@ def finite(law: Material) -> tuple[list[str], str]:
     The law of St. Venant and Kirchhoff is what CalculiX makes of ``*ELASTIC``.  Others store ``(J - 1)^2`` for a change
     of volume and not ``(ln J)^2``; so does the neo-Hookean law, and takes its invariant free of volume.
     """
-    if law.families or isinstance(law, Thermal):
+    if law.families:
         raise refused(law)
     if isinstance(law, StVenantKirchhoff):
         return elastic(law)[0], "in Abaqus *ELASTIC is linear in logarithmic strain: the same where strains are small"

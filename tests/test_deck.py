@@ -116,6 +116,27 @@ def test_calculix_finds_other_supports_and_loads(more, bound):
         assert np.linalg.norm(theirs - ours) < bound * np.linalg.norm(ours), what
 
 
+# Measured: 1.8e-3 and 2.9e-4 linear, 2.0e-3 and 5.0e-5 of large displacements.
+@calculix
+@pytest.mark.parametrize("law", ["LinearElastic", "StVenantKirchhoff"])
+def test_calculix_finds_what_heat_does(law):
+    more = '[support.hand]\nend = "end"\n' + STATICS + '[measure.foot]\nreaction = "foot"\ncomponent = "z"\n'
+    more += '[measure.side]\ndisplacement = "beam"\nu = 0.5\nxi = [1.0, 0.0]\ncomponent = "x"\n'
+    warm = 'expansion = 1e-4\ntemperature = "80 + 10*n + 2*s"\n[support.foot]'
+    Path("my.toml").write_text((BAR + more).replace("[support.foot]", warm).replace("StVenantKirchhoff", law))
+    for what, (theirs, ours) in answers("my.toml", "job").items():
+        assert abs(theirs - ours) < 3e-3 * abs(ours), what
+
+
+@pytest.mark.parametrize("analysis", ["modal", "buckling"])
+def test_modes_and_buckling_of_what_is_heated_are_refused(analysis, capsys):
+    warm = "expansion = 1e-4\ntemperature = 10\n[support.foot]"
+    Path("my.toml").write_text(BAR.replace("[support.foot]", warm) + f"[analysis.{analysis}]\n")
+    assert main(["my.toml", "my.inp"]) == 2
+    err = capsys.readouterr().err
+    assert f"{analysis} of what is heated" in err and err.count("\n") == 1
+
+
 def blocks(text):
     """Keyword lines with what stands below each, in their order."""
     text = re.sub(r"^\*\*.*\n", "", text, flags=re.MULTILINE)

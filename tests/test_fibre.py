@@ -106,7 +106,7 @@ def test_fibres_of_a_body_are_those_of_its_points_and_rings(law):
     winding, other = replace(law, fibre=fibre.helix(35.0)), replace(law, fibre=slanted)
     body = Body(space, [[law, winding]] * 4 + [[law, other]] * 4)
     table = space.tabulate(2, 6)
-    found = body.fibres(table)
+    found = body.known(table)
     places = Places(rod, table.u[..., None], table.xi)
     core = np.hypot(*table.xi.T) < 0.5
     turn = np.radians(35.0)

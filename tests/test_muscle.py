@@ -185,7 +185,7 @@ def test_fibres_along_a_coil_are_its_tangents():
     space = Space.paper(rod, elements=8, quadrature="2x1x3")
     body = Body(space, [law] * 3 + [other] * 2 + [MATRIX] * 3)
     table = space.tabulate(0, 8)
-    fibres = body.fibres(table)
+    fibres = body.known(table)
     assert fibres.shape == (*table.weights.shape, 3)
     u, h = table.u[:3].ravel(), 1e-4
     center = np.zeros((u.size, 2))
@@ -196,7 +196,7 @@ def test_fibres_along_a_coil_are_its_tangents():
     assert np.abs(fibres[:3] - along.reshape(3, 3, 1, 3)).max() < 1e-9
     assert np.abs(fibres[3:5] - [0, 0.6, 0.8]).max() < 1e-15
     assert not fibres[5:].any()
-    part = body.fibres(space.tabulate(2, 5))
+    part = body.known(space.tabulate(2, 5))
     assert np.array_equal(part, fibres[2:5])
 
 

@@ -295,7 +295,7 @@ def test_laws_of_rings_are_those_of_the_points_within_them():
     stress, moduli = laws.discrete(F, 0.01 * F, True)
     np.testing.assert_allclose(stress[:, core], along.discrete(F[:, core], 0.01 * F[:, core], True)[0], **rounded)
     assert np.array_equal(moduli[:, ~core], rubber.discrete(F[:, ~core], 0.01 * F[:, ~core], True)[1])
-    fibres = body.fibres(space.tabulate(0, 1))
+    fibres = body.known(space.tabulate(0, 1))
     lengths = np.linalg.norm(fibres, axis=-1)
     inside = np.hypot(*space.tabulate(0, 1).xi.T) < 0.5
     assert lengths[..., inside] == pytest.approx(1.0) and not lengths[..., ~inside].any()

@@ -30,7 +30,7 @@ from isorod.assembly.multipliers import (
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
-from isorod.space.trace import Rows, Trace, breaks_on, end_trace, lateral_trace, rows_at
+from isorod.space.trace import Mask, Rows, Trace, breaks_on, end_trace, lateral_trace, rows_at, touching
 
 # A degree of freedom of the slave whose part in the multipliers is smaller than this share of others' counts for none.
 _DEPENDENT = 1e-8
@@ -41,6 +41,9 @@ _TO_A_NODE, _FINEST = 6, 8
 
 # The largest gap by default, in sizes of the slave.
 _GAP = 0.1
+
+# Up to which distance surfaces touch, in sizes of the slave's section: outlines are fitted to half of that.
+_TOUCH = 0.01
 
 
 class Tied(NamedTuple):
@@ -290,6 +293,12 @@ class Constraints:
         while True:
             trace = trace_of(self._model, tie.slave, finer, tie.master)
             near = self._rows(tie.master, trace.points)
+            if isinstance(tie.slave, LateralSurface) and tie.slave.touching:
+                space = self._model.bodies[tie.slave.body].space
+                most = _TOUCH * space.rod.radius if tie.gap is None else tie.gap
+                kept = touching(space, trace, near.gap, most, finer)
+                trace = trace_of(self._model, tie.slave, finer, tie.master, kept)
+                near = self._rows(tie.master, trace.points)
             if isinstance(tie.slave, SolidSurface) or finer == _FINEST:
                 return trace, near
             if len(trace.points) >= _TO_A_NODE * np.unique(near.nodes).size or not isinstance(tie.master, SolidSurface):
@@ -346,11 +355,13 @@ class Constraints:
         raise InputError("a tie and a mean support are on the same section, each the master of the other; move one")
 
 
-def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | None = None) -> Trace:
+def trace_of(
+    model: Model, surface: Surface, finer: int = 1, other: Surface | None = None, kept: Mask | None = None
+) -> Trace:
     """Return the functions of a surface's body on it.
 
     Points are so many times as close as for itself alone (`isorod.space.trace.end_trace`), and Gauss rules end at the
-    joints of ``other``'s elements, if that is a rod's lateral surface.
+    joints of ``other``'s elements, if that is a rod's lateral surface, of which ``kept`` says what is meant.
     """
     if isinstance(surface, SolidSurface):
         if surface.facets is None:
@@ -363,7 +374,7 @@ def trace_of(model: Model, surface: Surface, finer: int = 1, other: Surface | No
     breaks = None
     if isinstance(other, LateralSurface):
         breaks = breaks_on(space, model.bodies[other.body].space)
-    return lateral_trace(space, surface.along, surface.surface, finer, breaks)
+    return lateral_trace(space, surface.along, surface.surface, finer, breaks, kept)
 
 
 def _size(trace: Trace) -> float:

@@ -51,7 +51,7 @@ FIELD = types.NamedUniTuple(F2, 3, Field)
 # Rows of a block that are filled from arrays: gradients across and along, pressures, and what does not change.
 _ACROSS, _ALONG = np.array([0, 1, 3, 4, 6, 7]), np.array([2, 5, 8])
 PRESSURES, PRESSURES_BEFORE, _DETERMINANT = np.array([PRESSURE]), np.array([BEFORE]), np.array([DETERMINANT])
-_KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(6)])
+_KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(7)])
 
 
 @njit(i8(i8, i8, i8, i8, I2), **FAST)
@@ -112,7 +112,7 @@ def take_gradients(field: Field, runs: Index, work: Array) -> None:
 
 @njit(void(F2, i8, I2, F1), **FAST)
 def take_known(known: Array, places: int, runs: Index, work: Array) -> None:
-    """Fill in what does not change: the inverse Jacobian, the weight and the law's fibres, a row each of each place."""
+    """Fill in what does not change: the inverse Jacobian, the weight and what the law knows, a row each of each place."""
     take(known, _KNOWN[: known.shape[0] // places], runs, work)
 
 

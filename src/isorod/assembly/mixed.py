@@ -50,14 +50,14 @@ class MixedPart(Part):
         """Return the value of the functional: at a solution, the stored energy."""
         F, p = self.gradients(local), self.pressure(local)
         density = self.laws.at(factor).energy(F) + p * volume_change(self.volumes, F)[0]
-        density -= complementary(self.volumes, p)[0]
+        density -= complementary(self.volumes.at(factor), p)[0]
         return float(np.sum(self.table.weights * density))
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the derivatives by displacements and pressures."""
         super().add_forces(local, factor, forces)
         theta = volume_change(self.volumes, self.gradients(local))[0]
-        self.add_volumes(theta - complementary(self.volumes, self.pressure(local))[1], forces)
+        self.add_volumes(theta - complementary(self.volumes.at(factor), self.pressure(local))[1], forces)
 
     def add_volumes(self, values: Array, forces: Array) -> None:
         """Add the integrals of values at the points ``(E, t, q)`` times the functions of the pressures."""
@@ -68,7 +68,7 @@ class MixedPart(Part):
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
         some = np.arange(self.layers.shape[0]) if which is None else which
-        result = self._coupling(some, self.nodal(local)[some], self.pressure(local)[some])
+        result = self._coupling(some, self.nodal(local)[some], self.pressure(local)[some], factor)
         result += super().matrices(local, factor, which)
         return result
 
@@ -78,11 +78,11 @@ class MixedPart(Part):
         nodal, p = self.nodal(local), self.pressure(local)
         for first in range(0, nodal.shape[0], _SOME):
             some = np.arange(first, min(first + _SOME, nodal.shape[0]))
-            add(self._coupling(some, nodal[some], p[some]), blocks, entries, some)
+            add(self._coupling(some, nodal[some], p[some], factor), blocks, entries, some)
 
-    def _coupling(self, which: Index, nodal: Array, p: Array) -> Array:
+    def _coupling(self, which: Index, nodal: Array, p: Array, factor: float) -> Array:
         """Return the second derivatives of some elements but for those by displacements alone."""
-        t, laws = self.table.part(which, slice(None)), self.volumes.some(which)
+        t, laws = self.table.part(which, slice(None)), self.volumes.some(which).at(factor)
         slope = volume_change(laws, deformation_gradients(t, nodal))[1]
         both = coupling(t, slope, self.across, self.along[which])
         elements, layers = nodal.shape[0], self.layers.shape[1]

@@ -49,7 +49,8 @@ def entries(
 
 def _of_part(part: Part, before: Array, after: Array, step: float) -> Array:
     """Return the geometric stiffness of a part's elements, ``(E, l width, l width)``."""
-    ends = (part.laws.at(0.0).stress(part.gradients(one)) for one in (before, after))
+    # Free strains of heat, too, grow with the load factor.
+    ends = (part.laws.at(f).stress(part.gradients(one)) for f, one in ((-step, before), (step, after)))
     stress = np.subtract(*reversed(list(ends)))
     pressure = part.pressure(after) - part.pressure(before)
     if pressure.size:

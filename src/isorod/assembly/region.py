@@ -74,7 +74,7 @@ class Region:
         """What does not change at the points (`isorod.assembly.field_kernel.take_known`)."""
         table, law = self.table, self.piece.law
         known = [table.inverse.reshape(*self.shape, 9), table.weights[..., None]]
-        return _rows(np.concatenate([*known, law.fibres(self.shape)] if law.families else known, axis=-1))
+        return _rows(np.concatenate([*known, law.known(self.shape)] if law.width else known, axis=-1))
 
     def _of(self, values: Array, first: int, last: int) -> Array:
         """Return what rows of all elements, as many of each, hold of some."""
@@ -91,10 +91,10 @@ class Region:
     def _volumes(self) -> Array | None:
         """Weights of places along the axis over those of the first, ``(E t,)``, if moduli differ by that alone.
 
-        They do in straight rods of one section whose law knows neither state nor fibres.
+        They do in straight rods of one section whose law knows neither state nor place.
         """
         law, inverse, weights = self.piece.law, self.table.inverse, self.table.weights
-        if law.objective or law.families or np.abs(inverse - inverse[0, 0]).max() > _SAME * np.abs(inverse).max():
+        if law.objective or law.width or np.abs(inverse - inverse[0, 0]).max() > _SAME * np.abs(inverse).max():
             return None
         volumes = weights.sum(axis=2) / weights[0, 0].sum()
         same = np.abs(weights - volumes[:, :, None] * weights[0, 0]).max() <= _SAME * weights.max()

@@ -19,6 +19,8 @@ from isorod.buckling.tangents import Tangents
 from isorod.checks import rigid_motions
 from isorod.checks.estimate_of_modes import Softening
 from isorod.errors import InputError, SolveError, expect, whole_number
+from isorod.material.law import Material
+from isorod.material.thermal import Thermal
 from isorod.modal import loaded
 from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
@@ -80,12 +82,13 @@ def solve(
 
 def refuse(model: Model) -> None:
     """Raise `InputError` for a model whose buckling is not known, `SolveError` where a rigid motion is free."""
+    laws = [law for body in model.bodies for law in body.laws]
     for what, there in (
         ("contact", model.contacts),
         ("a spin, whose forces depend on velocities", loaded.spins(model)),
         ("finite element bodies", model.solids),
         ("active muscles", "muscles" in loaded.burdens(model)),
-        ("a change of temperature", "temperature" in loaded.burdens(model)),
+        ("a stiffness that depends on the temperature", any(_softens(law) for law in laws)),
         ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),
     ):
         if there:
@@ -95,6 +98,11 @@ def refuse(model: Model) -> None:
     if not loaded.burdens(model):
         raise InputError("buckling: nothing loads the model; add a load, or a support that moves")
     rigid_motions.refuse_free(model)
+
+
+def _softens(law: Material) -> bool:
+    """Return whether a law has a table of its stiffness, which no load factor may leave."""
+    return isinstance(law, Thermal) and len(law.stiffness) > 0
 
 
 def _solve(

@@ -93,16 +93,21 @@ POINTS = values.Kind(points, "points in lists, or the name of a file beside this
 BOND = values.Kind(_bond, "a number, or points in lists or in a file beside this one")
 
 
+def rows_of(place: Place, value: Any) -> Array:
+    """Return rows of numbers given in lists, or by the name of a CSV file beside the scene's."""
+    if isinstance(value, str):
+        return _table(place, value, place.data(value))[1]
+    return np.asarray(values.value_of(place, value, Numbers), dtype=float)
+
+
 def _history(place: Place, value: Any) -> "TimeTable":
     """Return a factor by time, of rows or the name of a CSV file of such beside the scene's."""
     # Loads what models are made of.
     from isorod.model.history import TimeTable
 
-    rows = values.value_of(place, value, Numbers)
-    if isinstance(value, str):
-        rows = _table(place, value, place.data(value))[1]
-        if rows.shape[1] != 2:
-            raise place.error(f"{value}: {rows.shape[1]} numbers a line, need time and factor")
+    rows = rows_of(place, value)
+    if isinstance(value, str) and rows.shape[1] != 2:
+        raise place.error(f"{value}: {rows.shape[1]} numbers a line, need time and factor")
     with place.locating({"history": place}):
         return TimeTable.of(rows)
 

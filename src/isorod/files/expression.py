@@ -1,10 +1,10 @@
-"""Energies written as text: read by Python's grammar, of which a few words are known; nothing of it is run."""
+"""Energies, and other formulas, written as text: read by Python's grammar, of which a few words are known; nothing of it is run."""
 
 import ast
 import difflib
 import math
 import operator
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError
@@ -38,34 +38,61 @@ def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
     InputError
         If it is none, with the column.
     """
-    if len(text) > _LONGEST:
-        raise InputError(f"energy: got {len(text)} characters, need at most {_LONGEST}")
-    try:
-        tree = ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
-        column = f", column {problem.offset}" if isinstance(problem, SyntaxError) and problem.offset else ""
-        raise InputError(f"energy: got {text!r:.60}, which is no expression{column}") from None
     import sympy as sp
 
     from isorod.material import symbols as s
 
     names = _names()
     # Laws add symbols themselves.
-    taken = {*names, *_FUNCTIONS, *map(str, (s.activation, s.bulk, *s.a, *s.b))}
+    taken = {*names, *_FUNCTIONS, *map(str, (s.activation, s.temperature, s.bulk, *s.a, *s.b))}
     for one in constants:
         if one in taken or not one.isidentifier():
             raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
-    found = _read(tree, names | {one: sp.Symbol(one, real=True) for one in constants}, 0)
-    if found.has(sp.zoo, sp.nan, sp.oo):
-        raise InputError(f"energy: got {text!r:.60}, which divides by zero or is not finite")
-    if found.has(sp.I):
-        raise InputError(f"energy: got {text!r:.60}, which is not real")
+    known = names | {one: sp.Symbol(one, real=True) for one in constants}
+    found = formula(text, known, "energy", "a constant that is given or a symbol of energies")
     _, _, operations = _operations(found)
     if operations > _MOST:
         raise InputError(
             f"energy: its second derivatives take about {operations:,} operations, need at most {_MOST:,}: products of "
             "many factors, as powers of one where they are alike, take fewer"
         )
+    return found
+
+
+def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.Expr":
+    """Return what a text says of names, which are expressions of SymPy.
+
+    Parameters
+    ----------
+    text
+        The text.
+    names
+        What each name means.
+    what, known
+        What the text is of, and what its names may be, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is no expression of these, with the column.
+    """
+    if len(text) > _LONGEST:
+        raise InputError(f"{what}: got {len(text)} characters, need at most {_LONGEST}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        column = f", column {problem.offset}" if isinstance(problem, SyntaxError) and problem.offset else ""
+        raise InputError(f"{what}: got {text!r:.60}, which is no expression{column}") from None
+    import sympy as sp
+
+    try:
+        found = _read(tree, names, known, 0)
+    except InputError as problem:
+        raise InputError(f"{what}: {problem}") from None
+    if found.has(sp.zoo, sp.nan, sp.oo):
+        raise InputError(f"{what}: got {text!r:.60}, which divides by zero or is not finite")
+    if found.has(sp.I):
+        raise InputError(f"{what}: got {text!r:.60}, which is not real")
     return found
 
 
@@ -93,12 +120,12 @@ def _names() -> dict[str, Any]:
     return found | {"I1bar": s.I1bar, "I2bar": s.I2bar}
 
 
-def _read(node: ast.AST, names: dict[str, Any], depth: int) -> Any:
+def _read(node: ast.AST, names: Mapping[str, Any], known: str, depth: int) -> Any:
     """Return the expression of a node; raises `InputError` at what is not known."""
     import sympy as sp
 
     if depth > _DEEPEST:
-        raise InputError(f"energy: brackets within brackets deeper than {_DEEPEST}")
+        raise InputError(f"brackets within brackets deeper than {_DEEPEST}")
     if isinstance(node, ast.Constant):
         if type(node.value) is int and abs(node.value) < 10**15:
             return sp.Integer(node.value)
@@ -107,39 +134,39 @@ def _read(node: ast.AST, names: dict[str, Any], depth: int) -> Any:
     elif isinstance(node, ast.Name):
         if node.id in names:
             return names[node.id]
-        raise _unknown(node, node.id, [*names, *_FUNCTIONS])
+        raise _unknown(node, node.id, [*names, *_FUNCTIONS], known)
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        value = _read(node.operand, names, depth + 1)
+        value = _read(node.operand, names, known, depth + 1)
         return -value if isinstance(node.op, ast.USub) else value
     elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
         # Terms of a sum, or factors, are no brackets: the grammar has each on the left of the next.
         chain = [node]
         while isinstance(left := chain[-1].left, ast.BinOp) and isinstance(left.op, _CHAINED):
             chain.append(left)
-        found = _read(chain[-1].left, names, depth + 1)
+        found = _read(chain[-1].left, names, known, depth + 1)
         for one in reversed(chain):
-            found = _combined(one, found, _read(one.right, names, depth + 1))
+            found = _combined(one, found, _read(one.right, names, known, depth + 1))
         return found
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         if node.func.id not in _FUNCTIONS:
-            raise _unknown(node, node.func.id, _FUNCTIONS)
-        given = [_read(one, names, depth + 1) for one in node.args]
+            raise _unknown(node, node.func.id, _FUNCTIONS, known)
+        given = [_read(one, names, known, depth + 1) for one in node.args]
         if (len(given) == 1) == (node.func.id in ("Max", "Min")):
-            raise InputError(f"energy: column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
+            raise InputError(f"column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
         return getattr(sp, node.func.id)(*given)
     raise InputError(
-        f"energy: column {getattr(node, 'col_offset', 0) + 1}: need numbers, names, + - * / ** and functions "
+        f"column {getattr(node, 'col_offset', 0) + 1}: need numbers, names, + - * / ** and functions "
         f"({', '.join(_FUNCTIONS)})"
     )
 
 
 def _combined(node: ast.BinOp, left: Any, right: Any) -> Any:
     if isinstance(node.op, ast.Pow) and right.is_number and abs(right) > _HIGHEST:
-        raise InputError(f"energy: column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}")
+        raise InputError(f"column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}")
     return _OPERATIONS[type(node.op)](left, right)
 
 
-def _unknown(node: ast.expr, word: str, known: Collection[str]) -> InputError:
-    near = difflib.get_close_matches(word, known, 1)
-    hint = f"did you mean {near[0]}?" if near else "need a constant that is given or a symbol of energies"
-    return InputError(f"energy: column {node.col_offset + 1}: {word!r} is not known; {hint}")
+def _unknown(node: ast.expr, word: str, words: Collection[str], known: str) -> InputError:
+    near = difflib.get_close_matches(word, words, 1)
+    hint = f"did you mean {near[0]}?" if near else f"need {known}"
+    return InputError(f"column {node.col_offset + 1}: {word!r} is not known; {hint}")

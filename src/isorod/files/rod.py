@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 # Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
+# Points round the section, innermost and outermost, at which temperatures are looked at.
+_LOOKED = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+
 # Keys of thermal expansion, known without what it loads.
-_WARM = ("expansion", "temperature", "temperature_history")
+_WARM = ("expansion", "temperature", "temperature_history", "stiffness")
 
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4
@@ -132,17 +135,27 @@ class RodPlan:
             raise place.error("no law is in the list")
         return [choice(place / k, schema.LAWS, one) for k, one in enumerate(said)]
 
-    def _expanded(self, laws: "list[Material]") -> "list[Material]":
+    def _expanded(self, rod: "Rod", laws: "list[Material]") -> "list[Material]":
         """Return laws with the thermal expansion that the file says of them, of each or of all."""
         if self._warm is None:
             return laws
+        from isorod.material.places import Places
+
         said = self._warm.arguments["expansion"]
-        each = [said] * len(laws) if np.ndim(said) == 0 else list(said)
+        # Of one law the numbers of a list are those along its axes.
+        each = said if isinstance(said, list) and len(laws) > 1 else [said] * len(laws)
         if len(each) != len(laws):
             raise (self.place / "expansion").error(
                 f"got {len(each)} numbers for {len(laws)} laws, need one, or one for each"
             )
-        return [self._warm.make(law=law, expansion=float(one)) for law, one in zip(laws, each, strict=True)]
+        found = [self._warm.make(law=law, expansion=one) for law, one in zip(laws, each, strict=True)]
+        breaks = rod.axis.breaks
+        points = np.concatenate([rod.rings[0] * _LOOKED, _LOOKED])
+        places = Places(rod, np.linspace(breaks[0], breaks[-1], _LOOKS + 1)[:, None], points)
+        with self.place.locating(self._warm.keys):
+            for one in found:
+                one.placed(places)
+        return found
 
     def rod(self) -> "Rod":
         """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
@@ -229,7 +242,7 @@ class RodPlan:
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         rod = self.rod()
-        laws = self._expanded([one.make() for one in self.laws])
+        laws = self._expanded(rod, [one.make() for one in self.laws])
         reach = _reach(rod, laws) if use.stressed else 0.0
         if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
             from isorod.space import choice as chosen
@@ -260,10 +273,11 @@ def _reach(rod: "Rod", laws: Sequence[Any]) -> float:
     """Return how far what is done to an end reaches in fibres, in radii: 0 where no law has any."""
     from isorod.material.law import reach
     from isorod.material.places import Places
+    from isorod.material.thermal import bare
 
     breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
     places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
-    return max((reach(law, places) for law in laws if law.families), default=0.0)
+    return max((reach(bare(law), places) for law in laws if law.families), default=0.0)
 
 
 def _kinks(rod: "Rod", lengths: Sequence[float]) -> list[float]:

@@ -15,6 +15,7 @@ from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPP
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
+from isorod.files.warmth import EXPANSION, TEMPERATURE
 
 _WINDING = {"radius": VARYING, "pitch": VARYING}
 # Pieces of a curve that is a chain of them.
@@ -71,7 +72,7 @@ SWEEP = Form(
 RINGS = Form("isorod.geometry.rod:Rod.with_rings")
 THERMAL = Form(
     "isorod.material.thermal:Thermal",
-    kinds={"expansion": VARYING, "history": HISTORY},
+    kinds={"expansion": EXPANSION, "temperature": TEMPERATURE, "history": HISTORY},
     keys={"history": "temperature_history"},
     left=("law",),
 )

@@ -96,6 +96,7 @@ def tie(
     gap: float | None = None,
     kind: str = "weld",
     bond: float | Sequence[tuple[float, float]] = 0.0,
+    touching: bool = False,
 ) -> Tie:
     """Return the weld of two surfaces, whose meshes need not match (`isorod.model.tie.Tie`).
 
@@ -118,9 +119,16 @@ def tie(
         Of what slides: tangential traction per slip, force / length^3; or a law: points `[slip, traction]` from
         `[0, 0]` on, slips ascending, straight between them, the last traction beyond. It is elastic, unloading goes
         back on the same curve; statics and modes alone take it.
+    touching
+        Whether what of the slave's lateral surface touches the master is tied alone, as one side of a strip on another;
+        surfaces touch up to `gap`, or a hundredth of the section's size.
     """
     if along is not None:
         if not isinstance(slave, LateralSurface):
             raise InputError("along: it goes with a lateral surface, ROD.outer or ROD.inner, and no other")
         slave = replace(slave, along=along)
+    if touching:
+        if not isinstance(slave, LateralSurface):
+            raise InputError("touching: it goes with a lateral surface, ROD.outer or ROD.inner, and no other")
+        slave = replace(slave, touching=True)
     return Tie(slave, master, gap, kind, bond)

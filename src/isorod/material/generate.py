@@ -146,7 +146,8 @@ class _Body:
 
     def _fibres(self, read: Callable[[int], str]) -> list[str]:
         names = [f"a{k}" for k in range(3)] + [f"b{k}" for k in range(3)]
-        return [f"{name} = {read(k)}" for k, name in enumerate(names[: 3 * self.energy.families])]
+        names = names[: 3 * self.energy.families] + ["temperature"] * (s.temperature in self.used)
+        return [f"{name} = {read(k)}" for k, name in enumerate(names)]
 
     def _kinematics(self) -> list[str]:
         """Return lines that compute what energies are written of, from ``f00 .. f22`` and the fibres."""

@@ -134,7 +134,7 @@ class Material(Checked, ABC):
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
         moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
-        given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
+        given = flat(F), self.constants, self._flat_known(F.shape[:-2])
         moduli_at_points(one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
         return moduli
 
@@ -148,13 +148,12 @@ class Material(Checked, ABC):
 
     def _evaluate(self, F: Array) -> tuple[Array, Array]:
         energy, stress = np.empty((*F.shape[:-2], 2)), np.empty(F.shape)
-        given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
+        given = flat(F), self.constants, self._flat_known(F.shape[:-2])
         at_points(self.compiled.block, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
         return energy, stress
 
-    def _flat_fibres(self, shape: tuple[int, ...]) -> Array:
-        width = 3 * self.families
-        return np.array(self.fibres(shape), order="C").reshape(math.prod(shape), width)
+    def _flat_known(self, shape: tuple[int, ...]) -> Array:
+        return np.array(self.known(shape), order="C").reshape(math.prod(shape), self.width)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Return a stress between ``F`` and ``F + change`` that does exactly the work of the energy, and its moduli.
@@ -170,7 +169,7 @@ class Material(Checked, ABC):
             middle = F + 0.5 * change
             return self.stress(middle), 0.5 * self.tangent(middle) if wanted else None
         stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
-        one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_fibres(F.shape[:-2]))
+        one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_known(F.shape[:-2]))
         found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
         discrete_gradient(one.block, one.tangent, *given, *found)
         return stress, moduli if wanted else None
@@ -210,6 +209,15 @@ class Material(Checked, ABC):
         """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""
         found = [directions.vectors(one, shape, name) for one, name in self._named_fibres()]
         return np.concatenate([np.zeros((*shape, 0)), *found], axis=-1)
+
+    @property
+    def width(self) -> int:
+        """Number of values that it knows of a point."""
+        return 3 * self.families
+
+    def known(self, shape: tuple[int, ...]) -> Array:
+        """Return what it knows of points of some shape, ``(*shape, width)``: its fibres."""
+        return self.fibres(shape)
 
     def _fibres(self) -> tuple[Fibre, ...]:
         """Return what the directions of its material are given by."""

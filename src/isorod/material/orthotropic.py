@@ -13,6 +13,8 @@ from isorod.material.fibre import Fibre
 from isorod.material.law import Material
 
 if TYPE_CHECKING:
+    import sympy as sp
+
     from isorod.material.energy import Energy
 
 # Axes at a smaller angle than this, in radians, have no plane.
@@ -20,8 +22,11 @@ _PARALLEL = 1e-6
 
 
 @cache
-def quadratic(small: bool) -> "Energy":
-    """Return the energy ``E:C E / 2`` of Green's strain, or of the small one, along three axes at right angles."""
+def quadratic(small: bool, free: tuple["sp.Expr", ...] = (0, 0, 0)) -> "Energy":
+    """Return the energy ``E:C E / 2`` of Green's strain, or of the small one, along three axes at right angles.
+
+    It is that of what is left of the strain when there is none where the axes have stretched by ``free``.
+    """
     import sympy as sp
 
     from isorod.material import symbols as s
@@ -30,6 +35,14 @@ def quadratic(small: bool) -> "Energy":
     first, second = sp.Matrix(s.a), sp.Matrix(s.b)
     axes, strain = (first, second, first.cross(second)), (s.C - sp.eye(3)) / 2
     along = [(axes[i].T * strain * axes[j])[0] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    if small:
+        along[:3] = [one - own for one, own in zip(along, free, strict=False)]
+    else:
+        g = [1 + one for one in free]
+        along = [
+            (one - (g[i] ** 2 - 1) / 2 if i == j else one) / (g[i] * g[j])
+            for one, (i, j) in zip(along, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True)
+        ]
     c = sp.symbols("c11 c12 c13 c22 c23 c33 g12 g13 g23", real=True)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     whole = sum(

@@ -1,5 +1,6 @@
 """Places of a rod and its directions there, for laws whose material has directions: found when asked for."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol
 
@@ -10,6 +11,10 @@ from isorod.arrays import Array, Index
 
 class Shape(Protocol):
     """What is asked of a rod (`isorod.geometry.rod.Rod`)."""
+
+    @property
+    def arc_length(self) -> Callable[[Array], Array]:
+        """What returns the length of the centre line up to parameters ``(t,)``."""
 
     def tangents(self, u: Array) -> Array:
         """Return the unit tangents ``(t, 3)`` of the centre line at parameters ``(t,)``."""
@@ -67,9 +72,20 @@ class Places:
         return np.cross(self.tangent, self.normal)
 
     @property
+    def length(self) -> Array:
+        """Length along the centre line from the start, shape of ``u`` as it was given."""
+        u = self.u[..., 0]
+        return np.asarray(self._rod.arc_length(u.ravel())).reshape(u.shape)
+
+    @property
     def position(self) -> Array:
         """Positions."""
         return self._across[0]
+
+    @property
+    def offset(self) -> Array:
+        """Positions from the centre line's point of the same section."""
+        return self.position - self._rod.across(np.zeros(2), self.u[..., 0])[0]
 
     @cached_property
     def around(self) -> Array:
@@ -101,6 +117,9 @@ def _normal_to(tangent: Array, vector: Array) -> Array:
 
 class _Cylinder:
     """A straight round rod of radius 1 along z."""
+
+    def arc_length(self, u: Array) -> Array:
+        return u
 
     def tangents(self, u: Array) -> Array:
         return np.broadcast_to([0.0, 0.0, 1.0], (u.size, 3))

@@ -23,10 +23,10 @@ from isorod.compiling import Kernel
 # unrolled before they are vectorised, and three times slower, those of 24 in part.
 POINTS = 32
 
-# Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, the
-# fibres (3 each of two families), the energy density and its derivative by the activation that a law writes if asked
-# for, and what it may use.
-STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 25, 26, 27
+# Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, what
+# the law knows of the point (7: the fibres, 3 each of two families at most, and behind them a temperature), the energy
+# density and its derivative by the activation that a law writes if asked for, and what it may use.
+STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 26, 27, 28
 WORK = FREE + 6
 
 # Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
@@ -126,7 +126,7 @@ def at_points(block: int, F: Array, constants: Array, fibres: Array, energy: Arr
     block
         Address of the law's function.
     F, fibres
-        Deformation gradients ``(points, 3, 3)`` and unit vectors ``(points, 3 families)``.
+        Deformation gradients ``(points, 3, 3)`` and what the law knows of the points ``(points, width)``.
     constants
         The law's, any shape ``(c,)``.
     """

@@ -1,54 +1,37 @@
 """Thermal expansion of any law: the stress follows what strain is left when the free expansion is taken off."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError, finite
+from isorod.errors import InputError, finite, numbers
 from isorod.material.fibre import Fibre
 from isorod.material.law import Material
+from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places
 from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from isorod.material.energy import Energy
 
 # Strains beyond these are no thermal expansion of a solid: a mistaken unit.
 _MOST = 0.2
 
-# Laws stiffer than this against changes of volume, in shear moduli, lock in displacements alone: nu = 0.49.
-_STIFF = 50.0
+# How far beyond its table a temperature is rounding, as a share of the table's reach.
+_ROUNDED = 1e-9
 
 
-def expanded(energy: "Energy") -> "Energy":
-    """Return the energy of a solid that has no stress when it is stretched by ``1 + e`` in all directions.
-
-    ``(1 + e)^3 W(F / (1 + e))``, of small strains ``W`` of the strain less ``e``; ``e`` is the last of its constants.
-    """
-    import sympy as sp
-
-    from isorod.material import symbols as s
-    from isorod.material.energy import Energy
-
-    free = sp.Symbol("thermal", real=True)
-    constants = *energy.constants, free
-    if energy.small:
-        shifted = {s.C[A, A]: s.C[A, A] - 2 * free for A in range(3)}
-        return Energy(energy.whole.xreplace(shifted), constants, small=True)
-    stretch = 1 + free
-    powers = dict.fromkeys((s.I1, s.I4a, s.I4b, s.I8, *s.STRAINS), 2) | {s.I2: 4, s.J: 3}
-    powers |= dict.fromkeys((*s.stretches, *s.F), 1)
-    return Energy(stretch**3 * energy.whole.xreplace({one: one / stretch**p for one, p in powers.items()}), constants)
-
-
-def _named(module: str, name: str, *given: Any) -> "Energy":
+def _expanded(module: str, name: str, kind: tuple[int, int, bool], *given: Any) -> "Energy":
     """Return the expanded energy that a function of a module returns, which has one name in all processes."""
-    found: Energy = getattr(import_module(module), name)(*given)
-    return expanded(found)
+    from isorod.material.expansion import expanded
+
+    return expanded(getattr(import_module(module), name)(*given), *kind)
 
 
 def bare(law: Material) -> Material:
@@ -58,57 +41,129 @@ def bare(law: Material) -> Material:
 
 @dataclass(frozen=True, eq=False)
 class Thermal(Material):
-    """A law with thermal expansion, the same in all directions.
+    """A law with thermal expansion, and with moduli that depend on the temperature.
 
     Parameters
     ----------
     law
         Of the stress at rest temperature.
     expansion
-        Coefficient of linear expansion, 1 / temperature.
+        Coefficient of linear expansion, 1 / temperature; or several: along the fibres of a law with one family and
+        across them, or along the three axes of an orthotropic one.
     temperature
-        Change of temperature from that without stress, reached at the full load: it grows with the load factor.
+        Change of temperature from that without stress, reached at the full load: it grows with the load factor.  A
+        number, or a function of the rod's places (`isorod.material.places.Places`) that returns one for each.
+    stiffness
+        What the law's stiffness is multiplied by, points ``(temperature, share)``, temperatures ascending, straight
+        between them; the same at all temperatures where not given.
     history
         In statics its factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
     InputError
-        If a value is not finite, the free strain ``expansion temperature`` is above 0.2, or the law is nearly
-        incompressible, of which the displacement formulation locks.
+        If a value is not finite, a free strain is above 0.2, there are other numbers of expansion than the law has
+        directions, or a temperature lies outside the table.
     """
 
     law: Material
-    expansion: float
-    temperature: float
+    expansion: float | Sequence[float]
+    temperature: float | Callable[[Places], ArrayLike]
+    stiffness: Sequence[tuple[float, float]] = ()
     history: Any = None
+
+    # Share of the temperature that is there.
+    _heat: ClassVar[float] = 1.0
 
     def _check(self) -> None:
         if isinstance(self.law, Thermal):
             raise InputError("law: got one that expands already")
-        finite("expansion", self.expansion)
-        finite("temperature", self.temperature)
-        if not abs(self.strain) <= _MOST:
-            raise InputError(
-                f"temperature: expansion times temperature is {self.strain:g}, need a strain up to {_MOST:g}"
-            )
-        if self.law.splits and not self.law.lame <= _STIFF * self.law.shear_modulus:
-            raise InputError("law: nearly incompressible; thermal expansion goes with Poisson's ratios up to 0.49")
+        along = numbers("expansion", self.expansion)
+        finite("expansion", along.ravel())
+        one_way = self.law.families == 1 or isinstance(self.law, TransverselyIsotropic)
+        most = 3 if isinstance(self.law, Orthotropic) else 2 if one_way else 1
+        if along.ndim > 1 or along.size not in (1, most):
+            several = {1: "", 2: ", or two: along its fibres and across", 3: ", or three along its axes"}[most]
+            raise InputError(f"expansion: got {along.size} numbers, need one{several}")
+        self._check_table()
+        if not callable(self.temperature):
+            finite("temperature", self.temperature)
+            self._refuse(np.asarray(float(self.temperature)))
+        if along.size > 1:
+            # That the energy can be written.
+            _ = self.stored
+
+    def _check_table(self) -> None:
+        table = self._table
+        if not (table.ndim == 2 and table.shape[1] == 2 and len(table) != 1 and np.isfinite(table).all()):
+            raise InputError("stiffness: need two or more points (temperature, share of the stiffness), all finite")
+        if not (np.diff(table[:, 0]) > 0.0).all():
+            raise InputError("stiffness: temperatures must ascend")
+        if not (table[:, 1] > 0.0).all():
+            raise InputError(f"stiffness: got a share of {table[:, 1].min():g}, need positive ones")
+
+    def _refuse(self, temperature: Array) -> None:
+        """Raise `InputError` for temperatures that are too high, or outside of the table of stiffness."""
+        if not np.isfinite(temperature).all():
+            raise InputError("temperature: it is not finite everywhere")
+        # On the way to the full load all in between is passed.
+        low, high = float(temperature.min(initial=0.0)), float(temperature.max(initial=0.0))
+        strain = max(map(abs, self._along)) * max(-low, high)
+        if not strain <= _MOST:
+            raise InputError(f"temperature: expansion times temperature is {strain:g}, need a strain up to {_MOST:g}")
+        if len(self._table):
+            first, last = (float(one) for one in self._table[[0, -1], 0])
+            rounded = _ROUNDED * (last - first)
+            if not first - rounded <= low <= high <= last + rounded:
+                outside = low if low < first - rounded else high
+                raise InputError(
+                    f"stiffness: its table is from {first:g} to {last:g}, the temperature runs through {outside:g}"
+                )
+
+    @cached_property
+    def _along(self) -> tuple[float, ...]:
+        return tuple(float(one) for one in np.ravel(self.expansion))
+
+    @cached_property
+    def _table(self) -> Array:
+        return numbers("stiffness", self.stiffness) if len(self.stiffness) else np.zeros((0, 2))
 
     @property
-    def strain(self) -> float:
-        """Free strain at the full load."""
-        return self.expansion * self.temperature
+    def _field(self) -> bool:
+        """Whether the temperature is another at each point."""
+        return callable(self.temperature) or isinstance(self.temperature, np.ndarray)
+
+    @property
+    def _kind(self) -> tuple[int, int, bool]:
+        return len(self._along), len(self._table), self._field
+
+    @property
+    def _uniform(self) -> float:
+        """What is told of the temperature by a constant: all of it, or the share that is there."""
+        return self._heat if self._field else self._heat * cast(float, self.temperature)
+
+    @property
+    def heated(self) -> bool:
+        """Whether there is a free strain, or another stiffness."""
+        hot = self._field or bool(self.temperature)
+        return hot and (any(self._along) or bool((self._table[:, 1] != 1.0).any()))
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The law's constants, and the free strain."""
-        return (*self.law.constants, self.strain)
+        """The law's constants, coefficients of expansion, share of the temperature, and the table."""
+        return (*self.law.constants, *self._along, self._uniform, *self._table[:, 0], *self._table[:, 1])
+
+    @cached_property
+    def constants(self) -> Array:
+        """The values of the symbols of its energy's constants, shape ``(c,)``."""
+        return np.array(self.values)
 
     @cached_property
     def stored(self) -> "Energy":
         """Its energy as an expression."""
-        return expanded(self.law.stored)
+        from isorod.material.expansion import expanded
+
+        return expanded(self.law.stored, *self._kind)
 
     @property
     def compiled(self) -> Compiled:
@@ -118,12 +173,12 @@ class Thermal(Material):
         if not hasattr(self.law, "recipe"):
             return compiled(self.stored)
         make, *given = self.law.recipe
-        return named(_named, make.__module__, make.__qualname__, *given)
+        return named(_expanded, make.__module__, make.__qualname__, self._kind, *given)
 
     @property
     def identity(self) -> str:
         """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__} {self.law.identity}"
+        return f"{type(self).__name__} {self._kind} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]
@@ -132,8 +187,8 @@ class Thermal(Material):
 
     @property
     def linear(self) -> bool:  # type: ignore[override]
-        """Whether its tangent is the same in all states."""
-        return self.law.linear
+        """Whether its tangent is the same in all states, at all temperatures."""
+        return self.law.linear and not len(self._table)
 
     @property
     def families(self) -> int:  # type: ignore[override]
@@ -142,21 +197,86 @@ class Thermal(Material):
 
     @property
     def splits(self) -> bool:  # type: ignore[override]
-        """False: the mixed formulation does not take it."""
-        return False
+        """Whether the law does."""
+        return self.law.splits
+
+    @property
+    def logarithmic(self) -> bool:  # type: ignore[override]
+        """What the law's change of volume is."""
+        return self.law.logarithmic
+
+    @property
+    def lame(self) -> float:  # type: ignore[override]
+        """That of the law."""
+        return self.law.lame
+
+    @property
+    def E(self) -> Any:
+        """Young's modulus of the law, not a number where it has none."""
+        return getattr(self.law, "E", np.nan)
+
+    @property
+    def nu(self) -> Any:
+        """Poisson's ratio of the law, 0 where it has none."""
+        return getattr(self.law, "nu", 0.0)
+
+    @property
+    def shear(self) -> Self:
+        """The law without its volumetric energy."""
+        return self._with(law=self.law.shear)
+
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return Legendre's transform of the volumetric energy, of ``theta`` less that of the free expansion."""
+        temperature = np.broadcast_to(self._uniform * (self.temperature if self._field else 1.0), p.shape)
+        strains = [one * temperature for one in self._along]
+        strains = [*strains, *[strains[-1]] * (3 - len(strains))]
+        free, size = sum(strains), np.ones(p.shape)
+        if self.logarithmic:
+            free = sum(np.log1p(one) for one in strains)
+            size = np.exp(free)
+        if len(self._table):
+            size = size * np.interp(temperature, *self._table.T)
+        value, slope, bend = self.law.complementary(p / size)
+        return p * free + size * value, free + slope, bend / size
 
     @property
     def follows(self) -> bool:
-        """Whether the law depends on the rod's places and has not been told them."""
-        return self.law.follows
+        """Whether law or temperature depend on the rod's places and have not been told them."""
+        return self.law.follows or callable(self.temperature)
 
     def placed(self, places: Places) -> Self:
         """Return the law at places of a rod."""
-        return self._with(law=self.law.placed(places))
+        temperature = self.temperature
+        if callable(temperature):
+            found = numbers("temperature", temperature(places))
+            try:
+                temperature = np.array(np.broadcast_to(found, places.shape))
+            except ValueError:
+                raise InputError(
+                    f"temperature: the function returns shape {found.shape}, need what broadcasts to {places.shape}"
+                ) from None
+            self._refuse(temperature)
+        return self._with(law=self.law.placed(places), temperature=temperature)
 
     def some(self, places: Index) -> Self:
         """Return the law at some of the places that it was told."""
-        return self._with(law=self.law.some(places))
+        temperature = self.temperature[places] if isinstance(self.temperature, np.ndarray) else self.temperature
+        return self._with(law=self.law.some(places), temperature=temperature)
+
+    @property
+    def width(self) -> int:
+        """Number of values that it knows of a point: the law's, and a temperature that is another at each."""
+        return self.law.width + self._field
+
+    def known(self, shape: tuple[int, ...]) -> Array:
+        """Return what it knows of points of some shape, ``(*shape, width)``."""
+        found = self.law.known(shape)
+        if not self._field:
+            return found
+        if callable(self.temperature):
+            raise InputError("temperature: only a body knows its rod's places; give the law to one")
+        temperature = np.broadcast_to(cast(Array, self.temperature), shape)
+        return np.concatenate([found, temperature[..., None]], axis=-1)
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along the law's fibres at points."""
@@ -168,7 +288,7 @@ class Thermal(Material):
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the change of temperature."""
-        return self._with(law=self.law.at(factor), temperature=factor * self.temperature)
+        return self._with(law=self.law.at(factor), _heat=factor * self._heat)
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
         """Return the law with a temperature that grows by its own table, or as what has none does."""

@@ -20,7 +20,7 @@ def burdens(model: Model) -> str:
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
-    heated = any(isinstance(law, Thermal) and law.strain for law in laws)
+    heated = any(isinstance(law, Thermal) and law.heated for law in laws)
     muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in map(bare, laws))
     found = [
         _count(loads, "load"),

@@ -358,15 +358,15 @@ class Body(Checked):
         return replace(self, material=material, formulation=None if self.chosen else self.formulation)
 
     @property
-    def families(self) -> int:
-        """The most families of fibres that one of its laws has."""
-        return max(law.families for law in self.laws)
+    def width(self) -> int:
+        """The most numbers that one of its laws knows of a point."""
+        return max(law.width for law in self.laws)
 
-    def fibres(self, table: Table) -> Array:
-        """Return the fibres' unit vectors at the quadrature points, ``(E, t, q, 3 families)``; zero where none are."""
-        result = np.zeros((*table.weights.shape, 3 * self.families))
+    def known(self, table: Table) -> Array:
+        """Return what laws know of the quadrature points, ``(E, t, q, width)``; zero where one knows less."""
+        result = np.zeros((*table.weights.shape, self.width))
         for law, first, last, points in self.laws_at(table.u, table.xi).pieces:
             own = result[first:last, :, points]
-            own[..., : 3 * law.families] = law.fibres(own.shape[:-1])
+            own[..., : law.width] = law.known(own.shape[:-1])
             result[first:last, :, points] = own
         return result

@@ -40,11 +40,15 @@ class LateralSurface(Checked):
         is tied then ends there.
     surface
         ``"outer"``, or ``"inner"``: that of the hole of a rod that has one.
+    touching
+        Whether what touches the other surface is meant alone, within the tie's ``gap`` or, without one, a hundredth of
+        the section's size: the flat side of a strip on another.
     """
 
     body: int
     along: tuple[float, float] | None = None
     surface: str = "outer"
+    touching: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,6 +134,8 @@ class Tie(Checked):
         super().__post_init__()
         if self.gap is not None:
             positive("tie: gap", self.gap)
+        if getattr(self.slave, "touching", False) and self.kind != "weld":
+            raise InputError(f"tie: got kind {self.kind!r} of what touches, need 'weld'")
         if self.kind not in KINDS:
             raise InputError(f"tie: got kind {self.kind!r}, need one of {', '.join(KINDS)}")
         if np.ndim(self.bond):

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from isorod.arrays import Array, Index
@@ -11,6 +12,8 @@ from isorod.geometry.disk import circle, harmonic_functions
 from isorod.geometry.fitting import evaluate
 from isorod.geometry.quadrature import Rule, circle_points
 from isorod.space.space import Space
+
+Mask = NDArray[np.bool_]
 
 # Points where the search for the nearest one begins: so far apart along the rod, in radii, and so many in a section.
 _APART, _MOST_SECTIONS = 0.5, 40_000
@@ -21,6 +24,13 @@ _STEPS, _EXACT = 50, 1e-13
 
 # A function whose trace is this small beside those of the others, or such a combination of them, has none of its own.
 _NEW = 1e-7
+
+# The same on a part of the outline, such as one side of a rectangle, which is not quite as flat as it is meant to be:
+# what is independent there alone because of that is 0.012 and less, what is meant 0.12 and more.
+_PART = 0.04
+
+# Of the part that touches, what else does so in places, and what would do so no longer at a quarter of the gap.
+_UNCLEAR = 0.2
 
 # Gauss points in a slice of the disk or along an element, at most.
 _MOST_POINTS = 64
@@ -143,7 +153,12 @@ def _across(space: Space, xi: Array, u: float) -> tuple[Index, Array, Index]:
 
 
 def lateral_trace(
-    space: Space, along: tuple[float, float] | None, surface: str, finer: int = 1, breaks: Array | None = None
+    space: Space,
+    along: tuple[float, float] | None,
+    surface: str,
+    finer: int = 1,
+    breaks: Array | None = None,
+    kept: Mask | None = None,
 ) -> Trace:
     """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`).
 
@@ -153,6 +168,8 @@ def lateral_trace(
         As for `end_trace`.
     breaks
         Axis parameters where functions of another body are not smooth: no Gauss rule goes across one.
+    kept
+        Which of the points round the section are meant (`touching`); all where not given.
     """
     radius = space.rod.rings[0 if surface == "inner" else -1]
     if radius == 0.0:
@@ -160,6 +177,8 @@ def lateral_trace(
     chosen = elements_along(space, along)
     rule = _closer(space.basis.full(space.axis.degree), finer)
     xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
+    if kept is not None:
+        xi, angle = xi[kept], angle[kept]
     element, u, length = _between(space, chosen, rule.axial, breaks)
     position, jacobian = space.rod.grid(xi, u.ravel())
     around = jacobian[..., 1] * xi[:, :1] - jacobian[..., 0] * xi[:, 1:]
@@ -169,7 +188,7 @@ def lateral_trace(
     # Of functions of control points those of higher order vanish there; polynomials depend on each other.
     triangle, order = qr(across, mode="r", pivoting=True)
     pivots = np.abs(np.diag(triangle))
-    own = np.sort(order[: int(np.count_nonzero(pivots > _NEW * pivots[0]))])
+    own = np.sort(order[: int(np.count_nonzero(pivots > (_NEW if kept is None else _PART) * pivots[0]))])
     seen = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
     axial = space.axis.local(u.ravel())[1]
     layers = np.repeat(space.element_layers[element], u.shape[1], axis=0)
@@ -185,6 +204,36 @@ def lateral_trace(
         values.reshape(count, -1),
         independent,
     )
+
+
+def touching(space: Space, trace: Trace, gap: Array, most: float, finer: int = 1) -> Mask:
+    """Return which points round the section touch another body all along (`lateral_trace`).
+
+    Parameters
+    ----------
+    trace, gap
+        Of the whole lateral surface, and how far its points are from the other body, ``(q,)``.
+    most
+        Distance up to which they touch.
+    finer
+        As for `end_trace`.
+
+    Raises
+    ------
+    InputError
+        If none do, or which ones do is another matter from place to place, or of the distance.
+    """
+    around = _closer(space.basis.full(space.axis.degree), finer).angular + 1
+    apart, areas = (one.reshape(-1, space.points_around * around) for one in (gap, trace.weights))
+    kept: Mask = apart.max(axis=0) <= most
+    area = float(areas[:, kept].sum())
+    if not area:
+        raise InputError(f"the surfaces do not touch all along: they are up to {apart.max(axis=0).min():.3g} apart")
+    if areas[apart <= most].sum() > (1.0 + _UNCLEAR) * area:
+        raise InputError("the surfaces touch at some places along them alone; say between which lengths (along)")
+    if areas[:, apart.max(axis=0) <= 0.25 * most].sum() < (1.0 - _UNCLEAR) * area:
+        raise InputError("the surfaces touch along a line, not on an area that could be told; take another tie")
+    return kept
 
 
 def _closer(rule: Rule, finer: int) -> Rule:

@@ -96,7 +96,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
         layer = np.zeros((table.elements, longest), dtype=np.uint64)
         layer[:, :functions] = 3 * (share.first_node + space.layer_nodes * share.layers)
-        directions, inside = body.fibres(table), ring_of(space.rod.rings, table.xi)
+        directions, inside = body.known(table), ring_of(space.rod.rings, table.xi)
         rings = len(space.rod.rings) - 1
         for ring in range(rings):
             own = np.flatnonzero(inside == ring) if rings > 1 else slice(None)
@@ -108,8 +108,8 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
             rows["sections"] = _size(sections)
             rows["axial"] = along + each * (2 * points * functions)
             rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
-            rows["directions"] = 3 * body.families
-            rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
+            rows["directions"] = body.width
+            rows["fibres"] = _size(fibres) + each * (points * blocks * body.width * POINTS)
             for e, law in enumerate(body.shear_laws[rings * share.first + ring : rings * share.last : rings]):
                 rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
                 rows["block"][e] = law.compiled.block
