@@ -5,33 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from isorod.command import cli
-
-SMALL = (
-    "run",
-    "biceps",
-    "--elements",
-    "5",
-    "--end-elements",
-    "0",
-    "--order",
-    "1",
-    "--end-time",
-    "0.004",
-    "--outputs",
-    "8",
-)
+SMALL = "run biceps --elements 5 --end-elements 0 --order 1 --end-time 0.004 --outputs 8".split()
 
 
-def refused(result):
-    """The one line of a run that was refused."""
-    assert result.returncode == 2, result.stdout + result.stderr
-    assert not result.stdout
-    (line,) = result.stderr.splitlines()
-    return line
-
-
-def test_record_and_checkpoints_that_do_not_fit(isorod, tmp_path):
+def test_record_and_checkpoints_that_do_not_fit(isorod, command, tmp_path):
     file = str(tmp_path / "state")
     first = isorod(*SMALL, "--json", "--checkpoint", file, "--checkpoint-every", "0")
     assert first.returncode == 0, first.stderr
@@ -45,9 +22,13 @@ def test_record_and_checkpoints_that_do_not_fit(isorod, tmp_path):
     assert record["microseconds_a_step"] > 0.0
     assert np.abs(record["energy_error"]).max() < 1e-3
     assert np.abs(record["momentum_error"]).max() < 1e-10
+    # No tangent.
     assert set(record["built"]) == {"mass", "contact"}
-    assert "other run: damping" in refused(isorod(*SMALL, "--checkpoint", file, "--resume", "--damping", "1"))
-    assert "there is none; start without --resume" in refused(isorod(*SMALL, "--checkpoint", file + "x", "--resume"))
+    # The text shows the last output.
+    (force,) = [line.split()[2] for line in command.prints(*SMALL).splitlines() if line.startswith("contact force ")]
+    assert float(force) == pytest.approx(record["contact_force"][-1], rel=1e-5)
+    assert "other run: damping" in command.refuses(*SMALL, "--checkpoint", file, "--resume", "--damping", 1)
+    assert "there is none; start without --resume" in command.refuses(*SMALL, "--checkpoint", file + "x", "--resume")
 
 
 # The command in a process that dies, without a word, as the third output's checkpoint is on the disk.
@@ -68,64 +49,47 @@ cli.main(sys.argv[1:])
 """
 
 
-def test_a_run_that_died_is_resumed_from_the_command_line(isorod, python, tmp_path):
+def test_a_run_that_died_is_resumed_from_the_command_line(command, python, tmp_path):
     file = str(tmp_path / "state")
-    whole = json.loads(isorod(*SMALL, "--json").stdout)
+    whole = command.record(*SMALL)
     assert whole["resumed"] is None
     died = python(DIES, *SMALL, "--json", "--checkpoint", file, "--checkpoint-every", "0")
     assert (died.returncode, died.stdout) == (9, "")
-    again = isorod(*SMALL, "--json", "--checkpoint", file, "--resume")
-    assert again.returncode == 0, again.stderr
-    record = json.loads(again.stdout)
+    record = command.record(*SMALL, "--checkpoint", file, "--resume")
     # Neither from the start nor at the end already.
     assert 0.0 < record["resumed"] < 0.004
     for name in ("times", "reactions", "kinetic", "contact_force", "steps"):
         assert record[name] == whole[name], name
 
 
-def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(tmp_path, capsys):
+def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(command, tmp_path):
     file = tmp_path / "state"
-
-    def run(*words):
-        code = cli.main([*SMALL, "--json", *words])
-        out, err = capsys.readouterr()
-        assert err.count("\n") == (code == 2) and (code == 0 or not out)
-        return json.loads(out) if code == 0 else err
-
-    keep = "--checkpoint", str(file)
-    first = run(*keep)
+    keep = *SMALL, "--checkpoint", file
+    first = command.record(*keep)
     before = file.read_bytes()
-    assert "is of a finished run; remove it, name another file, or go on from it with --resume and a later" in run(
-        *keep
-    )
+    said = "is of a finished run; remove it, name another file, or go on from it with --resume and a later"
+    assert said in command.refuses(*keep)
     # The same run has nothing left to do and is shown again.
-    again = run(*keep, "--resume")
+    again = command.record(*keep, "--resume")
     assert (again["resumed"], again["end_force"], again["steps"]) == (0.004, first["end_force"], 104)
     later = "--end-time", "0.006"
-    assert "output interval of the checkpoint is 0.0005, requested 0.00075; use 12 outputs to time 0.006" in run(
-        *keep, "--resume", *later
-    )
+    said = "output interval of the checkpoint is 0.0005, requested 0.00075; use 12 outputs to time 0.006"
+    assert said in command.refuses(*keep, "--resume", *later)
     assert file.read_bytes() == before
-    further, whole = run(*keep, "--resume", *later, "--outputs", "12"), run(*later, "--outputs", "12")
+    later = *later, "--outputs", 12
+    further, whole = command.record(*keep, "--resume", *later), command.record(*SMALL, *later)
     assert (further["resumed"], further["steps"]) == (0.004, 156)
     for name in ("times", "reactions", "kinetic", "contact_force", "energy_error", "belly_bulge_history"):
         assert further[name] == whole[name], name
 
 
-def test_text_shows_the_last_output(isorod):
-    result = isorod(*SMALL)
-    assert result.returncode == 0, result.stderr
-    (force,) = [line.split()[2] for line in result.stdout.splitlines() if line.startswith("contact force ")]
-    assert float(force) == pytest.approx(json.loads(isorod(*SMALL, "--json").stdout)["contact_force"][-1], rel=1e-5)
-
-
-def test_one_line_errors(isorod):
-    assert "unstable, the critical time step is" in refused(isorod(*SMALL, "--time-step", "1e-3"))
+def test_one_line_errors(command):
+    assert "unstable, the critical time step is" in command.refuses(*SMALL, "--time-step", "1e-3")
     # What was typed, and what was made of it.
-    said = refused(isorod(*SMALL, "--time-step", "7e-3"))
+    said = command.refuses(*SMALL, "--time-step", "7e-3")
     assert "time step 0.007 (0.0005 taken, 1 to each of 8 outputs): unstable" in said
-    assert "resume: got no checkpoint" in refused(isorod(*SMALL, "--resume"))
-    assert "density" in refused(isorod(*SMALL, "--density", "0"))
+    assert "resume: got no checkpoint" in command.refuses(*SMALL, "--resume")
+    assert "density" in command.refuses(*SMALL, "--density", 0)
 
 
 @pytest.mark.slow
@@ -167,8 +131,3 @@ print([name for name in sys.modules if name.startswith(unwanted)])
 """
     result = python(script)
     assert result.stdout.strip() == "[]", result.stderr
-
-
-def test_a_model_in_dynamics_builds_no_tangent(isorod):
-    record = json.loads(isorod(*SMALL, "--json").stdout)
-    assert "tangent" not in record["built"]
