@@ -10,6 +10,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from importlib import import_module
 
 import pytest
 from hypothesis import settings
@@ -123,11 +124,27 @@ def _run(command: list[str], **keywords: object) -> subprocess.CompletedProcess[
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **keywords)  # type: ignore
 
 
-class Command:
-    """The `isorod` command in this process; its words may be paths and numbers."""
+@contextlib.contextmanager
+def petsc_forgets() -> Iterator[None]:
+    """Take away which options PETSc was given."""
 
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self._capsys = capsys
+    def names() -> set[str]:
+        running = sys.modules.get("petsc4py.PETSc")
+        return set(running.Options().getAll()) if running else set()
+
+    before = names()
+    try:
+        yield
+    finally:
+        for name in names() - before:
+            sys.modules["petsc4py.PETSc"].Options().delValue(name)
+
+
+class Command:
+    """A command in this process, of the module that has its ``main``; its words may be paths and numbers."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], name: str, module: str) -> None:
+        self._capsys, self._name, self._module = capsys, name, module
 
     def prints(self, *words: object) -> str:
         """Return what it prints."""
@@ -143,20 +160,26 @@ class Command:
         """Return the only line that it says where it refuses its words."""
         code, out, err = self._run(words)
         assert (code, out) == (2, ""), out
-        assert re.fullmatch(r"isorod: .+\n", err), err
-        return err.removeprefix("isorod: ").rstrip("\n")
+        assert re.fullmatch(rf"{self._name}: .+\n", err), err
+        return err.removeprefix(f"{self._name}: ").rstrip("\n")
 
     def _run(self, words: tuple) -> tuple[int, str, str]:
-        from isorod.command import cli
-
         self._capsys.readouterr()
-        return cli.main([str(word) for word in words]), *self._capsys.readouterr()
+        with petsc_forgets():
+            code = import_module(self._module).main([str(word) for word in words])
+        return code, *self._capsys.readouterr()
 
 
 @pytest.fixture
 def command(capsys: pytest.CaptureFixture[str]) -> Command:
     """Run the `isorod` command in this process."""
-    return Command(capsys)
+    return Command(capsys, "isorod", "isorod.command.cli")
+
+
+@pytest.fixture
+def fem(capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run ``python -m comparisons.fem`` in this process."""
+    return Command(capsys, "comparisons.fem", "comparisons.fem.__main__")
 
 
 @pytest.fixture(scope="session")
@@ -214,15 +237,23 @@ def mpirun(launcher) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture(scope="session")
-def on_ranks(mpirun: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[..., None]:
+def on_ranks(launcher, tmp_path_factory) -> Iterator[Callable[..., None]]:
     """Call a function of a test file on several ranks: ``on_ranks(2, "test_matrix.add_up()")``."""
+    from waiting_ranks import Ranks
+
+    waiting: list[Ranks] = []
 
     def run(ranks: int, call: str, *arguments: str) -> None:
-        here, module = os.path.dirname(__file__), call.partition(".")[0]
-        done = mpirun(ranks, *arguments, script=f"import sys; sys.path[:0] = [{here!r}]; import {module}; {call}")
-        assert done.returncode == 0, done.stderr
+        # Only those asked last wait on: each holds the memory of a process.
+        if waiting and (waiting[0].count != ranks or not waiting[0].alive):
+            waiting.pop().end()
+        if not waiting:
+            waiting.append(Ranks(launcher, ranks, tmp_path_factory.mktemp("ranks")))
+        waiting[0](call, *arguments)
 
-    return run
+    yield run
+    if waiting:
+        waiting.pop().end()
 
 
 def as_array(matrix):

@@ -1,7 +1,6 @@
 """The finite element side: patch tests, the spring's force, ranks, solvers, and bad input."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -30,8 +29,6 @@ from meshes.tetrahedra import tetrahedra
 AFFINE = np.array([[0.05, 0.02, 0.0], [-0.01, -0.03, 0.04], [0.02, 0.0, 0.08]])
 
 SMALL = {"around": 4, "layers": 12, "rings": 1}
-
-FEM = [sys.executable, "-m", "comparisons.fem"]
 
 
 def patch(rod, kind: str) -> Domain:
@@ -196,11 +193,6 @@ BAD = {
 
 
 @pytest.mark.parametrize("arguments", BAD)
-def test_bad_input_is_one_line(arguments, python):
-    script = "import sys; from comparisons.fem.__main__ import main; sys.exit(main(['spring', *sys.argv[1:]]))"
+def test_bad_input_is_one_line(arguments, fem):
     small = [] if "--around" in arguments or "--layers" in arguments else ["--around", "4", "--layers", "12"]
-    done = python(script, *small, *arguments.split())
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert BAD[arguments] in done.stderr
+    assert BAD[arguments] in fem.refuses("spring", *small, *arguments.split())

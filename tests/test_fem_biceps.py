@@ -1,8 +1,5 @@
 """The biceps in finite elements: the muscle's law, meshes, contact between surfaces, equilibrium and motion."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +41,6 @@ KINDS = (
     {"cells": "bricks", "around": 8, "layers": 2, "order": 1, "cuts": 0},
     {"cells": "bricks", "around": 4, "layers": 2, "order": 2, "cuts": 1},
 )
-FEM = [sys.executable, "-m", "comparisons.fem"]
 COARSE = {"cells": "bricks", "around": 4, "layers": 1, "cuts": 0}
 
 
@@ -389,12 +385,10 @@ def test_counts_on_the_command_line_are_whole(option):
 
 
 @pytest.mark.slow
-def test_command_line():
+def test_command_line(fem):
     options = "--analysis dynamics --degree 1 --size 1.2 --end-time 4e-4 --outputs 2 --quadrature 3".split()
-    record = json.loads(subprocess.run([*FEM, "biceps", *options], capture_output=True, text=True, check=True).stdout)
+    record = json.loads(fem.prints("biceps", *options))
     assert len(record["end_force"]) == 4 and len(record["history"]["time"]) == 2
     assert record["quadrature"] == 3 and record["seconds"]["step"] > 0.0
     assert 0 < record["steps"] and record["time_step"] < record["critical_step"]
-    refused = subprocess.run([*FEM, "biceps", "--penalty", "0"], capture_output=True, text=True)
-    said = refused.returncode, refused.stdout, refused.stderr
-    assert said == (2, "", "comparisons.fem: penalty: got 0, need a positive force per volume\n")
+    assert fem.refuses("biceps", "--penalty", 0) == "penalty: got 0, need a positive force per volume"

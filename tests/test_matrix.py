@@ -93,8 +93,8 @@ def test_no_entries_make_an_empty_matrix():
 def add_up():
     """Set a matrix twice from entries that each rank has anywhere, some held, some at one place (under mpirun)."""
     comm = PETSc.COMM_WORLD
-    size, rank, n = comm.getSize(), comm.getRank(), 23
-    own = [7, 0, 16, 0][rank] if size == 4 else [9, 14][rank]
+    rank, n = comm.getRank(), 23
+    own = [7, 0, 16, 0][rank]
     rng = np.random.default_rng(rank)
     rows, columns = rng.integers(-1, n, (2, 300))
     made = create_matrix(comm, (own, n), 1, lambda: (rows, columns))
@@ -113,9 +113,9 @@ def add_up():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_entries_of_all_ranks_are_added_up(ranks, on_ranks):
-    on_ranks(ranks, "test_matrix.add_up()")
+def test_entries_of_all_ranks_are_added_up(on_ranks):
+    """Also where some have no rows."""
+    on_ranks(4, "test_matrix.add_up()")
 
 
 def banded(random, layers, size, gaps):
