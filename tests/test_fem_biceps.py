@@ -1,5 +1,6 @@
 """The biceps in finite elements: the muscle's law, meshes, contact between surfaces, equilibrium and motion."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
