@@ -14,6 +14,8 @@ endif
 # One thread per rank: fair timings, and mpirun on few cores. No user site: the environment decides the versions.
 export OMP_NUM_THREADS := 1
 export PYTHONNOUSERSITE := 1
+# what is compiled is kept, also where the environment says not to: tests start some hundred processes
+unexport PYTHONDONTWRITEBYTECODE
 # mpirun refuses root otherwise, which is what containers run as
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
