@@ -127,17 +127,16 @@ def test_record_of_the_blade(capsys):
     assert (record["rigid"], record["below"]) == (0, 10)
 
 
+def same(frequencies):
+    found = modal.solve(Blade(preset="paper", elements=30, quadrature="paper").model())
+    assert (found.ranks, found.below) == (3, 10)
+    assert np.abs((found.frequencies / frequencies) ** 2 - 1.0).max() < 1e-9
+    assert max(found.residuals) < 1e-7
+
+
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_eigenvalues_do_not_depend_on_the_number_of_ranks(ranks, frequencies, mpirun):
-    done = mpirun(ranks, "run", "blade", "--preset", "paper", "--no-estimate", *ISSUE)
-    assert (done.returncode, done.stderr) == (0, "")
-    record = json.loads(done.stdout)
-    assert record["ranks"] == ranks
-    assert record["below"] == 10
-    found = np.array(record["frequencies"]) ** 2
-    assert np.abs(found / frequencies(30) ** 2 - 1.0).max() < 1e-9
-    assert max(record["residuals"]) < 1e-7
+def test_eigenvalues_do_not_depend_on_the_number_of_ranks(frequencies, on_ranks):
+    on_ranks(3, f"test_blade.same({frequencies(30).tolist()!r})")
 
 
 def test_blade_is_in_the_list_of_scenes():

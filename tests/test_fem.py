@@ -1,6 +1,9 @@
 """The finite element side: patch tests, the spring's force, ranks, solvers, and bad input."""
 
+import contextlib
+import io
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from mpi4py import MPI
 from test_fem_presets import configuration
 
 from comparisons.fem import quadrature
+from comparisons.fem.__main__ import main
 from comparisons.fem.domain import Domain
 from comparisons.fem.presets import spring as presets
 from comparisons.fem.published import Spring as Configuration
@@ -158,13 +162,22 @@ def test_reactions_balance():
         assert reactions[1, 2] > 1.0
 
 
+def write(path, words):
+    """Write what ranks print together (called under mpirun)."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert main(words) == 0
+    if MPI.COMM_WORLD.rank == 0:
+        Path(path).write_text(said.getvalue())
+    else:
+        assert not said.getvalue()
+
+
 @pytest.mark.mpi
-def test_two_ranks_give_the_serial_force(mpirun):
-    script = "import sys; from comparisons.fem.__main__ import main; sys.exit(main(['spring', *sys.argv[1:]]))"
-    done = mpirun(2, "--around", "4", "--layers", "12", script=script)
-    assert done.returncode == 0, done.stderr
-    (line,) = done.stdout.strip().splitlines()
-    parallel = json.loads(line)
+def test_two_ranks_give_the_serial_force(on_ranks, tmp_path):
+    words = "spring --around 4 --layers 12".split()
+    on_ranks(2, f"test_fem.write({str(tmp_path / 'record')!r}, {words!r})")
+    parallel = json.loads((tmp_path / "record").read_text())
     assert parallel["ranks"] == 2
     serial = run(Configuration(**SMALL))
     assert parallel["dofs"] == serial["dofs"]

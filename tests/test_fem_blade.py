@@ -109,17 +109,13 @@ def test_shapes_at_nodes_are_those_of_the_function(arguments):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("arguments", ["--along 4 --layers 6", "--preset paper-enhanced"])
-def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
-    script = "import sys; from comparisons.fem.__main__ import main; sys.exit(main())"
-    file = tmp_path / "parallel.npz"
-    done = mpirun(2, "blade", *arguments.split(), "--modes-file", str(file), script=script)
-    assert done.returncode == 0, done.stderr
-    (line,) = done.stdout.strip().splitlines()
-    parallel = json.loads(line)
-    other = tmp_path / "serial.npz"
-    chosen = presets.PRESETS["paper-enhanced"] if "paper" in arguments else arguments
-    serial = run(configuration(chosen), file=other)
+@pytest.mark.parametrize("arguments", ["--along 4 --layers 6", presets.PRESETS["paper-enhanced"]])
+def test_two_ranks_give_the_serial_modes(on_ranks, fem, tmp_path, arguments):
+    file, other = tmp_path / "parallel.npz", tmp_path / "serial.npz"
+    words = ["blade", *arguments.split(), "--modes-file"]
+    on_ranks(2, f"test_fem.write({str(tmp_path / 'record')!r}, {[*words, str(file)]!r})")
+    parallel = json.loads((tmp_path / "record").read_text())
+    serial = json.loads(fem.prints(*words, other))
     assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
     assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]
     # A frequency is known to half its residual: that of the enhanced bricks' first mode is rounding, 4e-8, which MUMPS

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 from conftest import straight
+from petsc4py import PETSc
 
 from isorod import InputError, LinearElastic, Muscle, NeoHookean, Space, circle, dynamics, helix, modal, statics
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.output.state import State
 from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.biceps import Biceps
+from isorod.scenes.spring import Spring
 from isorod.tensors import rotation
 
 LAW = NeoHookean(2.0, 0.3)
@@ -199,16 +201,13 @@ def test_load_factor_is_a_muscle_s_activation():
         assert state.stress(0, 0.3, kind="von Mises") == pytest.approx(2.5 * factor)
 
 
+def whole():
+    s = statics.solve(Spring(helix="paper", coils=1, section_points=4, elements_per_turn=8).model())
+    found = [*s.at(0, "end"), s.stress(0, 1.3, (1, 0), kind="von Mises"), *s.section_forces(0, 1.3).force]
+    one, other = PETSc.COMM_WORLD.tompi4py().allgather([float(one) for one in found])
+    assert one == other and s.section_forces(0, 1.3).force == pytest.approx(s.reactions[1], abs=1e-3)
+
+
 @pytest.mark.mpi
-def test_every_rank_has_the_whole_answer(mpirun):
-    script = """
-from mpi4py import MPI
-from isorod.scenes.spring import Spring
-s = isorod.statics.solve(Spring(helix="paper", coils=1, section_points=4, elements_per_turn=8).model())
-found = [*s.at(0, "end"), s.stress(0, 1.3, (1, 0), kind="von Mises"), *s.section_forces(0, 1.3).force]
-both = MPI.COMM_WORLD.allgather([float(one) for one in found])
-if MPI.COMM_WORLD.rank == 0:
-    print(len(both), both[0] == both[1], abs(s.section_forces(0, 1.3).force - s.reactions[1]).max() < 1e-3)
-"""
-    done = mpirun(2, script=script)
-    assert done.stdout == "2 True True\n", done.stderr
+def test_every_rank_has_the_whole_answer(on_ranks):
+    on_ranks(2, "test_state.whole()")
