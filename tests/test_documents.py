@@ -30,6 +30,8 @@ LONG = (
     "python -m comparisons.fem rods src/isorod/files/examples/starter.toml --level 1 --fields fields.npz",
 )
 
+# Commands that become another program.
+BECOMES = ("mesh", "compare")
 MINUTES = re.compile(r"\bmin(utes)?\b")
 # What docker/opponents installs; tests/test_opponents.py runs it where it is.
 OPPONENTS = ("python -m comparisons.ngsolve",)
@@ -105,9 +107,12 @@ def clone(tmp_path_factory):
 
 
 def isorods(line):
-    """Return the words of the `isorod` commands of a line, none where it has PETSc's options or other programs."""
+    """Return the words of the `isorod` commands of a line, none where PETSc's options or other programs are among them.
+
+    Meshes and comparisons are such programs, whose process takes the place of the command's.
+    """
     parts = [shlex.split(part) for part in line.split(" && ")]
-    own = all(part[0] == "isorod" and not split(part[1:])[1] for part in parts)
+    own = all(part[0] == "isorod" and part[1] not in BECOMES and not split(part[1:])[1] for part in parts)
     return [part[1:] for part in parts] if own else []
 
 
