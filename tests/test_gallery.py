@@ -14,8 +14,8 @@ ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = PAGE.parent / "gallery"
 
-# Those that take seconds; the others are run by `make test-all`.
-QUICK = ("starter", "arc", "bar", "coil", "spring", "taper", "muscle", "flower", "ring", "weld", "stent", "tendon")
+# Those that take long.
+SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw"), pytest.mark.slow)
 
 SECTION = r"""^\((?P<name>\w+)\)=
 ## [^\n]+
@@ -55,9 +55,7 @@ def test_every_example_has_its_place():
     assert len(SECTIONS) >= 10
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SECTIONS]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in SECTIONS])
 @pytest.mark.filterwarnings("ignore:contact 0")
 def test_an_example_prints_what_the_page_says(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
