@@ -3,8 +3,8 @@
 import pytest
 from conftest import packages
 
-from tests.scene_files import MODES, OUTLINE, RING, text
-from tests.test_scenes import FOREIGN, HEAVY
+from tests.scene_files import MODES, text
+from tests.test_scenes import FOREIGN
 
 
 def test_modes_of_a_passive_body_load_no_contact_dynamics_muscle_or_pictures(modules, tmp_path):
@@ -29,26 +29,17 @@ ROOMS = "contact dynamics modal assembly.mixed space.ringed material.muscle".spl
         ("trefoil", "modal", "slepc4py"),
     ],
 )
-def test_an_example_loads_what_it_needs(name, rooms, needed, modules, tmp_path):
+def test_an_example_loads_what_it_needs(name, rooms, needed, modules, command, tmp_path, monkeypatch):
     """Each example written by ``isorod new`` in a folder of its own, and run there."""
-    assert modules("new", "my.toml", "--from", name, cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    command.prints("new", "my.toml", "--from", name)
     coarse = ["--elements", "4", "--degree", "3"] if name == "press" else []
-    found = modules("run", "my.toml", "--json", *coarse, cwd=tmp_path)
+    found = modules("run", "my.toml", "--json", *coarse)
     assert {one for one in ROOMS if any(each.startswith(f"isorod.{one}") for each in found)} == set(rooms.split())
     assert packages(found) & set(FOREIGN) == set(needed.split())
     assert not [one for one in found if one.startswith(("isorod.scenes.", "isorod.command.new", "isorod.output.vtk"))]
 
 
-def test_geometry_of_a_file_needs_numpy_and_scipy_alone(modules, tmp_path):
-    (tmp_path / "outline.csv").write_text(OUTLINE)
-    (tmp_path / "my.toml").write_text(text(RING))
-    assert not packages(modules("run", "my.toml", "--json", cwd=tmp_path)) & set(HEAVY)
-
-
 def test_a_scene_of_the_package_reads_no_files(modules):
     found = modules("run", "ring", "--json")
     assert not [name for name in found if name.startswith("isorod.files.")] and "tomllib" not in found
-
-
-def test_writing_a_file_to_begin_with_loads_nothing_heavy(modules, tmp_path):
-    assert not packages(modules("new", cwd=tmp_path)) & set(HEAVY)

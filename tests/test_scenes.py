@@ -12,6 +12,7 @@ import isorod
 from isorod import scenes
 from isorod.command import cli
 from isorod.errors import InputError
+from tests.scene_files import OUTLINE, RING, text
 
 # What makes a long run short.
 SHORT = {
@@ -88,17 +89,18 @@ def test_solved_scene_loads_what_it_needs(name, modules):
     assert not [one for one in found if one.startswith(unused.get(name, ()))]
 
 
-@pytest.mark.parametrize("words", [*(["run", name, "--json"] for name in GEOMETRY), ["list"]], ids=" ".join)
-def test_geometry_and_lists_need_numpy_and_scipy_alone(words, modules):
-    assert not packages(modules(*words)) & set(HEAVY)
-
-
-def test_geometry_modules_need_numpy_and_scipy_alone(modules):
+def test_geometry_lists_and_files_to_begin_with_need_numpy_and_scipy_alone(modules, tmp_path):
+    """Of the package and of files; also what is imported of geometry in scripts."""
+    (tmp_path / "outline.csv").write_text(OUTLINE)
+    (tmp_path / "my.toml").write_text(text(RING))
     files = (Path(isorod.__file__).parent / "geometry").glob("*.py")
     names = [f"isorod.geometry.{file.stem}" for file in files if not file.stem.endswith("_kernel")]
     assert len(names) >= 7
     names += ["isorod.space", "isorod.errors", "isorod.tensors", "isorod.scenes.spring"]
-    assert not packages(modules(script=f"import {', '.join(names)}")) & set(HEAVY)
+    lines = [*(f"run {name} --json" for name in [*GEOMETRY, "my.toml"]), "list", "new first.toml"]
+    script = f"import {', '.join(names)}\nfrom isorod.command import cli\n"
+    script += f"assert not any(cli.main(line.split()) for line in {lines!r})"
+    assert not packages(modules(script=script, cwd=tmp_path)) & set(HEAVY)
 
 
 @pytest.mark.parametrize("name", ["", "Spring", "spring ", "coils", "__init__"])
