@@ -157,12 +157,12 @@ def implicit(_):
     loaded = Model(model.bodies, model.supports, loads=[BodyForce((0.1, 0.0, 0.0))])
     given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
     return {
-        "rod": in_motion(loaded, 1.0, 0.1, 2, damping=0.1, velocity=swing(model), **given),
-        "biceps": in_motion(SMALL.model(), 2e-3, 2e-4, 2, damping=1.0, ramp=2.5e-3, **given),
-        "rubbing": in_motion(rough, 1.0, 0.05, 2, velocity=thrown, **given),
-        "incompressible": in_motion(whole, 1.0, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
-        "rubber in layers": in_motion(layers(NeoHookean(100.0, 0.5)), 1.0, 0.1, 2, velocity=swing(layers()), **given),
-        "mixed muscle": in_motion(flexed, 1.0, 0.1, 2, ramp=0.5, velocity=-swing(flexed), **given),
+        "rod": in_motion(loaded, 0.4, 0.1, 2, damping=0.1, velocity=swing(model), **given),
+        "biceps": in_motion(SMALL.model(), 2e-3, 5e-4, 2, damping=1.0, ramp=2.5e-3, **given),
+        "rubbing": in_motion(rough, 0.5, 0.05, 2, velocity=thrown, **given),
+        "incompressible": in_motion(whole, 0.4, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
+        "rubber in layers": in_motion(layers(NeoHookean(100.0, 0.5)), 0.4, 0.1, 2, velocity=swing(layers()), **given),
+        "mixed muscle": in_motion(flexed, 0.4, 0.1, 2, ramp=0.5, velocity=-swing(flexed), **given),
     }
 
 
@@ -187,7 +187,7 @@ def surfaces(_):
     return {
         "pin": at_rest(pin((4, 5), friction=0.2), load_steps=2),
         "explicit": in_motion(model, 0.1, outputs=2, velocity=thrown),
-        "implicit": in_motion(model, 0.1, 0.01, 2, velocity=thrown, **given),
+        "implicit": in_motion(model, 0.06, 0.01, 2, velocity=thrown, **given),
     }
 
 

@@ -76,9 +76,10 @@ def model(points: float) -> Model:
     across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     rod = Rod(rod.axis, rod.control_points @ across.T + [0.0, 0.0, RADIUS], rod.closed)
     space = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.7, 1.5 * HALF / RADIUS, 1.2, HALF / points)])
-    middle = np.flatnonzero(
-        space.is_carrier & (np.abs(space.positions[:, 1]) < 1e-6) & (space.positions[:, 2] > RADIUS)
-    )
+    # What is nearest to the middle above: one control point of a section, or two.
+    y, z = space.positions[:, 1:].T
+    above = space.is_carrier & (z > RADIUS)
+    middle = np.flatnonzero(above & (np.abs(y) < np.abs(y[above]).min() + 1e-6))
     supports = [Support(np.arange(space.nodes), "x"), Support(middle, "y")]
     weight = BodyForce((0.0, 0.0, -FORCE / (np.pi * RADIUS**2)))
     solid, top = block(points)
