@@ -21,6 +21,8 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Ranks that wait let others run: beside other tests there are more of them than processors.
+os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 # Open MPI refuses to start as root otherwise, which is what containers run as.
 os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
 os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
