@@ -30,8 +30,8 @@ LONG = (
     "python -m comparisons.fem rods src/isorod/files/examples/starter.toml --level 1 --fields fields.npz",
 )
 
-# Commands that become another program.
-BECOMES = ("mesh", "compare")
+# Words of commands that become another program, or end the process.
+BECOMES = ("mesh", "compare", "--help")
 MINUTES = re.compile(r"\bmin(utes)?\b")
 # What docker/opponents installs; tests/test_opponents.py runs it where it is.
 OPPONENTS = ("python -m comparisons.ngsolve",)
@@ -112,7 +112,7 @@ def isorods(line):
     Meshes and comparisons are such programs, whose process takes the place of the command's.
     """
     parts = [shlex.split(part) for part in line.split(" && ")]
-    own = all(part[0] == "isorod" and part[1] not in BECOMES and not split(part[1:])[1] for part in parts)
+    own = all(part[0] == "isorod" and not {part[1], part[-1]} & {*BECOMES} and not split(part[1:])[1] for part in parts)
     return [part[1:] for part in parts] if own else []
 
 
