@@ -1,6 +1,8 @@
 """Matrices for other programs: read back they give the same frequencies, and the maps lead back to the rod."""
 
+import contextlib
 import csv
+import io
 import json
 import re
 
@@ -47,14 +49,14 @@ def frequencies(eigenvalues):
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory, isorod):
+def written(tmp_path_factory):
     """The blade's matrices, and its frequencies as the command prints them."""
     folder = tmp_path_factory.mktemp("matrices") / "blade"
-    done = isorod("matrices", "blade", "--output", str(folder))
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("756 unknowns (792 degrees of freedom), about the state of rest; stiffness of ")
-    told = isorod("run", "blade", "--json", "--no-estimate")
-    return folder, np.array(json.loads(told.stdout)["frequencies"])
+    with contextlib.redirect_stdout(io.StringIO()) as told:
+        assert cli.main(["matrices", "blade", "--output", str(folder)]) == 0
+        assert cli.main("run blade --json --no-estimate".split()) == 0
+    assert told.getvalue().startswith("756 unknowns (792 degrees of freedom), about the state of rest; stiffness of ")
+    return folder, np.array(json.loads(told.getvalue().splitlines()[-1])["frequencies"])
 
 
 def test_scipy_finds_the_frequencies_from_files_of_both_kinds(written):

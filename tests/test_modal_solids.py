@@ -69,10 +69,15 @@ def test_shapes_are_of_unit_mass_and_balance_the_forces_of_the_body():
     assert modes[1].function().x.array == pytest.approx(shapes[1])
 
 
-@pytest.mark.parametrize("law", [LAW, SOFT])
 @pytest.mark.parametrize(
-    ("shape", "count", "degree"),
-    [("tetrahedron", 3, 1), ("tetrahedron", 6, 1), ("hexahedron", 4, 1), ("tetrahedron", 2, 2), ("hexahedron", 2, 2)],
+    ("shape", "count", "degree", "law"),
+    [
+        ("tetrahedron", 3, 1, SOFT),
+        ("tetrahedron", 6, 1, LAW),
+        ("hexahedron", 4, 1, LAW),
+        ("tetrahedron", 2, 2, LAW),
+        ("hexahedron", 2, 2, SOFT),
+    ],
 )
 def test_estimates_are_errors(shape, count, degree, law):
     """Within a factor of three, of the largest error of three frequencies, beside a much finer mesh."""

@@ -49,7 +49,7 @@ def rates(model, history, step):
 def test_a_tie_exerts_what_changes_the_momenta(tie, sign):
     """Central differences of them are the tie's force and moment but for an error of second order in the step."""
     model, errors = pair(tie), []
-    for step, outputs in ((0.02, 40), (0.01, 80)):
+    for step, outputs in ((0.02, 20), (0.01, 40)):
         history = moving(model, step, outputs)
         carried = [sign * one[1:-1, 0] for one in (history.tie_forces, history.tie_moments)]
         errors.append(
