@@ -390,6 +390,6 @@ def test_command_line(fem):
     options = "--analysis dynamics --degree 1 --size 1.2 --end-time 4e-4 --outputs 2 --quadrature 3".split()
     record = json.loads(fem.prints("biceps", *options))
     assert len(record["end_force"]) == 4 and len(record["history"]["time"]) == 2
-    assert record["quadrature"] == 3 and record["seconds"]["step"] > 0.0
+    assert record["options"]["quadrature"] == 3 and record["seconds"]["step"] > 0.0
     assert 0 < record["steps"] and record["time_step"] < record["critical_step"]
     assert fem.refuses("biceps", "--penalty", 0) == "penalty: got 0, need a positive force per volume"
