@@ -21,7 +21,7 @@ BASES = [
 # With coefficients of expansion along their own directions: axes 1, 2, 3, or along fibres and across.
 DIRECTED = {
     "axes": (BASES[4], (3e-4, 1e-4, -2e-4)),
-    "small": (isorod.Orthotropic((10.0, 8.0, 6.0), (0.3, 0.2, 0.25), (3.0, 2.5, 2.0), ((0, 0, 1), (1, 0, 0))), (3e-4, 1e-4, 0.0)),
+    "small": (isorod.Orthotropic(BASES[4].E, BASES[4].nu, BASES[4].G, BASES[4].axes), (3e-4, 1e-4, 0.0)),
     "fibres": (isorod.HolzapfelGasserOgden(3.0, 2.4, 0.8, 30.0, fibre=(0, 0, 1)), (3e-4, -1e-4)),
 }
 

@@ -227,7 +227,8 @@ class Thermal(Material):
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
         """Return Legendre's transform of the volumetric energy, of ``theta`` less that of the free expansion."""
-        temperature = np.broadcast_to(self._uniform * (self.temperature if self._field else 1.0), p.shape)
+        own = cast(Array, self.temperature) if self._field else 1.0
+        temperature = np.broadcast_to(self._uniform * own, p.shape)
         strains = [one * temperature for one in self._along]
         strains = [*strains, *[strains[-1]] * (3 - len(strains))]
         free, size = sum(strains), np.ones(p.shape)
@@ -246,7 +247,7 @@ class Thermal(Material):
 
     def placed(self, places: Places) -> Self:
         """Return the law at places of a rod."""
-        temperature = self.temperature
+        temperature: Any = self.temperature
         if callable(temperature):
             found = numbers("temperature", temperature(places))
             try:
