@@ -214,6 +214,9 @@ def test_what_does_not_know_temperatures_says_so():
     rubber = Thermal(isorod.NeoHookean(1.0, 0.5), 1e-5, 10.0)
     with pytest.raises(InputError, match="incompressible law"):
         isorod.dynamics.solve(bar(rubber, ("start",)), 1.0, 0.1, integrator="implicit")
+    timed = Thermal(BASES[0], 1e-5, 10.0, history=[[0, 0], [1, 1]])
+    with pytest.raises(InputError, match="temperature history of body 0"):
+        isorod.dynamics.solve(bar(timed, ("start",)), 1.0, 0.1, integrator="implicit")
     soft = Thermal(BASES[0], 1e-5, 10.0, SOFTER)
     with pytest.raises(InputError, match="stiffness that depends"):
         isorod.buckling.solve(bar(soft, ("start", "end")))

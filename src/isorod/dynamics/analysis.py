@@ -275,6 +275,9 @@ def _check(model: Model, settings: Settings, every: float) -> None:
         raise InputError(
             f"ramp: activation grows with it, and the temperature of body {heated[0]} does not; leave it out"
         )
+    for b in heated:
+        if any(isinstance(law, Thermal) and law.history is not None for law in model.bodies[b].laws):
+            raise InputError(f"temperature history of body {b}: motions have the temperature at once; leave it out")
     rigid = [b for b in heated if any(law.lame == np.inf for law in model.bodies[b].laws)]
     if rigid:
         raise InputError(
