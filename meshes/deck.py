@@ -149,7 +149,7 @@ class _Problem:
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
         if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
-            raise InputError(f"{self.kind} of what is heated is not written to .inp: CalculiX knows it in statics alone")
+            raise InputError(f"{self.kind} of what is heated is not written to .inp, statics is")
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
         self.owner = np.full((len(mesh.points), 3), -1)

@@ -112,7 +112,7 @@ def take_gradients(field: Field, runs: Index, work: Array) -> None:
 
 @njit(void(F2, i8, I2, F1), **FAST)
 def take_known(known: Array, places: int, runs: Index, work: Array) -> None:
-    """Fill in what does not change: the inverse Jacobian, the weight and what the law knows, a row each of each place."""
+    """Fill in what does not change: inverse Jacobian, weight and what the law knows, a row each of each place."""
     take(known, _KNOWN[: known.shape[0] // places], runs, work)
 
 

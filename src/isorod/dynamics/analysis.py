@@ -275,6 +275,15 @@ def _check(model: Model, settings: Settings, every: float) -> None:
         raise InputError(
             f"ramp: activation grows with it, and the temperature of body {heated[0]} does not; leave it out"
         )
+    for b in heated:
+        if any(isinstance(law, Thermal) and law.history is not None for law in model.bodies[b].laws):
+            raise InputError(f"temperature history of body {b}: motions have the temperature at once; leave it out")
+    rigid = [b for b in heated if any(law.lame == np.inf for law in model.bodies[b].laws)]
+    if rigid:
+        raise InputError(
+            f"temperature of body {rigid[0]}: it is there at once in motions, and an incompressible law has no other "
+            "volume at once; take nu = 0.4999, or a finite bulk modulus"
+        )
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     model.refuse_hold("motions")

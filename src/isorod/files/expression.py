@@ -1,4 +1,4 @@
-"""Energies, and other formulas, written as text: read by Python's grammar, of which a few words are known; nothing of it is run."""
+"""Formulas written as text: read by Python's grammar, of which a few words are known; nothing of it is run."""
 
 import ast
 import difflib

@@ -28,6 +28,9 @@ _LOOKED = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 # Keys of thermal expansion, known without what it loads.
 _WARM = ("expansion", "temperature", "temperature_history", "stiffness")
 
+# Rows of a table of temperatures up to which elements end at them.
+_FEW = 16
+
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4
 
@@ -185,6 +188,11 @@ class RodPlan:
         joints: Array = self.curve.make().stations if self._pieces else rod.axis.breaks
         return joints
 
+    def _warmed(self, rod: "Rod") -> list[float]:
+        """Return the axis parameters at which a temperature along the rod has another slope, if they are few."""
+        lengths = getattr(self._warm and self._warm.arguments["temperature"], "lengths", ())
+        return _kinks(rod, lengths[1:-1]) if len(lengths) <= _FEW else []
+
     def _along(self, rod: "Rod", use: Use, reach: float) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
 
@@ -202,7 +210,7 @@ class RodPlan:
             if use.angle:
                 found = chosen.turned(rod, use.angle, degree, continuity)
             first, last = rod.axis.breaks[[0, -1]]
-            places = [u for u in (*use.loaded, *kinks) if first < u < last and not rod.closed]
+            places = [u for u in (*use.loaded, *kinks, *self._warmed(rod)) if first < u < last and not rod.closed]
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += self._joints(rod)[1:-1].tolist()
                 # Where pieces of a chain meet slopes may jump as it is.

@@ -145,8 +145,7 @@ class _Body:
         return [f"    {one} = constants[{k}]" for k, one in enumerate(self.names.values()) if one in self.used]
 
     def _fibres(self, read: Callable[[int], str]) -> list[str]:
-        names = [f"a{k}" for k in range(3)] + [f"b{k}" for k in range(3)]
-        names = names[: 3 * self.energy.families] + ["temperature"] * (s.temperature in self.used)
+        names = "a0 a1 a2 b0 b1 b2".split()[: 3 * self.energy.families] + ["temperature"] * (s.temperature in self.used)
         return [f"{name} = {read(k)}" for k, name in enumerate(names)]
 
     def _kinematics(self) -> list[str]:

@@ -107,7 +107,8 @@ class Thermal(Material):
         if not np.isfinite(temperature).all():
             raise InputError("temperature: it is not finite everywhere")
         # On the way to the full load all in between is passed.
-        low, high = float(temperature.min(initial=0.0)), float(temperature.max(initial=0.0))
+        ends = np.outer(self._shares, [temperature.min(initial=0.0), temperature.max(initial=0.0)])
+        low, high = float(ends.min(initial=0.0)), float(ends.max(initial=0.0))
         strain = max(map(abs, self._along)) * max(-low, high)
         if not strain <= _MOST:
             raise InputError(f"temperature: expansion times temperature is {strain:g}, need a strain up to {_MOST:g}")
@@ -127,6 +128,14 @@ class Thermal(Material):
     @cached_property
     def _table(self) -> Array:
         return numbers("stiffness", self.stiffness) if len(self.stiffness) else np.zeros((0, 2))
+
+    @property
+    def _shares(self) -> Array:
+        """Factors of the temperature between which all others are."""
+        if self.history is None:
+            return np.ones(1)
+        factors = getattr(self.history, "factors", None)
+        return np.ravel(np.asarray(self.history, dtype=float)[:, 1] if factors is None else factors)
 
     @property
     def _field(self) -> bool:
@@ -227,7 +236,8 @@ class Thermal(Material):
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
         """Return Legendre's transform of the volumetric energy, of ``theta`` less that of the free expansion."""
-        temperature = np.broadcast_to(self._uniform * (self.temperature if self._field else 1.0), p.shape)
+        own = cast(Array, self.temperature) if self._field else 1.0
+        temperature = np.broadcast_to(self._uniform * own, p.shape)
         strains = [one * temperature for one in self._along]
         strains = [*strains, *[strains[-1]] * (3 - len(strains))]
         free, size = sum(strains), np.ones(p.shape)
@@ -246,7 +256,7 @@ class Thermal(Material):
 
     def placed(self, places: Places) -> Self:
         """Return the law at places of a rod."""
-        temperature = self.temperature
+        temperature: Any = self.temperature
         if callable(temperature):
             found = numbers("temperature", temperature(places))
             try:

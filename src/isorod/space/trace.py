@@ -32,6 +32,9 @@ _PART = 0.04
 # Of the part that touches, what else does so in places, and what would do so no longer at a quarter of the gap.
 _UNCLEAR = 0.2
 
+# So few points round the section touch where round bars lie side by side.
+_FEW = 5
+
 # Gauss points in a slice of the disk or along an element, at most.
 _MOST_POINTS = 64
 
@@ -231,7 +234,8 @@ def touching(space: Space, trace: Trace, gap: Array, most: float, finer: int = 1
         raise InputError(f"the surfaces do not touch all along: they are up to {apart.max(axis=0).min():.3g} apart")
     if areas[apart <= most].sum() > (1.0 + _UNCLEAR) * area:
         raise InputError("the surfaces touch at some places along them alone; say between which lengths (along)")
-    if areas[:, apart.max(axis=0) <= 0.25 * most].sum() < (1.0 - _UNCLEAR) * area:
+    closer = areas[:, apart.max(axis=0) <= 0.25 * most].sum()
+    if kept.sum() < _FEW or closer < (1.0 - _UNCLEAR) * area:
         raise InputError("the surfaces touch along a line, not on an area that could be told; take another tie")
     return kept
 
