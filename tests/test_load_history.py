@@ -93,7 +93,11 @@ def test_all_that_has_no_history_reaches_its_value_with_the_first_interval_and_k
 
 
 def test_each_thing_follows_its_own_table():
-    tables = {"load": [[0, 0], [1, 1], [4, -2]], "warm": [[0, 0], [3, 1.5], [4, 1.5]], "move": [[0, 0], [2, -1], [4, 1]]}
+    tables = {
+        "load": [[0, 0], [1, 1], [4, -2]],
+        "warm": [[0, 0], [3, 1.5], [4, 1.5]],
+        "move": [[0, 0], [2, -1], [4, 1]],
+    }
     law = Thermal(NeoHookean(E=E, nu=NU), 1e-3, 20.0, history=tables["warm"])
     space = bar().bodies[0].space
     end = Support.end(space, "end", "z", (0.0, 0.0, 0.01), history=tables["move"])
@@ -141,7 +145,9 @@ def on_plane(end, friction=0.0):
     plane = Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0), motion=ObstacleMotion(move=rows))
     held = [Support.end(space, which) for which in ("start", "end")]
     contact = Contact(0, plane, friction=friction, first_elements=[1, 2])
-    return statics.solve(Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), 2, end_time=end, keep=True)
+    return statics.solve(
+        Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), 2, end_time=end, keep=True
+    )
 
 
 def test_contact_that_opens_again_leaves_nothing():
