@@ -116,6 +116,10 @@ class Path:
         energy = assembler.energy(x, factor)
         if self.largest is not None and not energy > self.largest.energy:
             return
-        contacts = assembler.contact.results(assembler.touching(x, factor)) if assembler.contact is not None else ()
+        contacts: Sequence[ContactResult] = ()
+        if assembler.contact is not None:
+            undo = assembler.contact.keep()
+            contacts = assembler.contact.results(assembler.touching(x, factor), check=True)
+            undo()
         state = assembler.displacement(x, factor).copy(), assembler.pressures(x), assembler.solids(x, factor)
         self.largest = Turn(factor, energy, *state, own, contacts)
