@@ -23,12 +23,14 @@ from isorod import (
     Thermal,
     buckling,
     circle,
+    dynamics,
     modal,
     statics,
     straight,
 )
 from isorod.model.history import TimeTable
 from isorod.model.times import until
+from isorod.statics import continuation
 
 E, NU, RADIUS, LENGTH = 100.0, 0.3, 0.1, 1.0
 AREA = np.pi * RADIUS**2
@@ -217,6 +219,11 @@ test_what_makes_no_sense_is_refused = refused(
         "spin: history: got a negative factor",
     ),
     (lambda: moved(history=[[0, 0], [2, 1], [1, 1]]), "history: times run back from 2 to 1"),
+    (
+        lambda: dynamics.solve(bar(law=Thermal(NeoHookean(E=E, nu=NU), 1e-3, 20.0, history=TABLE)), 1.0),
+        "body 0: temperature: history: in motions it is constant",
+    ),
+    (lambda: continuation.follow(bar([pull(STRETCH, TABLE)]), 0.1, 2), "load 0: history: one factor multiplies all"),
 )
 
 

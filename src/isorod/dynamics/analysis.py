@@ -275,6 +275,11 @@ def _check(model: Model, settings: Settings, every: float) -> None:
         raise InputError(
             f"ramp: activation grows with it, and the temperature of body {heated[0]} does not; leave it out"
         )
+    for b in heated:
+        if any(getattr(law, "history", None) is not None for law in model.bodies[b].laws):
+            raise InputError(
+                f"body {b}: temperature: history: in motions it is constant; leave it out, or take statics"
+            )
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     model.refuse_hold("motions")
