@@ -1,6 +1,7 @@
 """Histories in statics: every load at its own table's value, kinks are met, what goes and comes back leaves nothing."""
 
 import warnings
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from isorod import (
     statics,
     straight,
 )
+from isorod.files.scene import FileScene
 from isorod.model.history import TimeTable
 from isorod.model.times import until
 from isorod.statics import continuation
@@ -233,3 +235,20 @@ def test_times_that_are_but_rounding_apart_are_one():
     assert timed.stages == [0.3, 1.0]
     assert [timed.times.time(place) for place in timed.stages] == [0.3, 1.0]
     assert timed.times.place(0.3) == 0.3 and timed.share(None, 0.15) == pytest.approx(0.5)
+
+
+def test_finite_element_bodies_go_along_and_are_kept_at_each_time(tmp_path):
+    pytest.importorskip("dolfinx")
+    examples = resources.files("isorod.files") / "examples"
+    for name in ("tendon.toml", "tendon.msh", "tendon.step"):
+        (tmp_path / name).write_bytes((examples / name).read_bytes())
+    scene = FileScene(str(tmp_path / "tendon.toml"))
+    there = statics.solve(scene.model())
+    steps = "[[step]]\ntime = 1.0\nsupport.hand = 1.0\n[[step]]\ntime = 1.0\nunload = true\n"
+    (tmp_path / "tendon.toml").write_text((tmp_path / "tendon.toml").read_text() + steps)
+    scene = FileScene(str(tmp_path / "tendon.toml"))
+    found = statics.solve(scene.model(), **scene.settings(), keep=True)
+    (_, first), (_, last) = found.frames()
+    assert first.solids[0] == pytest.approx(there.solids[0], abs=1e-9)
+    assert np.abs(first.solids[0]).max() > 0.01 and np.abs(last.solids[0]).max() < 1e-12
+    assert first.reactions == pytest.approx(there.reactions, rel=1e-8, abs=1e-8)

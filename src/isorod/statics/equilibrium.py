@@ -217,6 +217,7 @@ class Equilibrium(State, WithSolids, Animated):
                 reactions=step.reactions,
                 moments=step.moments,
                 pressures=step.pressures,
+                solids=step.solids,
                 # These are of the last one alone.
                 contacts=(),
                 ties=(),
