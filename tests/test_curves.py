@@ -63,9 +63,13 @@ def test_axes_have_the_units_that_a_file_names():
 
 def test_a_motion_has_displacements_over_time():
     table = {"time": [0.0, 1.0], "support 0 displacement x": [0.0, 1.0], "support 0 force x": [0.0, 1.0]}
-    assert [panel.curves for panel in curves.panels(columns(table), {})] == [
+    assert [panel.curves for panel in curves.panels(columns(table | {"kinetic": [0.0, 0.0]}), {})] == [
         [("time", "support 0 displacement x")],
         [("time", "support 0 force x")],
+    ]
+    # Of statics over time loops are wanted.
+    assert [panel.curves for panel in curves.panels(columns(table), {})] == [
+        [("support 0 displacement x", "support 0 force x")]
     ]
 
 

@@ -1,6 +1,7 @@
 """Histories in statics: every load at its own table's value, kinks are met, what goes and comes back leaves nothing."""
 
 import warnings
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -23,12 +24,15 @@ from isorod import (
     Thermal,
     buckling,
     circle,
+    dynamics,
     modal,
     statics,
     straight,
 )
+from isorod.files.scene import FileScene
 from isorod.model.history import TimeTable
 from isorod.model.times import until
+from isorod.statics import continuation
 
 E, NU, RADIUS, LENGTH = 100.0, 0.3, 0.1, 1.0
 AREA = np.pi * RADIUS**2
@@ -93,7 +97,11 @@ def test_all_that_has_no_history_reaches_its_value_with_the_first_interval_and_k
 
 
 def test_each_thing_follows_its_own_table():
-    tables = {"load": [[0, 0], [1, 1], [4, -2]], "warm": [[0, 0], [3, 1.5], [4, 1.5]], "move": [[0, 0], [2, -1], [4, 1]]}
+    tables = {
+        "load": [[0, 0], [1, 1], [4, -2]],
+        "warm": [[0, 0], [3, 1.5], [4, 1.5]],
+        "move": [[0, 0], [2, -1], [4, 1]],
+    }
     law = Thermal(NeoHookean(E=E, nu=NU), 1e-3, 20.0, history=tables["warm"])
     space = bar().bodies[0].space
     end = Support.end(space, "end", "z", (0.0, 0.0, 0.01), history=tables["move"])
@@ -141,7 +149,9 @@ def on_plane(end, friction=0.0):
     plane = Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0), motion=ObstacleMotion(move=rows))
     held = [Support.end(space, which) for which in ("start", "end")]
     contact = Contact(0, plane, friction=friction, first_elements=[1, 2])
-    return statics.solve(Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), 2, end_time=end, keep=True)
+    return statics.solve(
+        Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), 2, end_time=end, keep=True
+    )
 
 
 def test_contact_that_opens_again_leaves_nothing():
@@ -211,6 +221,11 @@ test_what_makes_no_sense_is_refused = refused(
         "spin: history: got a negative factor",
     ),
     (lambda: moved(history=[[0, 0], [2, 1], [1, 1]]), "history: times run back from 2 to 1"),
+    (
+        lambda: dynamics.solve(bar(law=Thermal(NeoHookean(E=E, nu=NU), 1e-3, 20.0, history=TABLE)), 1.0),
+        "body 0: temperature: history: in motions it is constant",
+    ),
+    (lambda: continuation.follow(bar([pull(STRETCH, TABLE)]), 0.1, 2), "load 0: history: one factor multiplies all"),
 )
 
 
@@ -220,3 +235,20 @@ def test_times_that_are_but_rounding_apart_are_one():
     assert timed.stages == [0.3, 1.0]
     assert [timed.times.time(place) for place in timed.stages] == [0.3, 1.0]
     assert timed.times.place(0.3) == 0.3 and timed.share(None, 0.15) == pytest.approx(0.5)
+
+
+def test_finite_element_bodies_go_along_and_are_kept_at_each_time(tmp_path):
+    pytest.importorskip("dolfinx")
+    examples = resources.files("isorod.files") / "examples"
+    for name in ("tendon.toml", "tendon.msh", "tendon.step"):
+        (tmp_path / name).write_bytes((examples / name).read_bytes())
+    scene = FileScene(str(tmp_path / "tendon.toml"))
+    there = statics.solve(scene.model())
+    steps = "[[step]]\ntime = 1.0\nsupport.hand = 1.0\n[[step]]\ntime = 1.0\nunload = true\n"
+    (tmp_path / "tendon.toml").write_text((tmp_path / "tendon.toml").read_text() + steps)
+    scene = FileScene(str(tmp_path / "tendon.toml"))
+    found = statics.solve(scene.model(), **scene.settings(), keep=True)
+    (_, first), (_, last) = found.frames()
+    assert first.solids[0] == pytest.approx(there.solids[0], abs=1e-9)
+    assert np.abs(first.solids[0]).max() > 0.01 and np.abs(last.solids[0]).max() < 1e-12
+    assert first.reactions == pytest.approx(there.reactions, rel=1e-8, abs=1e-8)

@@ -93,6 +93,10 @@ def refuse_scene(scene: Any, model: Model) -> None:
 def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     """Raise `InputError` for the first thing in a model that finite elements have no counterpart of."""
     pressures = with_pressures(model)
+    laws = [law for body in model.bodies for law in body.laws]
+    timed = any(getattr(one, "history", None) is not None for one in (*model.supports, *model.loads, *laws, model.spin))
+    if timed and analysis != "dynamics":
+        raise InputError("history: finite elements go to the full load alone; compare without steps and histories")
     for k, support in enumerate(model.supports):
         if not isinstance(support, Support):
             raise InputError(f"support {k}: mean motions and springs are not on the finite element side")

@@ -87,13 +87,15 @@ def _curvatures(part: Part, local: Array, factor: float, motions: Sequence[Array
     return part.curvatures(local, factor, motions)
 
 
-def check_energy(assembler: Assembler, rules: Mapping[int, Rule], displacement: Array, energy: float) -> None:
+def check_energy(
+    assembler: Assembler, rules: Mapping[int, Rule], displacement: Array, energy: float, factor: float = 1.0
+) -> None:
     """Raise `SolveError` if better rules see much more than the stored energy of the model's, or an inverted point."""
     local = assembler.local(displacement)
     # Where each body has a better rule, that of all by their own is known.
     known = assembler.contact is None and len(rules) == len(assembler.model.bodies)
     more = sum(
-        better.energy(local, 1.0) - (0.0 if known else given.energy(local, 1.0))
+        better.energy(local, factor) - (0.0 if known else given.energy(local, factor))
         for given, better in assembler.by_other_rules(rules)
     )
     good = (0.0 if known else energy) + assembler.comm.tompi4py().allreduce(more)

@@ -110,9 +110,8 @@ def _frames(
         motion = f"mode_{number}"
         words = [f"{result.title}\nmode {number}{frequency(result, number)}"] * len(steps)
     elif len(result.steps) > 1:
-        what = "load factor" if result.analysis == "statics" else "time"
         digits = animation.written([step.time for step in result.steps])
-        words = [f"{result.title}\n{what} {step.time:{digits}}" for step in steps]
+        words = [f"{result.title}\n{result.counted} {step.time:{digits}}" for step in steps]
     if modes and found.gif and motion.replace("mode", "quarter") in meshes[-1][0].point_data:
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)

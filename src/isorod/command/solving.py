@@ -176,7 +176,8 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     """
     if not hasattr(solution, "estimate"):
         return {}
-    if hasattr(solution, "displacement") and not solution.displacement.any():
+    most = getattr(solution, "largest", None) or solution
+    if hasattr(most, "displacement") and not most.displacement.any():
         warnings.warn("nothing loads or moves the model: it stays at rest", stacklevel=2)
     start = perf_counter()
     error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)

@@ -90,10 +90,9 @@ class View:
         steps, last = self.result.steps, self._read(len(self.result.steps) - 1)
         modes = plot.modes_of(last)
         if not modes:
-            what = "load factor" if self.result.analysis == "statics" else "time"
             digits = animation.written([step.time for step in steps])
             for k, step in enumerate(steps):
-                yield State(f"{what} {step.time:{digits}}" if len(steps) > 1 else "", k)
+                yield State(f"{self.result.counted} {step.time:{digits}}" if len(steps) > 1 else "", k)
             return
         if "displacement" in last[0].point_data:
             yield State("equilibrium", len(steps) - 1)

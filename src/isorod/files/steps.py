@@ -101,7 +101,9 @@ def _take(place: Place, step: Mapping[str, Any], tables: Mapping[Key, list[list[
     """Add a step to the tables, and return when it ends."""
     time = step.get("time")
     if isinstance(time, bool) or not isinstance(time, int | float) or not 0.0 < time < float("inf"):
-        raise (place / "time").error(f"got {shown(time)}, need how long the step takes" if "time" in step else "missing")
+        raise (place / "time").error(
+            f"got {shown(time)}, need how long the step takes" if "time" in step else "missing"
+        )
     for word in ("hold", "unload"):
         if step.get(word, True) is not True:
             raise (place / word).error(f"got {shown(step[word])}, need true, or leave it out")
@@ -111,12 +113,15 @@ def _take(place: Place, step: Mapping[str, Any], tables: Mapping[Key, list[list[
     named = _names(place, step)
     does = [word for word in ("hold", "unload") if word in step] + ["values"] * bool(named)
     if len(does) != 1:
-        raise place.error("it says nothing; need values, hold = true, or unload = true" if not does else
-                          f"it says {' and '.join(does)}; need one of them")
+        raise place.error(
+            "it says nothing; need values, hold = true, or unload = true"
+            if not does
+            else f"it says {' and '.join(does)}; need one of them"
+        )
     if "cycle" in step and not named:
         raise (place / "cycle").error("need values to go to, and back")
     if "unload" in step:
-        aims: dict[Key, Sequence[float]] = dict.fromkeys(tables, [0.0])
+        aims: dict[Key, Sequence[float]] = {key: [0.0] for key in tables}
     else:
         aims = {key: _values(place, step, key) for key in named}
     longest = max((len(one) for one in aims.values()), default=0) + 1

@@ -369,7 +369,7 @@ def unmoved(model: Model, what: str, timed: bool = False) -> None:
     """Raise `InputError` for what is no model, or moves by time, of which ``what`` has none unless it is ``timed``."""
     expect("model", model, Model)
     laws = [(f"body {b}: temperature", law) for b, body in enumerate(model.bodies) for law in body.laws]
-    several = [(f"support {k}", one) for k, one in enumerate(model.supports)]
+    several: list[tuple[str, object]] = [(f"support {k}", one) for k, one in enumerate(model.supports)]
     several += [(f"load {k}", one) for k, one in enumerate(model.loads)]
     for name, one in [*several, *laws, ("spin", model.spin)]:
         if getattr(one, "history", None) is not None and not timed:

@@ -136,7 +136,8 @@ def panels(columns: dict[str, Array], units: Mapping[str, str]) -> list[Panel]:
     seen = [name for name in seen if not name.endswith(" error") or sizes[name] > _BALANCED]
     for name in seen:
         force = name.replace("displacement", "force")
-        if force != name and force in seen and np.ptp(columns[name]) > 0.0 and first != "time":
+        # A motion has energies; of statics over time loops are wanted.
+        if force != name and force in seen and np.ptp(columns[name]) > 0.0 and "kinetic" not in columns:
             found.setdefault((label(name), label(force)), []).append((name, force))
     over = {force for curves in found.values() for _, force in curves}
     moved = {name for curves in found.values() for name, _ in curves}

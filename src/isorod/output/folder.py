@@ -33,26 +33,26 @@ class Frame(NamedTuple):
         Load factor of the stress.
     solids
         Fields of each finite element body by name, each ``(3 nodes,)``; none where they are not known.
+    share
+        By what the activation of their laws is multiplied.
     """
 
     time: float
     fields: Sequence[Mapping[str, Array]]
     factor: float = 1.0
     solids: Sequence[Mapping[str, Array]] = ()
+    share: float = 1.0
 
 
 def frames(solution: Any) -> list[Frame]:
     """Return the states of a solution that its ``frames()`` has."""
     bodies, solids = (range(len(one)) for one in (solution.model.bodies, solution.model.solids))
-    return [
-        Frame(
-            time,
-            [state.fields(b) for b in bodies],
-            getattr(state, "factor", 1.0),
-            [state.solid_fields(k) for k in solids],
-        )
-        for time, state in solution.frames()
-    ]
+    found = []
+    for time, state in solution.frames():
+        factor = getattr(state, "factor", 1.0)
+        fields = [state.fields(b) for b in bodies], factor, [state.solid_fields(k) for k in solids]
+        found.append(Frame(time, *fields, solution.model.share(None, factor)))
+    return found
 
 
 def add(
@@ -152,7 +152,7 @@ def _of_solid(solid: "Solid", states: Sequence[Frame], number: int) -> Iterator[
     from isorod.output.solids import grid
 
     for state in states:
-        yield vtk.content(grid(solid, state.solids[number], state.factor)) if any(state.solids) else None
+        yield vtk.content(grid(solid, state.solids[number], state.share)) if any(state.solids) else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:

@@ -58,6 +58,11 @@ class Result(NamedTuple):
         return str(dict(self.record.get("options", {})).get("title", self.name))
 
     @property
+    def counted(self) -> str:
+        """What its states are counted in."""
+        return "load factor" if self.analysis == "statics" and "end_time" not in self.record else "time"
+
+    @property
     def units(self) -> dict[str, str]:
         """Units of ``"force"``, ``"length"`` and so on (`MEASURED`), as its file names them with what it measures."""
         found: dict[str, str] = {}

@@ -20,7 +20,7 @@ from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics import stability
 from isorod.statics.climb import begin, climb, descend
-from isorod.statics.contact_policy import outcome
+from isorod.statics.contact_policy import outcome, warn_of
 from isorod.statics.equilibrium import Equilibrium
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
@@ -140,9 +140,17 @@ def _solve(
         check_means(assembler, solver.x, reactions, moments)
         overlap.warn_in_the_end(model, displacement, overlapped)
         small.warn_of_large(model, displacement[None], [assembler.solids(solver.x, 1.0)])
-        rules = hourglass.better_rules(model)
+        rules, turn = hourglass.better_rules(model), path.largest
+        stored = assembler.energy(solver.x, 1.0) if rules or turn is not None else 0.0
+        if turn is not None and turn.energy <= stored:
+            turn = None
+        if turn is not None:
+            # What is let go shows nothing of what it went through.
+            small.warn_of_large(model, turn.displacement[None], [turn.solids])
+            warn_of(assembler.contact, turn.contacts)
         if rules:
-            hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
+            about = (displacement, stored) if turn is None else (turn.displacement, turn.energy, turn.factor)
+            hourglass.check_energy(assembler, rules, *about)
         contacts = () if assembler.contact is None else outcome(assembler.contact, assembler.touching(solver.x, 1.0))
         stabilisation = None if held is None else (held.left, held.rounds)
         negative = stability.negative_eigenvalues(solver)
@@ -173,8 +181,7 @@ def _solve(
             ties=at_load(assembler, solver.x, 1.0),
             solids=assembler.solids(solver.x, 1.0),
         )
-        stored = 0.0 if path.largest is None else assembler.energy(solver.x, 1.0)
-        return reached.with_largest(path.largest, stored)
+        return reached.with_largest(turn)
     finally:
         told.close()
         solver.destroy()

@@ -16,6 +16,7 @@ these stall a stiffer penalty.
 """
 
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -226,9 +227,16 @@ class ContactPolicy:
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
     """Return the outcome of each contact, and warn of what is not to be trusted."""
+    results = contact.results(displacement, check=True)
+    warn_of(contact, results)
+    return results
+
+
+def warn_of(contact: "ContactOperator | None", results: "Sequence[ContactResult]") -> None:
+    """Warn of what is not to be trusted of the outcome of contacts."""
+    if contact is None:
+        return
     from isorod.contact.result import doubts
 
-    results = contact.results(displacement, check=True)
     for doubt in doubts(contact.model, results):
-        warnings.warn(doubt, stacklevel=5)
-    return results
+        warnings.warn(doubt, stacklevel=6)

@@ -18,7 +18,7 @@ from isorod.assembly.factorisation import BAND, SPARSE, factorisation
 from isorod.checks import overlap, rigid_motions
 from isorod.checks.turning import Turning
 from isorod.errors import InputError, SolveError
-from isorod.model.model import Model
+from isorod.model.model import Model, unmoved
 from isorod.petsc import inertia
 from isorod.petsc.banded import is_banded
 from isorod.petsc.direct import direct
@@ -216,6 +216,7 @@ class _Path:
     """A point on the path, its tangent, and the solver of the bordered system."""
 
     def __init__(self, model: Model, comm: PETSc.Comm | None) -> None:
+        unmoved(model, "continuation")
         if model.contacts:
             raise InputError("continuation takes no contacts")
         rigid_motions.refuse_free(model)

@@ -217,6 +217,7 @@ class Equilibrium(State, WithSolids, Animated):
                 reactions=step.reactions,
                 moments=step.moments,
                 pressures=step.pressures,
+                solids=step.solids,
                 # These are of the last one alone.
                 contacts=(),
                 ties=(),
@@ -259,10 +260,10 @@ class Equilibrium(State, WithSolids, Animated):
             found["contact_pressure"] = np.concatenate(rows)
         return found
 
-    def with_largest(self, turn: Turn | None, stored: float) -> "Equilibrium":
-        """Return it with the state of most energy on the way, if that is more than is stored in the end."""
+    def with_largest(self, turn: Turn | None) -> "Equilibrium":
+        """Return it with the state of most energy on the way, where that is not this one."""
         times = self.model.times
-        if turn is None or times is None or turn.energy <= stored:
+        if turn is None or times is None:
             return self
         there = replace(
             self,

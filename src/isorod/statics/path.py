@@ -25,8 +25,8 @@ class Step(NamedTuple):
     obstacles that move, the supports' moments, and force and moment of the obstacle of each contact
     (`isorod.contact.operator.ContactOperator.obstacle_loads`).  Without friction, and where supports hold all bodies,
     multipliers are added at the full load alone, and what is before it is as the penalty says; over time they are in
-    each step.  Displacement and pressures, as those of an `isorod.statics.Equilibrium`, are there where they are to be
-    kept.
+    each step.  Displacement, pressures and solids, as of an `isorod.statics.Equilibrium`, are there where they are
+    to be kept.
     """
 
     factor: float
@@ -36,6 +36,7 @@ class Step(NamedTuple):
     displacement: Array | None = None
     pressures: Sequence[Array | None] = ()
     obstacles: Array = np.empty((0, 6))
+    solids: Sequence[Array] = ()
 
 
 class Turn(NamedTuple):
@@ -105,7 +106,7 @@ class Path:
                 self._compare(x, factor, own)
         if keep:
             state = assembler.displacement(x, factor).copy(), assembler.pressures(x)
-            step = step._replace(displacement=state[0], pressures=state[1])
+            step = step._replace(displacement=state[0], pressures=state[1], solids=assembler.solids(x, factor))
         self.steps.append(step)
 
     def _compare(self, x: PETSc.Vec, factor: float, own: Carried) -> None:
@@ -116,6 +117,10 @@ class Path:
         energy = assembler.energy(x, factor)
         if self.largest is not None and not energy > self.largest.energy:
             return
-        contacts = assembler.contact.results(assembler.touching(x, factor)) if assembler.contact is not None else ()
+        contacts: Sequence[ContactResult] = ()
+        if assembler.contact is not None:
+            undo = assembler.contact.keep()
+            contacts = assembler.contact.results(assembler.touching(x, factor), check=True)
+            undo()
         state = assembler.displacement(x, factor).copy(), assembler.pressures(x), assembler.solids(x, factor)
         self.largest = Turn(factor, energy, *state, own, contacts)
