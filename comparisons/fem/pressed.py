@@ -5,6 +5,7 @@ from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
@@ -32,11 +33,15 @@ class Nodal(Protocol):
         """Degrees of freedom of each node, shape ``(nodes, 3)``."""
 
     @property
+    def numbers(self) -> Index:
+        """Number of each among those of all ranks, shape ``(nodes, 3)``."""
+
+    @property
     def unknowns(self) -> int:
-        """Number of unknowns, pressures included."""
+        """Number of unknowns that this rank knows, pressures included."""
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns."""
+        """Return values by node ``(nodes, 3)`` as coefficients of the rank's unknowns."""
 
     def to_nodes(self, coefficients: Array) -> Array:
         """Return coefficients of all unknowns by node, shape ``(nodes, 3)``."""
@@ -56,6 +61,8 @@ class Touching(Protocol):
 
 class Pressed(Newton):
     """Newton's method with the contacts' forces and stiffness added to those of the forms.
+
+    Of several ranks each sees all of the contacts, and adds what is its own.
 
     Attributes
     ----------
@@ -78,9 +85,10 @@ class Pressed(Newton):
         self.contact_seconds = 0.0
         self._pattern: sparse.csr_array | None = None
         # What is held has a row of the identity, to which nothing may be added.
-        self._is_held = np.zeros(nodal.unknowns, dtype=bool)
+        held = np.zeros(nodal.unknowns)
         for support in supports:
-            self._is_held[support.dofs] = True
+            held[support.dofs] = 1.0
+        self._is_held = nodal.to_nodes(held).ravel() > 0.0
         if contacts:
             # Contact couples nodes of which the forms know nothing.
             self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
@@ -97,7 +105,7 @@ class Pressed(Newton):
         nodal = np.zeros_like(self.nodal.source.points)
         positions = self.positions()
         pressings = [contact.add_forces(positions, nodal) for contact in self.contacts]
-        out.array[:] += self.nodal.to_dofs(nodal)
+        out.array[:] += self.nodal.to_dofs(nodal)[: out.array.size]
         self.contact_seconds += perf_counter() - start
         return pressings
 
@@ -113,21 +121,25 @@ class Pressed(Newton):
         positions = self.positions()
         parts = [contact.stiffness(positions) for contact in self.contacts]
         if any(part.nnz for part in parts):
-            to_dof = self.nodal.places.ravel()
-            rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))
+            number = self.nodal.numbers.ravel()
+            rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col"))
             values = np.concatenate([part.data for part in parts])
-            free = ~(self._is_held[rows] | self._is_held[columns])
-            shape = (self.nodal.unknowns, self.nodal.unknowns)
-            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=shape).tocsr()
+            first, last = matrix.getOwnershipRange()
+            taken = ~(self._is_held[rows] | self._is_held[columns]) & (first <= number[rows]) & (number[rows] < last)
+            where = number[rows[taken]] - first, number[columns[taken]]
+            csr = sparse.coo_array((values[taken], where), shape=(last - first, matrix.getSize()[1])).tocsr()
             csr.sort_indices()
             pattern = csr.copy()
             pattern.data[:] = 1.0
             union = pattern if self._pattern is None else self._pattern + pattern
             # The factorisation's analysis is repeated only where bodies touch that did not before.
             known = self._pattern is not None and union.nnz == self._pattern.nnz
+            comm = matrix.getComm().tompi4py()
+            known = bool(comm.allreduce(known, op=MPI.LAND))
             self._pattern = union
             indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
-            add = PETSc.Mat().createAIJ(csr.shape, csr=(*indices, csr.data))
+            size = matrix.getLocalSize()[0], matrix.getSize()[0]
+            add = PETSc.Mat().createAIJ((size, size), csr=(*indices, csr.data), comm=comm)
             structure = PETSc.Mat.Structure
             matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
             add.destroy()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.continuation import lead
@@ -58,7 +59,7 @@ class Loaded(Pressed):
         symmetric: bool,
     ) -> None:
         self.factor = 0.0
-        self._loads = elements.to_dofs(loads)
+        self._loads, self._size = elements.to_dofs(loads)[: elements.own], float(np.linalg.norm(loads))
         self._carried = 0.0
         self._course: list[float] = []
         mixed = elements.split[1] is not None
@@ -82,7 +83,7 @@ class Loaded(Pressed):
             return reason.DIVERGED_FNORM_NAN
         self._course = [*self._course, norm] if k else [norm]
         relative, absolute, _, most = snes.getTolerances()
-        scale = max(self._carried, self.factor * float(np.linalg.norm(self._loads)), self._course[0])
+        scale = max(self._carried, self.factor * self._size, self._course[0])
         if k and (norm <= relative * scale or norm <= absolute):
             return reason.CONVERGED_FNORM_RELATIVE
         if k > 1 and _STALLED * self._course[-2] < norm <= _ROUNDING * scale:
@@ -114,10 +115,11 @@ def solve(
     options: Mapping[str, object] | None,
     flags: Sequence[str],
     bodies: Sequence[OfBody] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
     clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
     laws = Laws(elements, model, rule)
     supports = Supports(elements, model, bodies)
     refuse_free(model)
@@ -141,6 +143,7 @@ def solve(
             counts["stiffened"] = contacts.stiffen(newton)
             compat.assemble_vector(newton.force, newton.residual)
             newton.add_forces(newton.force)
+            newton.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             nodal = elements.to_nodes(newton.force.array_r)
             displacement = elements.to_nodes(newton.state.array_r).copy()
             pressure = elements.nodal_pressure(laws.unit, flags)
@@ -161,9 +164,9 @@ def solve(
         place=laws.place,
         seconds=seconds,
         dofs=elements.dofs,
-        unknowns=elements.dofs - supports.held.size,
+        unknowns=supports.free,
         options=typed,
-        peak_memory=peak_memory(),
+        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
         iterations=counts,
         displacement=displacement,
         pressure=pressure,

@@ -5,6 +5,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from comparisons.fem import modal
 from comparisons.fem.known import with_pressures
@@ -28,6 +29,7 @@ def solve(
     options: Mapping[str, object] | None,
     flags: Sequence[str],
     bodies: Sequence[OfBody] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Solution:
     """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
     for b, body in enumerate(model.bodies):
@@ -36,7 +38,7 @@ def solve(
                 f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
             )
     begin = perf_counter()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
     laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
@@ -65,7 +67,7 @@ def solve(
 
 
 def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
-    free = np.setdiff1d(np.arange(elements.unknowns), supports.held)
+    free = np.setdiff1d(np.arange(elements.own), supports.held)
     if supports.whole:
         free = free[::3] // 3
     order, state, (u, pressure) = elements.source.order, elements.state, elements.split

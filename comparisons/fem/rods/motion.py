@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import dolfinx.fem
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.known import Steps
@@ -84,6 +85,7 @@ class _Step(Loaded):
         for place in range(1, len(_POINTS)):
             self.forms.go(place)
             compat.assemble_vector(more, self.residual)
+            more.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             out.axpy(1.0, more)
         more.destroy()
         super().add_forces(out)
@@ -98,14 +100,20 @@ class _Step(Loaded):
 
 
 def solve(
-    model: Model, mesh: Mesh, rule: int, steps: Steps, options: Mapping[str, object] | None, flags: Sequence[str]
+    model: Model,
+    mesh: Mesh,
+    rule: int,
+    steps: Steps,
+    options: Mapping[str, object] | None,
+    flags: Sequence[str],
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Motion:
     """Return the motion from rest, see `comparisons.fem.rods.solve`."""
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(f"density of body {b}: got {body.densities.min():g}, need a positive mass per volume")
     clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], comm=comm)
     laws, supports = Laws(elements, model, rule), Supports(elements, model)
     clock.lap("setup")
     forms = _Forms(elements, laws, model, rule, steps, flags)
@@ -122,10 +130,11 @@ def solve(
         zero.set(0.0)
         dolfinx.fem.petsc.set_bc(state, newton.conditions, zero, 1.0)
         guess = state.duplicate()
-        loaded = elements.to_dofs(loads)
+        own, held = elements.own, supports.held[supports.held < elements.own]
+        loaded = elements.to_dofs(loads)[:own]
 
         def record() -> None:
-            nodal = elements.to_nodes(forms.carried(state, supports.held, loaded, newton)).copy()
+            nodal = elements.to_nodes(forms.carried(state, held, loaded, newton)).copy()
             displacement = elements.to_nodes(state.array_r).copy()
             found.append((displacement, supports.forces(nodal, displacement)[0]))
 
@@ -133,8 +142,8 @@ def solve(
             record()
             for k in range(steps.outputs * steps.count):
                 forms.begin(state, steps.level((k + 0.5) * steps.step))
-                guess.array[:] = state.array_r + steps.step * forms.velocity.x.array
-                guess.array[supports.held] = state.array_r[supports.held]
+                guess.array[:] = state.array_r + steps.step * forms.velocity.x.array[:own]
+                guess.array[held] = state.array_r[held]
                 newton.norms.clear()
                 try:
                     newton.solve(guess)
@@ -158,9 +167,9 @@ def solve(
         place=laws.place,
         seconds=clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds},
         dofs=elements.dofs,
-        unknowns=elements.dofs - supports.held.size,
+        unknowns=supports.free,
         options=typed,
-        peak_memory=peak_memory(),
+        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
         iterations=counts,
     )
     states = [replace(last, displacement=one, reactions=carried) for one, carried in found]
@@ -213,23 +222,26 @@ class _Forms:
 
     def begin(self, state: PETSc.Vec, level: float) -> None:
         """Set the state that a step starts from, and the activation in its middle."""
-        self.before.x.array[:] = state.array_r
+        compat.fill(self.before, state.array_r)
         self.laws.activation.value = level
 
     def end(self, state: PETSc.Vec) -> None:
         """Set the velocity at the end of a step."""
-        self.velocity.x.array[:] = 2.0 / self.steps.step * (state.array_r - self.before.x.array) - self.velocity.x.array
+        before, velocity = (one.x.array[: self.elements.own] for one in (self.before, self.velocity))
+        compat.fill(self.velocity, 2.0 / self.steps.step * (state.array_r - before) - velocity)
 
     def carried(self, state: PETSc.Vec, held: Index, loads: Array, newton: _Step) -> Array:
         """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
-        newton.state.array[:] = state.array_r
+        compat.fill(self.elements.state, state.array_r)
         balance = newton.force
         compat.assemble_vector(balance, self._now)
+        balance.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         balance.array[:] -= loads
         if self._ksp is None:
             # What is held does not accelerate.
             own = self.mass.copy()
-            own.zeroRowsColumns(held.astype(PETSc.IntType), 1.0)
+            first = own.getOwnershipRange()[0]
+            own.zeroRowsColumns((first + held).astype(PETSc.IntType), 1.0)
             self._ksp = PETSc.KSP().create(own.getComm())
             self._ksp.setOptionsPrefix("mass_")
             self._ksp.setOperators(own)

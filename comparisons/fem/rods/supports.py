@@ -43,7 +43,9 @@ class Supports:
     conditions
         For `comparisons.fem.statics.Newton`.
     held
-        Degrees of freedom under them, and pressures that are idle, sorted.
+        Degrees of freedom of this rank under them, and pressures that are idle, sorted.
+    free
+        Number of those of all ranks that are free.
     whole
         Whether every node is held in all components or none, and there are no pressures.
     """
@@ -59,9 +61,10 @@ class Supports:
         for k, one in self._every:
             self._owner[one.nodes[:, None], one.components] = k
         self._nodal = np.zeros_like(elements.source.points)
-        rows, components = np.nonzero(self._owner >= 0)
-        self.held: Index = np.sort(np.concatenate([elements.places[rows, components], elements.idle]))
         count = (self._owner >= 0).sum(axis=1)
+        rows, components = np.nonzero((self._owner >= 0) & (elements.node_dofs >= 0)[:, None])
+        self.held: Index = np.sort(np.concatenate([elements.places[rows, components], elements.idle]))
+        self.free = elements.dofs - int(count.sum())
         self.whole = elements.split[1] is None and bool(np.isin(count, (0, 3)).all())
         self._values: list[tuple[Any, Any]] = []
         self.conditions: list[Condition] = self._conditions(np.unique(rows), rows, components)
@@ -70,7 +73,8 @@ class Supports:
         elements = self._elements
         space, blocks = elements.space, elements.node_dofs
         if self.whole:
-            if not len(nodes):
+            # Also where none of those held is this rank's: functions are made by all together.
+            if (self._owner < 0).all():
                 return []
             value = dolfinx.fem.Function(space)
             self._values = [(value, None)]
@@ -79,7 +83,7 @@ class Supports:
         unknowns = elements.state.function_space
         displacements = unknowns if elements.split[1] is None else unknowns.sub(0)
         every = [(displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)]
-        if len(elements.idle):
+        if elements.split[1] is not None:
             every.append((unknowns.sub(1), elements.idle))
         found = []
         for part, dofs in every:
