@@ -144,7 +144,7 @@ class _Problem:
         self.names = names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.said: list[str] = []
-        self.held = held.all_of(mesh, model)
+        self.held = [*held.all_of(mesh, model).values()]
         self.dead: Array = nodal.dead(mesh, model)
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.

@@ -10,8 +10,8 @@ from isorod.errors import InputError
 from isorod.files.solid import OfBody
 from isorod.model.contact import Cylinder, Plane
 from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Weight
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
-from isorod.model.support import Support
 
 
 @dataclass(frozen=True)
@@ -94,16 +94,24 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     """Raise `InputError` for the first thing in a model that finite elements have no counterpart of."""
     pressures = with_pressures(model)
     for k, support in enumerate(model.supports):
-        if not isinstance(support, Support):
-            raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
-        if support.tied:
+        if isinstance(support, MeanSupport):
+            if analysis == "dynamics" or model.ties or model.solids:
+                raise InputError(
+                    f"support {k}: finite elements have mean motions and springs in statics and modes of rods that are "
+                    "not tied; compare these, or with a face that is held"
+                )
+        elif support.tied:
             raise InputError(f"support {k}: a tied face is not on the finite element side")
     for k, load in enumerate(model.loads):
-        if load in model.following and isinstance(load, SectionLoad):
-            raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")
-        if isinstance(load, LineLoad | PointLoad):
-            raise InputError(f"load {k}: a force on a line or at a place is not on the finite element side")
-        if not isinstance(load, SectionLoad | Weight | BodyForce | Pressure):
+        if load in model.following and isinstance(load, SectionLoad) and (analysis == "dynamics" or model.ties):
+            raise InputError(
+                f"load {k}: finite elements have moments on bodies that turn in statics of rods that are not tied"
+            )
+        if isinstance(load, PointLoad):
+            raise InputError(
+                f"load {k}: a force at a place has no limit to compare with; spread it, as a pressure or over a section"
+            )
+        if not isinstance(load, SectionLoad | Weight | BodyForce | Pressure | LineLoad):
             raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
     for k in range(len(model.contacts)):
         _refuse_contact(model, k)
@@ -111,6 +119,11 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     if tied:
         _refuse_tied(model, bodies)
     if analysis == "dynamics":
+        for k, support in enumerate(model.supports):
+            if support.clock.moves if isinstance(support, MeanSupport) else model.motions[k].clock.moves:
+                raise InputError(
+                    f"support {k}: finite elements have no supports that move by time; compare with one that stands"
+                )
         if model.contacts:
             raise InputError("contact 0: finite elements have motions without contact alone; compare statics")
         if tied:
@@ -143,6 +156,8 @@ def _refuse_tied(model: Model, bodies: Sequence[OfBody]) -> None:
         if tie.kind != "weld":
             raise InputError(f"tie {k}: got kind {tie.kind!r}; parts of one solid are welded, compare kind = 'weld'")
     for k, load in enumerate(model.loads):
+        if isinstance(load, LineLoad):
+            raise InputError(f"load {k}: a force per length is not on a rod that is meshed with others")
         if isinstance(load, Pressure) and load.follows:
             raise InputError(
                 f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others"

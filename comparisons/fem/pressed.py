@@ -48,11 +48,11 @@ class Nodal(Protocol):
 
 
 class Touching(Protocol):
-    """A contact: `comparisons.fem.contact.surfaces.Contact`, or that with a rigid obstacle."""
+    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or what acts on a section."""
 
     penalty: float
 
-    def add_forces(self, nodes: Array, out: Array) -> Pressing:
+    def add_forces(self, nodes: Array, out: Array) -> Pressing | None:
         """Add the gradient of the energy to ``out``, both of shape ``(nodes, 3)``, ``nodes`` present positions."""
 
     def stiffness(self, nodes: Array) -> sparse.coo_array:
@@ -97,7 +97,7 @@ class Pressed(Newton):
         """Return the present positions of the nodes, numbered as the source mesh."""
         return self.nodal.source.points + self.nodal.to_nodes(self.state.array_r)
 
-    def press(self, out: PETSc.Vec) -> list[Pressing]:
+    def press(self, out: PETSc.Vec) -> list[Pressing | None]:
         """Add the contacts' forces to ``out`` and return their states."""
         if not self.contacts:
             return []
@@ -121,30 +121,54 @@ class Pressed(Newton):
         positions = self.positions()
         parts = [contact.stiffness(positions) for contact in self.contacts]
         if any(part.nnz for part in parts):
-            number = self.nodal.numbers.ravel()
-            rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col"))
-            values = np.concatenate([part.data for part in parts])
-            first, last = matrix.getOwnershipRange()
-            taken = ~(self._is_held[rows] | self._is_held[columns]) & (first <= number[rows]) & (number[rows] < last)
-            where = number[rows[taken]] - first, number[columns[taken]]
-            csr = sparse.coo_array((values[taken], where), shape=(last - first, matrix.getSize()[1])).tocsr()
-            csr.sort_indices()
+            csr = rows_of(parts, self.nodal.numbers, matrix, self._is_held)
             pattern = csr.copy()
             pattern.data[:] = 1.0
             union = pattern if self._pattern is None else self._pattern + pattern
             # The factorisation's analysis is repeated only where bodies touch that did not before.
             known = self._pattern is not None and union.nnz == self._pattern.nnz
-            comm = matrix.getComm().tompi4py()
-            known = bool(comm.allreduce(known, op=MPI.LAND))
+            known = bool(matrix.getComm().tompi4py().allreduce(known, op=MPI.LAND))
             self._pattern = union
-            indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
-            size = matrix.getLocalSize()[0], matrix.getSize()[0]
-            add = PETSc.Mat().createAIJ((size, size), csr=(*indices, csr.data), comm=comm)
-            structure = PETSc.Mat.Structure
-            matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
-            add.destroy()
+            add_rows(matrix, csr, known)
             if not known:
                 # PETSc later than 3.18 (found in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
                 # takes its pattern for the old one and puts its numbers where the old factors were.
                 self.snes.getKSP().getPC().reset()
         self.contact_seconds += perf_counter() - start
+
+
+def rows_of(
+    parts: Sequence[sparse.coo_array], numbers: Index, matrix: PETSc.Mat, held: Array | None = None
+) -> sparse.csr_array:
+    """Return this rank's rows of a sum of stiffnesses of nodes, in the numbers of a matrix.
+
+    Parameters
+    ----------
+    parts
+        Rows and columns ``3 node + component``; entries repeat.
+    numbers
+        See `Nodal`.
+    held
+        Which rows and columns are left out, ``(3 nodes,)``.
+    """
+    number = numbers.ravel()
+    rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col"))
+    values = np.concatenate([part.data for part in parts])
+    first, last = matrix.getOwnershipRange()
+    taken = (first <= number[rows]) & (number[rows] < last)
+    if held is not None:
+        taken &= ~(held[rows] | held[columns])
+    where = number[rows[taken]] - first, number[columns[taken]]
+    csr = sparse.coo_array((values[taken], where), shape=(last - first, matrix.getSize()[1])).tocsr()
+    csr.sort_indices()
+    return csr
+
+
+def add_rows(matrix: PETSc.Mat, csr: sparse.csr_array, known: bool = False) -> None:
+    """Add this rank's rows to a matrix; ``known`` says that it has all their entries already."""
+    indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
+    size = matrix.getLocalSize()[0], matrix.getSize()[0]
+    add = PETSc.Mat().createAIJ((size, size), csr=(*indices, csr.data), comm=matrix.getComm())
+    structure = PETSc.Mat.Structure
+    matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
+    add.destroy()

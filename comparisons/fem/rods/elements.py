@@ -55,9 +55,7 @@ class Elements(Numbered):
         Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
     """
 
-    def __init__(
-        self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = (), comm: MPI.Comm = MPI.COMM_SELF
-    ) -> None:
+    def __init__(self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = (), comm: MPI.Comm = MPI.COMM_SELF) -> None:
         missing = [name for k in range(len(rods)) if (name := f"rod {k}") not in mesh.regions]
         if missing or mesh.parameters is None:
             raise InputError("mesh: need cells with parameters and a region for each rod: rod 0, rod 1, ...")

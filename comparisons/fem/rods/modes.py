@@ -9,8 +9,10 @@ from mpi4py import MPI
 
 from comparisons.fem import modal
 from comparisons.fem.known import with_pressures
+from comparisons.fem.pressed import add_rows, rows_of
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.means import means_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
@@ -42,7 +44,7 @@ def solve(
     laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
-        elements, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
+        elements, _body(elements, model, laws, supports, settings), modes, len(free_motions(model)), settings, begin
     )
     return Solution(
         model=model,
@@ -66,15 +68,26 @@ def solve(
     )
 
 
-def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
+def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
     free = np.setdiff1d(np.arange(elements.own), supports.held)
     if supports.whole:
         free = free[::3] // 3
     order, state, (u, pressure) = elements.source.order, elements.state, elements.split
-    stored = laws.at_rest()
+    stored, bonds = laws.at_rest(), None
+    means = [*means_of(elements, model, laws.unit).values()]
+    if means:
+
+        def bonds(matrix: Any) -> None:
+            add_rows(
+                matrix, rows_of([one.stiffness(elements.source.points) for one in means], elements.numbers, matrix)
+            )
+
     if pressure is not None:
         count = elements.dofs - 3 * len(elements.source.points)
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, whole=False, pressures=count)
+        more = {"whole": False, "pressures": count, "bonds": bonds}
+        return modal.Body(state, u, stored, laws.density, None, free, order, settings, **more)
+    if bonds is not None:
+        return modal.Body(state, u, stored, laws.density, None, free, order, settings, supports.whole, bonds=bonds)
     scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
     return modal.Body(state, u, stored, laws.density, scalar, free, order, settings, supports.whole)
 

@@ -17,13 +17,14 @@ from comparisons.fem.known import Steps
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.equilibrium import Loaded
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.loads import dead, following
+from comparisons.fem.rods.loads import Following, nodal
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.statics import DIRECT, NEWTON
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import InputError, SolveError
 from isorod.fenics import compat
+from isorod.model.history import rigid_velocity
 from isorod.model.model import Model
 from isorod.options import defaults
 from meshes.mesh import Array, Index, Mesh
@@ -54,6 +55,11 @@ class Motion:
 
     def __iter__(self) -> Iterator[Solution]:
         return iter(self.states)
+
+    @property
+    def displacement(self) -> Array:
+        """Of the mesh's nodes, shape ``(o, nodes, 3)``."""
+        return np.array([one.displacement for one in self.states])
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -123,37 +129,54 @@ def solve(
     found: list[tuple[Array, Array]] = []
     direct = DIRECT | {"pc_type": "lu"}
     with defaults(NEWTON | dict(direct if options is None else options)):
-        loads = dead(elements, model)
-        newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, [], symmetric=False)
+        dead = [(load, nodal(elements, model, load)) for load in model.loads]
+        nothing = np.zeros_like(mesh.points)
+
+        def loads(begin: float, end: float) -> Array:
+            """Return the means over a time of the forces that do not depend on the state."""
+            return np.asarray(sum((load.factor(begin, end) * forces for load, forces in dead), nothing))
+
+        newton = _Step(elements, (forms.residual, forms.tangent), supports, nothing, [], symmetric=False)
         newton.factor, newton.forms = 1.0, forms
         state, zero = newton.x, newton.x.duplicate()
         zero.set(0.0)
         dolfinx.fem.petsc.set_bc(state, newton.conditions, zero, 1.0)
-        guess = state.duplicate()
+        guess, start = state.duplicate(), state.duplicate()
         own, held = elements.own, supports.held[supports.held < elements.own]
-        loaded = elements.to_dofs(loads)[:own]
 
-        def record() -> None:
-            nodal = elements.to_nodes(forms.carried(state, held, loaded, newton)).copy()
+        def record(time: float) -> None:
+            forms.pressed_now.at(time, time)
+            now = elements.to_dofs(loads(time, time))[:own]
+            carried = elements.to_nodes(forms.carried(state, held, now, newton)).copy()
             displacement = elements.to_nodes(state.array_r).copy()
-            found.append((displacement, supports.forces(nodal, displacement)[0]))
+            found.append((displacement, supports.forces(carried, displacement)[0]))
 
+        forms.start(elements.to_dofs(_begun(elements, model)), supports.held)
         try:
-            record()
+            record(0.0)
             for k in range(steps.outputs * steps.count):
-                forms.begin(state, steps.level((k + 0.5) * steps.step))
+                ends = k * steps.step, (k + 1) * steps.step
+                forms.begin(state, steps.level(0.5 * sum(ends)))
+                forms.pressed.at(*ends)
+                newton.carry(loads(*ends))
+                state.copy(start)
                 guess.array[:] = state.array_r + steps.step * forms.velocity.x.array[:own]
                 guess.array[held] = state.array_r[held]
                 newton.norms.clear()
                 try:
-                    newton.solve(guess)
+                    try:
+                        newton.solve(guess)
+                    except SolveError:
+                        # What swings faster than steps follow is nearer to where it was than to where it goes.
+                        newton.norms.clear()
+                        newton.solve(start)
                 except SolveError as problem:
-                    raise SolveError(f"time {(k + 1) * steps.step:.4g}: {problem}; take a smaller time step") from None
+                    raise SolveError(f"time {ends[1]:.4g}: {problem}; take a smaller time step") from None
                 forms.end(newton.x)
                 counts["newton_iterations"] += newton.snes.getIterationNumber()
                 counts["steps"] += 1
                 if (k + 1) % steps.count == 0:
-                    record()
+                    record(ends[1])
             typed = dict(PETSc.Options().getAll())
         finally:
             newton.destroy()
@@ -177,6 +200,19 @@ def solve(
     return Motion(states, times, np.array([carried for _, carried in found]))
 
 
+def _begun(elements: Elements, model: Model) -> Array:
+    """Return the velocity of the mesh's nodes with which rods begin (`isorod.model.body.Body`), ``(nodes, 3)``."""
+    result = np.zeros_like(elements.source.points)
+    for b, body in enumerate(model.bodies):
+        if any(body.velocity) or any(body.spin):
+            nodes = np.unique(elements.source.cells[elements.cells(b)])
+            positions = elements.source.points[nodes]
+            result[nodes] = rigid_velocity(
+                positions, np.ones(len(nodes), dtype=bool), body.velocity, body.spin, body.turned_about
+            )
+    return result
+
+
 class _Forms:
     """The balance of a step, and of a moment.
 
@@ -184,6 +220,8 @@ class _Forms:
     ----------
     residual, tangent
         Compiled forms of the step's balance and its derivative, of the state at its end.
+    pressed, pressed_now
+        Pressures in the step, and at a moment.
     velocity
         At the start of a step, a dolfinx function.
     """
@@ -203,10 +241,10 @@ class _Forms:
         self._place, self._share, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
         residual = self._once * push + self._share * laws.between(self.before, self._place, test)
         now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
-        for middle, where in ((0.5 * (u + self.before), "step"), (u, "moment")):
-            pressed = following(elements, model, rule, middle, test)
-            if pressed is not None:
-                residual, now = (residual + self._once * pressed, now) if where == "step" else (residual, now + pressed)
+        self.pressed = Following(elements, model, rule, 0.5 * (u + self.before), test)
+        self.pressed_now = Following(elements, model, rule, u, test)
+        if self.pressed.work is not None:
+            residual, now = residual + self._once * self.pressed.work, now + self.pressed_now.work
         self.residual = compat.form(residual, flags)
         self.tangent = compat.form(ufl.derivative(residual, u, trial), flags)
         self._now = compat.form(now, flags)
@@ -214,6 +252,11 @@ class _Forms:
         self.mass = compat.create_matrix(mass, None)
         compat.assemble_matrix(self.mass, mass, [])
         self._ksp: PETSc.KSP | None = None
+
+    def start(self, velocity: Array, held: Index) -> None:
+        """Set the velocity at the start; what is held has none."""
+        velocity[held] = 0.0
+        self.velocity.x.array[:] = velocity
 
     def go(self, place: int) -> None:
         """Go to a place on the way from one state to the other."""

@@ -52,12 +52,12 @@ class Supports:
 
     def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
         self._elements = elements
-        self._all = all_of(elements.source, model)
+        self._all, self._count = all_of(elements.source, model), max(1, len(model.supports))
         # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
         self._owner = np.full((len(elements.source.points), 3), -1)
         facets = [_HeldFacets(elements, k, held) for k, body in enumerate(bodies) for held in body.held]
-        count = len(self._all)
-        self._every: list[tuple[int, Held | _HeldFacets]] = [*enumerate(facets, count), *enumerate(self._all)]
+        count = len(model.supports)
+        self._every: list[tuple[int, Held | _HeldFacets]] = [*enumerate(facets, count), *self._all.items()]
         for k, one in self._every:
             self._owner[one.nodes[:, None], one.components] = k
         self._nodal = np.zeros_like(elements.source.points)
@@ -106,7 +106,7 @@ class Supports:
             value.x.array[:] = coefficients if back is None else coefficients[back]
 
     def forces(self, nodal: Array, displacement: Array) -> tuple[Array, Array]:
-        """Return force and moment of each support, both ``(supports, 3)``, at least one row.
+        """Return force and moment of each support that holds nodes, both ``(supports, 3)``, at least one row.
 
         Moments are about the mean of the present positions of its carriers, as isorod's.
 
@@ -117,8 +117,8 @@ class Supports:
         displacement
             Shape ``(nodes, 3)``.
         """
-        reactions, moments = (np.zeros((max(1, len(self._all)), 3)) for _ in range(2))
-        for k, one in enumerate(self._all):
+        reactions, moments = (np.zeros((self._count, 3)) for _ in range(2))
+        for k, one in self._all.items():
             own = np.where(self._owner[one.nodes] == k, nodal[one.nodes], 0.0)
             arms = self._elements.source.points[one.nodes] + displacement[one.nodes] - one.centre(displacement)
             reactions[k], moments[k] = own.sum(axis=0), np.cross(arms, own).sum(axis=0)

@@ -27,12 +27,10 @@ def expanded(energy: "Energy") -> "Energy":
 
     ``(1 + e)^3 W(F / (1 + e))``, of small strains ``W`` of the strain less ``e``; ``e`` is the last of its constants.
     """
-    import sympy as sp
-
     from isorod.material import symbols as s
     from isorod.material.energy import Energy
 
-    free = sp.Symbol("thermal", real=True)
+    free = s.thermal
     constants = *energy.constants, free
     if energy.small:
         shifted = {s.C[A, A]: s.C[A, A] - 2 * free for A in range(3)}
