@@ -87,7 +87,17 @@ def refuse_scene(scene: Any, model: Model) -> None:
     if scene.analysis == "modal":
         _refuse_loaded(model, scene.settings())
     if scene.analysis == "dynamics":
+        if settings.get("integrator") != "implicit" or settings.get("time_step") is None:
+            raise InputError(f"integrator: finite elements take isorod's implicit steps; {_wanted(model, settings)}")
         Steps(**settings)
+
+
+def _wanted(model: Model, settings: Mapping[str, Any]) -> str:
+    """Return what a file would have to say of its steps."""
+    from isorod.command import steps
+
+    step = steps.implicit(model, settings["end_time"], settings.get("outputs", 50), "").time_step
+    return f'say integrator = "implicit" and time_step = {step:.2g}, which follows the lowest frequency and the tables'
 
 
 def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:

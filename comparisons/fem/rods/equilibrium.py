@@ -16,7 +16,7 @@ from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import Following, centrifugal, dead
-from comparisons.fem.rods.means import means_of, moments_of
+from comparisons.fem.rods.means import TIMES, means_of, moments_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.rods.ties import carried
@@ -150,9 +150,9 @@ def solve(
         try:
             counts = lead(newton, load, 1.0, 1.0 / load_steps, "load factor", HALVINGS)
             counts["stiffened"] = contacts.stiffen(newton)
-            for one in means.values():
-                one.tighten()
-            if means:
+            for _ in range(TIMES if means else 0):
+                for mean in means.values():
+                    mean.tighten()
                 newton.norms.clear()
                 newton.solve(newton.x.copy())
             compat.assemble_vector(newton.force, newton.residual)

@@ -62,7 +62,7 @@ def nodal(elements: Elements, model: Model, load: Any) -> Array:
         facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
         points = gauss(source, facet_of(source), facets)
         shares = points.shares * (points.weights / points.weights.sum())[:, None]
-        pull = np.tile(load.force or (0.0, 0.0, 0.0), (len(points.weights), 1))
+        pull = np.tile(np.array(load.force or (0.0, 0.0, 0.0), dtype=float), (len(points.weights), 1))
         if load.moment is not None and load not in model.following:
             places = np.einsum("qn,qna->qa", points.shares, source.points[points.supports])
             pull += _turning(places, points.weights, load.moment)
@@ -92,14 +92,16 @@ def _along(elements: Elements, load: LineLoad) -> Array:
     own = elements.parameters[cells]
     det = np.abs(np.linalg.det(np.einsum("qnb,cnp->cqpb", slopes, own)))
     places = on_rod(rod, np.einsum("qn,cnp->cqp", values, own))
-    pulls = np.cross(*np.moveaxis(rod.across(places.xi, places.u)[1], -1, 0))
+    where = places.u.ravel()
+    pulls = np.cross(*np.moveaxis(rod.across(places.xi.reshape(-1, 2), where)[1], -1, 0))
     # Sections and speeds differ along the rod alone.
-    u, back = np.unique(np.round(places.u, 12), return_inverse=True)
+    u, back = np.unique(np.round(where, 12), return_inverse=True)
     xi, area = section_points(rod.section_points, _SECTION, rings=rod.rings)
     _, jacobian = rod.grid(xi, u)
     areas = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1) @ area
     speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u)[1][:, 0, :, 2], axis=-1)
-    shares = (det * weights * np.linalg.norm(pulls, axis=-1) * (speed / areas)[back].reshape(det.shape)) @ values
+    density = np.linalg.norm(pulls, axis=-1) * (speed / areas)[back.ravel()]
+    shares = (det * weights * density.reshape(det.shape)) @ values
     # Cells do not fill the disk to the last digit, and the force is known.
     shares *= np.ptp(rod.arc_length(rod.axis.breaks)) / shares.sum()
     found = np.bincount(source.cells[cells].ravel(), shares.ravel(), len(source.points))

@@ -12,7 +12,7 @@ from comparisons.fem.known import with_pressures
 from comparisons.fem.pressed import add_rows, rows_of
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.means import means_of
+from comparisons.fem.rods.means import RIGID, means_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
@@ -74,7 +74,7 @@ def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, sett
         free = free[::3] // 3
     order, state, (u, pressure) = elements.source.order, elements.state, elements.split
     stored, bonds = laws.at_rest(), None
-    means = [*means_of(elements, model, laws.unit).values()]
+    means = [*means_of(elements, model, laws.unit, RIGID).values()]
     if means:
 
         def bonds(matrix: Any) -> None:
