@@ -1,4 +1,4 @@
-"""Where along a rod its mesh has to have planes: laws change there, a section is loaded or held, a surface begins or ends."""
+"""Where along a rod its mesh has to have planes: laws change, a section is loaded or held, a surface begins or ends."""
 
 import numpy as np
 

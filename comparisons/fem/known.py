@@ -129,6 +129,8 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     if tied:
         _refuse_tied(model, bodies)
     if analysis == "dynamics":
+        if model.spin is not None:
+            raise InputError("spin: finite elements have no motions in a frame that rotates; give rods an initial one")
         for k, support in enumerate(model.supports):
             if support.clock.moves if isinstance(support, MeanSupport) else model.motions[k].clock.moves:
                 raise InputError(

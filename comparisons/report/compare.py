@@ -297,10 +297,10 @@ def _measured(records: list[Record]) -> str:
             )
         if one.vanishes:
             rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
-    said = "; ".join(f"{html.escape(name.replace('_', ' '))} {html.escape(unit)}" for name, unit in units.items())
+    said = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
     head = ("", "limit of the meshes", "±", "order", "isorod, default", "difference")
     return (
-        f"<p>Units: {said}.</p>"
+        (f"<p>Units: {said}.</p>" if said else "")
         + table(head, rows)
         + "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the cells' "
         "size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it were 1), "
