@@ -10,7 +10,7 @@ from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
 from isorod.command import ending
 from isorod.command.parser import Parser
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 from isorod.output import results
 
 # What the main job runs.
@@ -55,6 +55,7 @@ def _main(arguments: Sequence[str]) -> int:
         metavar="PYTHON",
         help="spring, blade, bench: measure this Python's dolfinx beside that of the running one (repeat for more)",
     )
+    parser.add_argument("--ranks", type=int, default=1, metavar="N", help="compare: both programs on so many ranks (1)")
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
     found = parser.known(arguments)
     for word, study in (("case", "stability"), ("law", "laws"), ("scene", "laws")):
@@ -63,6 +64,9 @@ def _main(arguments: Sequence[str]) -> int:
             parser.error(f"--{word} {given[0]}: only the study {study} has {word}s")
     if found.dolfinx and found.command not in (*VERSIONS, "verify"):
         parser.error(f"--dolfinx {found.dolfinx[0]}: only {', '.join(VERSIONS)} compare versions of dolfinx")
+    whole_number("--ranks", found.ranks, 1, 1024)
+    if found.ranks > 1 and found.command != COMPARED:
+        parser.error(f"--ranks {found.ranks}: only compare takes ranks")
     if found.command == COMPARED and found.scene is None:
         parser.error("compare: no scene is named; name one: NAME.toml, spring or blade")
     if found.command != COMPARED and found.scene is not None:
@@ -72,7 +76,7 @@ def _main(arguments: Sequence[str]) -> int:
     level = found.level or ("quick" if found.command in ("verify", "bench", COMPARED) else "full")
     only = None
     if found.scene is not None:
-        only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results)
+        only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results, found.ranks)
     folder = results.make_folder(found.results)
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):

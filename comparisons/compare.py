@@ -71,11 +71,12 @@ REPEAT_MESH = {6_000: 4, 30_000: 2}
 
 @dataclass(frozen=True)
 class Subject:
-    """What is compared: a scene, by the word that names it, and its model."""
+    """What is compared: a scene, by the word that names it, and its model; on how many ranks."""
 
     word: str
     scene: Any
     model: Any
+    ranks: int = 1
 
     @property
     def study(self) -> str:
@@ -83,8 +84,8 @@ class Subject:
         return f"{COMPARED}-{_UNFIT.sub('-', Path(self.word).stem)}"
 
 
-def subject(word: str) -> Subject:
-    """Return the scene of that name, or of the file.
+def subject(word: str, ranks: int = 1) -> Subject:
+    """Return the scene of that name, or of the file, for so many ranks.
 
     Raises
     ------
@@ -103,19 +104,24 @@ def subject(word: str) -> Subject:
         raise InputError(f"{word}: several load cases, of which none is compared; write one as a file of its own")
     options.initialize([])
     if MPI.COMM_WORLD.size > 1:
-        raise InputError("compare: on one rank, whose run times are compared; leave out mpiexec")
+        raise InputError(
+            f"compare: it starts the ranks of both programs itself; leave out mpiexec, and add --ranks "
+            f"{MPI.COMM_WORLD.size}"
+        )
     with scene.locating():
         model = scene.model()
         known.refuse_scene(scene, model)
-    return Subject(word, scene, model)
+    if ranks > 1 and model.solids:
+        raise InputError(f"{word}: --ranks {ranks}: finite element bodies are compared on one rank alone; leave it out")
+    return Subject(word, scene, model, ranks)
 
 
-def main(word: str, level: str, folder: str) -> str:
+def main(word: str, level: str, folder: str, ranks: int = 1) -> str:
     """Compare a scene and append the records to a results folder, which is made when there are any.
 
     Returns the name of the study.
     """
-    what = subject(word)
+    what = subject(word, ranks)
     study = Run(what.study, level, Path(folder))
     more = sum(len(levels) for levels in MORE[study.level].values())
     ours = 8 + (len(LEVELS) - 1 if what.model.solids else 0)
@@ -159,7 +165,7 @@ class Comparison:
         scene = self.what.scene
         stresses = list(scene.stresses)
         judge = distance.Judge(reference, finest.sample, names, stresses)
-        said = {"word": self.what.word, "title": scene.title, "units": scene.units}
+        said = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
         self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
         self._record("converged", {"quantities": [vars(one) for one in reference], "degree": DEGREE})
         for one in meshes:
@@ -220,7 +226,7 @@ class Comparison:
         words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
         if self.what.model.solids:
             words += ["--bodies", str(self._bodies(level))]
-        record = timing.run("comparisons.fem", words)
+        record = timing.run("comparisons.fem", words, self.what.ranks)
         cells = f"P{degree} tetrahedra" if record.get("shape") == "tetrahedron" else f"Q{degree} bricks"
         named = {"curve": cells, "label": f"mesh {level}", "arguments": " ".join(arguments)}
         return _Solved(level, record | named | {"sequence": True}, Sample.read(file, record.get("rigid", 0)))
@@ -284,7 +290,7 @@ class Comparison:
                 # Estimates of coupled models take longer than these, and the page has that of the default alone.
                 more = ["--estimate"] if one.label == DEFAULT or not self.what.model.solids else []
                 words = [self.what.word, *one.arguments, "--repeat", str(self._repeat), *more, *asked]
-                record = timing.run("comparisons.measure.rod", words)
+                record = timing.run("comparisons.measure.rod", words, self.what.ranks)
             except timing.Failed as problem:
                 if one.label == DEFAULT:
                     raise SolveError(problem.said) from None

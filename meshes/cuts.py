@@ -1,4 +1,4 @@
-"""Where along a rod its mesh has to have planes: laws change there, a section is loaded, a surface begins or ends."""
+"""Where along a rod its mesh has to have planes: laws change, a section is loaded or held, a surface begins or ends."""
 
 import numpy as np
 
@@ -34,6 +34,7 @@ def planes(model: Model, b: int) -> list[float]:
         if rows[e] != rows[e - 1] or (densities[e] != densities[e - 1]).any()
     ]
     where += [float(load.u) for load in model.loads if isinstance(load, SectionLoad) and load.body == b and load.u]
+    where += [float(one.u) for one in model.means.values() if one.body == b]
     for contact in model.contacts:
         for side, chosen in contact.sides:
             if side == b and chosen is not None:

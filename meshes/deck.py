@@ -145,7 +145,7 @@ class _Problem:
         self.names = names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.said: list[str] = []
-        self.held = held.all_of(mesh, model)
+        self.held = [*held.all_of(mesh, model).values()]
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
         if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):

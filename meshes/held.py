@@ -106,12 +106,11 @@ class Held:
         return np.asarray(self.space.positions[carriers].mean(axis=0) + moved)
 
 
-def all_of(source: Mesh, model: Model) -> list[Held]:
-    """Return all supports of a model on a mesh of its rods (`meshes.rods.build`); raises `InputError` as `Held`."""
-    traces: dict[int, Trace] = {}
-    for b in {support.body for support in model.supports}:
-        traces[b] = surface(source, b, model.bodies[b].space)
-    return [Held(k, model, traces[support.body]) for k, support in enumerate(model.supports)]
+def all_of(source: Mesh, model: Model) -> dict[int, Held]:
+    """Return the supports that hold nodes, by number, on a mesh of rods (`meshes.rods.build`), or raise as `Held`."""
+    holding = {k: support for k, support in enumerate(model.supports) if isinstance(support, Support)}
+    traces = {b: surface(source, b, model.bodies[b].space) for b in {one.body for one in holding.values()}}
+    return {k: Held(k, model, traces[support.body]) for k, support in holding.items()}
 
 
 def surface(source: Mesh, body: int, space: Space) -> Trace:

@@ -216,7 +216,13 @@ def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
         (["compare", "flower"], "isorod: flower: geometry alone"),
         (["compare", "sprig"], "isorod: scene 'sprig' is not known; there are: biceps, blade"),
         (["compare", "none.toml"], "isorod: none.toml: "),
-        (["compare", "moves.toml"], "isorod: moves.toml:12: analysis: integrator: got explicit steps, "),
+        (
+            ["compare", "moves.toml"],
+            "isorod: moves.toml:12: analysis: integrator: finite elements take isorod's implicit steps; say integrator "
+            '= "implicit" and time_step = ',
+        ),
+        (["spring", "--ranks", "2"], "comparisons: --ranks 2: only compare takes ranks (see"),
+        (["compare", "moves.toml", "--ranks", "0"], "isorod: --ranks: got 0, need "),
     ],
 )
 def test_refusals_are_one_line(words, said, capsys, tmp_path, monkeypatch):

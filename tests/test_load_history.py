@@ -223,7 +223,7 @@ test_what_makes_no_sense_is_refused = refused(
     (lambda: moved(history=[[0, 0], [2, 1], [1, 1]]), "history: times run back from 2 to 1"),
     (
         lambda: dynamics.solve(bar(law=Thermal(NeoHookean(E=E, nu=NU), 1e-3, 20.0, history=TABLE)), 1.0),
-        "body 0: temperature: history: in motions it is constant",
+        "temperature history of body 0: motions have the temperature at once",
     ),
     (lambda: continuation.follow(bar([pull(STRETCH, TABLE)]), 0.1, 2), "load 0: history: one factor multiplies all"),
 )

@@ -8,10 +8,11 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.files.solid import OfBody
+from isorod.material.thermal import Thermal
 from isorod.model.contact import Cylinder, Plane
 from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Weight
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
-from isorod.model.support import Support
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,17 @@ def refuse_scene(scene: Any, model: Model) -> None:
     if scene.analysis == "modal":
         _refuse_loaded(model, scene.settings())
     if scene.analysis == "dynamics":
+        if settings.get("integrator") != "implicit" or settings.get("time_step") is None:
+            raise InputError(f"integrator: finite elements take isorod's implicit steps; {_wanted(model, settings)}")
         Steps(**settings)
+
+
+def _wanted(model: Model, settings: Mapping[str, Any]) -> str:
+    """Return what a file would have to say of its steps."""
+    from isorod.command import steps
+
+    step = steps.implicit(model, settings["end_time"], settings.get("outputs", 50), "").time_step
+    return f'say integrator = "implicit" and time_step = {step:.2g}, which follows the lowest frequency and the tables'
 
 
 def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
@@ -97,17 +108,32 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     timed = any(getattr(one, "history", None) is not None for one in (*model.supports, *model.loads, *laws, model.spin))
     if timed and analysis != "dynamics":
         raise InputError("history: finite elements go to the full load alone; compare without steps and histories")
+    for b, body in enumerate(model.bodies):
+        for law in body.laws:
+            if isinstance(law, Thermal) and (b in pressures or law.kind != (1, 0, False)):
+                raise InputError(
+                    f"temperature of body {b}: finite elements have one temperature and one coefficient of expansion, "
+                    "of laws without pressures and without a table of stiffness"
+                )
     for k, support in enumerate(model.supports):
-        if not isinstance(support, Support):
-            raise InputError(f"support {k}: mean motions and springs are not on the finite element side")
-        if support.tied:
+        if isinstance(support, MeanSupport):
+            if analysis == "dynamics" or model.ties or model.solids:
+                raise InputError(
+                    f"support {k}: finite elements have mean motions and springs in statics and modes of rods that are "
+                    "not tied; compare these, or with a face that is held"
+                )
+        elif support.tied:
             raise InputError(f"support {k}: a tied face is not on the finite element side")
     for k, load in enumerate(model.loads):
-        if load in model.following and isinstance(load, SectionLoad):
-            raise InputError(f"load {k}: moments on bodies that turn are not on the finite element side")
-        if isinstance(load, LineLoad | PointLoad):
-            raise InputError(f"load {k}: a force on a line or at a place is not on the finite element side")
-        if not isinstance(load, SectionLoad | Weight | BodyForce | Pressure):
+        if load in model.following and isinstance(load, SectionLoad) and (analysis == "dynamics" or model.ties):
+            raise InputError(
+                f"load {k}: finite elements have moments on bodies that turn in statics of rods that are not tied"
+            )
+        if isinstance(load, PointLoad):
+            raise InputError(
+                f"load {k}: a force at a place has no limit to compare with; spread it, as a pressure or over a section"
+            )
+        if not isinstance(load, SectionLoad | Weight | BodyForce | Pressure | LineLoad):
             raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
     for k in range(len(model.contacts)):
         _refuse_contact(model, k)
@@ -115,6 +141,13 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     if tied:
         _refuse_tied(model, bodies)
     if analysis == "dynamics":
+        if model.spin is not None:
+            raise InputError("spin: finite elements have no motions in a frame that rotates; give rods an initial one")
+        for k, support in enumerate(model.supports):
+            if support.clock.moves if isinstance(support, MeanSupport) else model.motions[k].clock.moves:
+                raise InputError(
+                    f"support {k}: finite elements have no supports that move by time; compare with one that stands"
+                )
         if model.contacts:
             raise InputError("contact 0: finite elements have motions without contact alone; compare statics")
         if tied:
@@ -147,6 +180,8 @@ def _refuse_tied(model: Model, bodies: Sequence[OfBody]) -> None:
         if tie.kind != "weld":
             raise InputError(f"tie {k}: got kind {tie.kind!r}; parts of one solid are welded, compare kind = 'weld'")
     for k, load in enumerate(model.loads):
+        if isinstance(load, LineLoad):
+            raise InputError(f"load {k}: a force per length is not on a rod that is meshed with others")
         if isinstance(load, Pressure) and load.follows:
             raise InputError(
                 f"load {k}: a pressure that follows the surface is not on a rod that is meshed with others"

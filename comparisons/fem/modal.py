@@ -230,6 +230,8 @@ class Body:
         Of the displacement.
     whole, pressures
         Whether nodes are free or held as a whole; number of degrees of freedom that are pressures.
+    bonds
+        Adds to the stiffness what no form knows; where the state is the displacement there is no ``scalar`` then.
     """
 
     def __init__(
@@ -244,10 +246,11 @@ class Body:
         settings: Settings,
         whole: bool = True,
         pressures: int = 0,
+        bonds: Callable[[PETSc.Mat], None] | None = None,
     ) -> None:
         self.state, self.displacement, self.density, self.scalar, self.free = state, displacement, density, scalar, free
         self.space = state.function_space
-        self.comm, self.pressures = self.space.mesh.comm, pressures
+        self.comm, self.pressures, self._bonds = self.space.mesh.comm, pressures, bonds
         self.plain = scalar is not None and whole
         self.flags = settings.flags
         # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one
@@ -314,6 +317,8 @@ class Body:
 
     def _stiffness(self) -> PETSc.Mat:
         compat.assemble_matrix(self.matrix, self.stiffness_form, [])
+        if self._bonds is not None:
+            self._bonds(self.matrix)
         _declare(self.matrix, definite=False)
         whole = self.matrix if self.unknowns < self.dofs else self.matrix.copy()
         definite = self.unknowns < self.dofs and not self.pressures

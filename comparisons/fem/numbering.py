@@ -26,6 +26,11 @@ class Numbered:
         """Number of unknowns, held ones included."""
         return 3 * self.node_dofs.size
 
+    @property
+    def numbers(self) -> Index:
+        """Number of each among those of all ranks, shape ``(nodes, 3)``."""
+        return self.places
+
     def to_dofs(self, nodal: Array) -> Array:
         """Return values by node ``(nodes, 3)`` as coefficients of all unknowns, zero for what is no displacement."""
         result = np.zeros(self.unknowns)

@@ -5,6 +5,7 @@ from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
@@ -32,22 +33,26 @@ class Nodal(Protocol):
         """Degrees of freedom of each node, shape ``(nodes, 3)``."""
 
     @property
+    def numbers(self) -> Index:
+        """Number of each among those of all ranks, shape ``(nodes, 3)``."""
+
+    @property
     def unknowns(self) -> int:
-        """Number of unknowns, pressures included."""
+        """Number of unknowns that this rank knows, pressures included."""
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns."""
+        """Return values by node ``(nodes, 3)`` as coefficients of the rank's unknowns."""
 
     def to_nodes(self, coefficients: Array) -> Array:
         """Return coefficients of all unknowns by node, shape ``(nodes, 3)``."""
 
 
 class Touching(Protocol):
-    """A contact: `comparisons.fem.contact.surfaces.Contact`, or that with a rigid obstacle."""
+    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or what acts on a section."""
 
     penalty: float
 
-    def add_forces(self, nodes: Array, out: Array) -> Pressing:
+    def add_forces(self, nodes: Array, out: Array) -> Pressing | None:
         """Add the gradient of the energy to ``out``, both of shape ``(nodes, 3)``, ``nodes`` present positions."""
 
     def stiffness(self, nodes: Array) -> sparse.coo_array:
@@ -56,6 +61,8 @@ class Touching(Protocol):
 
 class Pressed(Newton):
     """Newton's method with the contacts' forces and stiffness added to those of the forms.
+
+    Of several ranks each sees all of the contacts, and adds what is its own.
 
     Attributes
     ----------
@@ -78,9 +85,10 @@ class Pressed(Newton):
         self.contact_seconds = 0.0
         self._pattern: sparse.csr_array | None = None
         # What is held has a row of the identity, to which nothing may be added.
-        self._is_held = np.zeros(nodal.unknowns, dtype=bool)
+        held = np.zeros(nodal.unknowns)
         for support in supports:
-            self._is_held[support.dofs] = True
+            held[support.dofs] = 1.0
+        self._is_held = nodal.to_nodes(held).ravel() > 0.0
         if contacts:
             # Contact couples nodes of which the forms know nothing.
             self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
@@ -89,7 +97,7 @@ class Pressed(Newton):
         """Return the present positions of the nodes, numbered as the source mesh."""
         return self.nodal.source.points + self.nodal.to_nodes(self.state.array_r)
 
-    def press(self, out: PETSc.Vec) -> list[Pressing]:
+    def press(self, out: PETSc.Vec) -> list[Pressing | None]:
         """Add the contacts' forces to ``out`` and return their states."""
         if not self.contacts:
             return []
@@ -97,7 +105,7 @@ class Pressed(Newton):
         nodal = np.zeros_like(self.nodal.source.points)
         positions = self.positions()
         pressings = [contact.add_forces(positions, nodal) for contact in self.contacts]
-        out.array[:] += self.nodal.to_dofs(nodal)
+        out.array[:] += self.nodal.to_dofs(nodal)[: out.array.size]
         self.contact_seconds += perf_counter() - start
         return pressings
 
@@ -113,26 +121,54 @@ class Pressed(Newton):
         positions = self.positions()
         parts = [contact.stiffness(positions) for contact in self.contacts]
         if any(part.nnz for part in parts):
-            to_dof = self.nodal.places.ravel()
-            rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))
-            values = np.concatenate([part.data for part in parts])
-            free = ~(self._is_held[rows] | self._is_held[columns])
-            shape = (self.nodal.unknowns, self.nodal.unknowns)
-            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=shape).tocsr()
-            csr.sort_indices()
+            csr = rows_of(parts, self.nodal.numbers, matrix, self._is_held)
             pattern = csr.copy()
             pattern.data[:] = 1.0
             union = pattern if self._pattern is None else self._pattern + pattern
             # The factorisation's analysis is repeated only where bodies touch that did not before.
             known = self._pattern is not None and union.nnz == self._pattern.nnz
+            known = bool(matrix.getComm().tompi4py().allreduce(known, op=MPI.LAND))
             self._pattern = union
-            indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
-            add = PETSc.Mat().createAIJ(csr.shape, csr=(*indices, csr.data))
-            structure = PETSc.Mat.Structure
-            matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
-            add.destroy()
+            add_rows(matrix, csr, known)
             if not known:
                 # PETSc later than 3.18 (found in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
                 # takes its pattern for the old one and puts its numbers where the old factors were.
                 self.snes.getKSP().getPC().reset()
         self.contact_seconds += perf_counter() - start
+
+
+def rows_of(
+    parts: Sequence[sparse.coo_array], numbers: Index, matrix: PETSc.Mat, held: Array | None = None
+) -> sparse.csr_array:
+    """Return this rank's rows of a sum of stiffnesses of nodes, in the numbers of a matrix.
+
+    Parameters
+    ----------
+    parts
+        Rows and columns ``3 node + component``; entries repeat.
+    numbers
+        See `Nodal`.
+    held
+        Which rows and columns are left out, ``(3 nodes,)``.
+    """
+    number = numbers.ravel()
+    rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "col"))
+    values = np.concatenate([part.data for part in parts])
+    first, last = matrix.getOwnershipRange()
+    taken = (first <= number[rows]) & (number[rows] < last)
+    if held is not None:
+        taken &= ~(held[rows] | held[columns])
+    where = number[rows[taken]] - first, number[columns[taken]]
+    csr = sparse.coo_array((values[taken], where), shape=(last - first, matrix.getSize()[1])).tocsr()
+    csr.sort_indices()
+    return csr
+
+
+def add_rows(matrix: PETSc.Mat, csr: sparse.csr_array, known: bool = False) -> None:
+    """Add this rank's rows to a matrix; ``known`` says that it has all their entries already."""
+    indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
+    size = matrix.getLocalSize()[0], matrix.getSize()[0]
+    add = PETSc.Mat().createAIJ((size, size), csr=(*indices, csr.data), comm=matrix.getComm())
+    structure = PETSc.Mat.Structure
+    matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
+    add.destroy()

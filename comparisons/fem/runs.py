@@ -22,6 +22,7 @@ from meshes.mesh import Mesh
 FAMILIES = ("Lagrange", "S", "enhanced")
 
 Found = TypeVar("Found", bound=timing.Timed)
+Built = TypeVar("Built")
 
 
 @dataclass(frozen=True)
@@ -114,16 +115,27 @@ def check_element(bricks: bool, degree: int, family: str, quadrature: int | str 
 
 def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> tuple[Domain, Mesh | None]:
     """Build a mesh on rank 0 and share it out; an `InputError` is raised on every rank.  Only rank 0 has the `Mesh`."""
-    mesh, problem = None, None
+    mesh = _first(build, comm)
+    return Domain.distribute(mesh, comm), mesh
+
+
+def shared(build: Callable[[], Built], comm: MPI.Comm) -> Built:
+    """Build something on rank 0 and give it to every rank; an `InputError` is raised on every one."""
+    found: Built = comm.bcast(_first(build, comm), root=0)
+    return found
+
+
+def _first(build: Callable[[], Built], comm: MPI.Comm) -> Built | None:
+    found, problem = None, None
     if comm.rank == 0:
         try:
-            mesh = build()
+            found = build()
         except InputError as error:
             problem = str(error)
     problem = comm.bcast(problem, root=0)
     if problem is not None:
         raise InputError(problem)
-    return Domain.distribute(mesh, comm), mesh
+    return found
 
 
 def run(

@@ -110,9 +110,13 @@ def _main(arguments: Sequence[str]) -> int:
     values = record(scene, solution, runs, settings, theirs)
     if found.estimate:
         values |= solving.estimate(solution)
+    first = ending.rank() == 0
     if found.fields:
-        results.write_arrays(Path(found.fields), **sampled.fields(solution, sampled.Places.read(Path(found.at))))
-    print(results.line(values))
+        arrays = sampled.fields(solution, sampled.Places.read(Path(found.at)))
+        if first:
+            results.write_arrays(Path(found.fields), **arrays)
+    if first:
+        print(results.line(values), flush=True)
     return 0
 
 

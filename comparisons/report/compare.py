@@ -234,7 +234,9 @@ def _stress_told(records: list[Record]) -> str:
 def _what(records: list[Record]) -> str:
     scene, default = _scene(records), _default(records)
     said = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
-    kind = {"statics": "Equilibrium", "modal": "Vibration modes"}[scene["analysis"]]
+    kind = {"statics": "Equilibrium", "modal": "Vibration modes", "dynamics": "Motion, in the same implicit steps"}[
+        scene["analysis"]
+    ]
     fem = [one for one in part(records, "work") if one["method"] == "fem"]
     degree = part(records, "converged")[0]["degree"]
     cells = f"bricks of degree {degree}, curved with the rods, of nested meshes"
@@ -248,6 +250,7 @@ def _what(records: list[Record]) -> str:
         f"{precision.unknowns(default)} degrees of freedom{_bodies_told(default)}. dolfinx: {cells}, "
         f"{fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
         "freedom, solved directly; finite elements that are faster to an error may exist, none were searched for."
+        + (f" Both ran on {scene['ranks']} ranks." if scene.get("ranks", 1) > 1 else "")
     )
 
 
@@ -294,10 +297,10 @@ def _measured(records: list[Record]) -> str:
             )
         if one.vanishes:
             rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
-    said = "; ".join(f"{html.escape(name.replace('_', ' '))} {html.escape(unit)}" for name, unit in units.items())
+    said = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
     head = ("", "limit of the meshes", "±", "order", "isorod, default", "difference")
     return (
-        f"<p>Units: {said}.</p>"
+        (f"<p>Units: {said}.</p>" if said else "")
         + table(head, rows)
         + "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the cells' "
         "size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it were 1), "
@@ -357,6 +360,8 @@ def _closing(records: list[Record]) -> list[str]:
     work = part(records, "work")
     word = shlex.quote(scene["word"])
     again = [f"isorod compare {word}" + ("" if level == "quick" else f" --level {level}")]
+    if scene.get("ranks", 1) > 1:
+        again = [f"{again[0]} --ranks {scene['ranks']}"]
     for one in (_default(records), [one for one in work if one["method"] == "fem"][-1]):
         words = ["rods", word] if one["method"] == "fem" else [word]
         again.append(" ".join(f"python -m {MODULES[one['method']]} {' '.join(words)} {one['arguments']}".split()))

@@ -130,6 +130,6 @@ def _provenance(found: dict[str, list[Record]]) -> str:
     )
     return (
         f"<ul>{''.join(runs)}</ul><p>Machine: {html.escape(machine['processor'])}, {machine['cores']} cores, "
-        f"{html.escape(machine['system'])}; one thread. Versions: {html.escape(named)}. This page and its plots are "
-        f"made from those files alone: <code>python -m comparisons report</code> makes them again{more}.</p>"
+        f"{html.escape(machine['system'])}; one thread a rank. Versions: {html.escape(named)}. This page and its plots "
+        f"are made from those files alone: <code>python -m comparisons report</code> makes them again{more}.</p>"
     )

@@ -106,7 +106,7 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, path: 
         shown = {"markersize": 6, "label": label, **look}
         axes[0].loglog([one["seconds"]["total"] for one in points], errors, **shown)
         axes[1].loglog([one["dofs"] for one in points], errors, **shown)
-    for axis, what, form in zip(axes, ("run time, one thread", "unknowns"), (_time, _count), strict=True):
+    for axis, what, form in zip(axes, ("run time, one thread a rank", "unknowns"), (_time, _count), strict=True):
         _scaled(axis, what, form)
         for target in targets(records):
             axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
@@ -116,7 +116,7 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, path: 
     save(figure, path, 130)
 
 
-def _scaled(axis: Any, what: str = "run time, one thread", form: Any = None) -> None:
+def _scaled(axis: Any, what: str = "run time, one thread a rank", form: Any = None) -> None:
     """Label the axes of a plot of errors: against run time where nothing else is given."""
     axis.set_xlabel(what, fontsize=12)
     axis.tick_params(labelsize=11)

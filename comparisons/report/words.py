@@ -31,8 +31,8 @@ INTRODUCTION = (
 COMPARED = (
     "<p>Each scene below is solved both ways, by <code>isorod</code>, and by <code>dolfinx</code> (FEniCSx), a widely "
     "used finite element library, with bricks that are curved with the same rods, or, of rods that are tied, with "
-    "tetrahedra of all as one solid; on the same machine, with one thread. What is compared is how far each is from "
-    "what the finite elements converge to, and the run time that it takes. isorod's elements are functions of a "
+    "tetrahedra of all as one solid; on the same machine, with one thread a rank. What is compared is how far each is "
+    "from what the finite elements converge to, and the run time that it takes. isorod's elements are functions of a "
     "section times splines along an axis; "
     f"{_FAMILIES}</p>"
 )

@@ -47,8 +47,8 @@ class Contacts:
 
     def outcome(self, newton: Pressed) -> Sequence[Touch]:
         """Return the outcome of each contact at the present state."""
-        found = newton.press(newton.force)
-        return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in found]
+        found = newton.press(newton.force)[: len(self.all)]
+        return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in found if one is not None]
 
     def stiffen(self, newton: Pressed) -> int:
         """Raise penalties until no point is deeper than its contact allows, as in isorod; return how often."""

@@ -1,4 +1,4 @@
-"""A mesh of rods, perhaps with bodies, in dolfinx: isoparametric displacement at the mesh's nodes.  Serial."""
+"""A mesh of rods, perhaps with bodies, in dolfinx: isoparametric displacement at the mesh's nodes."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -9,6 +9,7 @@ import dolfinx.fem
 import numpy as np
 import ufl
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from comparisons.fem.numbering import Numbered
 from isorod.errors import InputError
@@ -32,6 +33,8 @@ class Elements(Numbered):
         What it is a mesh of.
     mixed
         Numbers of the rods in which pressures are unknowns too, see `pressures`.
+    comm
+        The ranks among which dolfinx divides the cells.  All of them have the whole mesh.
 
     Attributes
     ----------
@@ -45,24 +48,26 @@ class Elements(Numbered):
     idle
         Unknowns that belong to no such cell: pressures, which are held at zero.
     rows
-        Row in the source's cells of each dolfinx cell, shape ``(cells,)``.
+        Row in the source's cells of each of this rank's dolfinx cells, shape ``(cells,)``.
     node_dofs
-        Blocked degree of freedom of each node, shape ``(nodes,)``.
+        Blocked degree of freedom of each node, shape ``(nodes,)``, -1 of those that this rank's cells do not have.
     rod_of
         Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
     """
 
-    def __init__(self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = ()) -> None:
+    def __init__(self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = (), comm: MPI.Comm = MPI.COMM_SELF) -> None:
         missing = [name for k in range(len(rods)) if (name := f"rod {k}") not in mesh.regions]
         if missing or mesh.parameters is None:
             raise InputError("mesh: need cells with parameters and a region for each rod: rod 0, rod 1, ...")
         self.source, self.rods = mesh, rods
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
-        self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
+        mine = slice(None if comm.rank == 0 else 0)
+        cells, points = mesh.cells[mine, order], mesh.points[mine]
+        self.comm, self.mesh = comm, compat.create_mesh(comm, cells, points, mesh.shape, mesh.order)
         displacement = compat.element(self.mesh, "Lagrange", mesh.order, 3, equispaced=True)
         self.space = compat.function_space(self.mesh, displacement)
         self.rows = compat.original_cells(self.mesh)
-        self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
+        self.node_dofs: Index = np.full(len(mesh.points), -1)
         self._nodes = mesh.cells[self.rows][:, order]
         self.node_dofs[self._nodes] = compat.cell_dofs(self.space, len(self.rows))
         self.rod_of: Index = np.full(len(mesh.cells), -1)
@@ -89,19 +94,72 @@ class Elements(Numbered):
         self.node_dofs[self._nodes] = compat.cell_dofs(self.space, len(self.rows))
         alone, among = compat.collapsed(whole.sub(1))
         of_cells = compat.cell_dofs(alone, len(self.rows))
-        acting = np.unique(of_cells[self.mixed[self.rows]])
-        self.idle = np.sort(among[np.setdiff1d(np.arange(len(among)), acting)])
+        acting = np.zeros(len(among))
+        acting[of_cells[self.mixed[self.rows]]] = 1.0
+        # Of tetrahedra's pressures another rank's cells may be those in which they act.
+        acting = self._of_all(alone, acting)
+        self.idle = np.sort(among[acting == 0.0])
         return whole
 
+    def _of_all(self, space: Any, values: Array) -> Array:
+        """Return the sums over all ranks of their values of a space's degrees of freedom."""
+        found = dolfinx.fem.Function(space)
+        vector = compat.petsc_vector(found)
+        found.x.array[:] = values
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        return np.array(found.x.array)
+
+    @cached_property
+    def here(self) -> Index:
+        """The nodes that this rank's cells have, sorted."""
+        return np.flatnonzero(self.node_dofs >= 0)
+
+    @cached_property
+    def places(self) -> Index:  # type: ignore[override]
+        """Place of the coefficients of each node on this rank, shape ``(nodes, 3)``; negative if it has it not."""
+        found = super().places
+        if self._among is not None:
+            found[self.here] = self._among[found[self.here]]
+        return np.where(self.node_dofs[:, None] < 0, -1, found)
+
+    @cached_property
+    def _mine(self) -> Index:
+        """The nodes whose coefficients are this rank's own."""
+        return np.flatnonzero((self.places[:, 0] >= 0) & (self.places[:, 0] < self.own))
+
     @property
-    def places(self) -> Index:
-        """Place of the coefficients of each node among all unknowns, shape ``(nodes, 3)``."""
-        own = super().places
-        return own if self._among is None else self._among[own]
+    def own(self) -> int:
+        """Number of unknowns that are this rank's own; those behind them are known to it and another's."""
+        dofmap = self.state.function_space.dofmap
+        return int(dofmap.index_map.size_local * dofmap.index_map_bs)
+
+    @cached_property
+    def numbers(self) -> Index:  # type: ignore[override]
+        """Number of the coefficients of each node among those of all ranks, shape ``(nodes, 3)``."""
+        dofmap = self.state.function_space.dofmap
+        first = dofmap.index_map.local_range[0] * dofmap.index_map_bs
+        return np.rint(self.to_nodes(np.arange(first, first + self.own, dtype=float))).astype(np.int64)
+
+    def to_dofs(self, nodal: Array) -> Array:
+        """Return values by node ``(nodes, 3)`` as this rank's coefficients, zero for what is no displacement."""
+        result = np.zeros(self.unknowns)
+        result[self.places[self.here]] = nodal[self.here]
+        return result
+
+    def to_nodes(self, coefficients: Array) -> Array:
+        """Return the ranks' coefficients that are displacements by node, shape ``(nodes, 3)``; all have to ask."""
+        nodal = np.zeros((len(self.node_dofs), 3))
+        nodal[self._mine] = coefficients[self.places[self._mine]]
+        return nodal if self.comm.size == 1 else np.asarray(self.comm.allreduce(nodal))
+
+    def count(self, dofs: Index) -> int:
+        """Return how many degrees of freedom the ranks own among some; all have to ask."""
+        return int(self.comm.allreduce(int(np.count_nonzero(dofs < self.own))))
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns, held and idle ones included."""
+        """Number of unknowns that this rank knows, held and idle ones included."""
         return int(self.state.x.array.size)
 
     @property
@@ -109,10 +167,10 @@ class Elements(Numbered):
         """The displacement, and the pressure or None, in UFL."""
         return (self.state, None) if self._among is None else ufl.split(self.state)
 
-    @property
+    @cached_property
     def dofs(self) -> int:
-        """Number of degrees of freedom, held ones included, without those that are idle."""
-        return self.unknowns - len(self.idle)
+        """Number of degrees of freedom of all ranks, held ones included, without those that are idle."""
+        return self.count(np.arange(self.own)) - self.count(self.idle)
 
     @property
     def family(self) -> str:
@@ -125,8 +183,10 @@ class Elements(Numbered):
         if pressure is None:
             return None
         at = compat.expression(unit * pressure, self.source.reference, flags)
-        found = np.empty(self.source.cells.shape)
-        found[self.rows] = at(self.mesh, np.arange(len(self.rows), dtype=np.int32))
+        own = self.mesh.topology.index_map(3).size_local
+        found = np.zeros(self.source.cells.shape)
+        found[self.rows[:own]] = at(self.mesh, np.arange(own, dtype=np.int32))
+        found = np.asarray(self.comm.allreduce(found))
         found[~self.mixed] = np.nan
         return found
 
@@ -185,7 +245,7 @@ class Elements(Numbered):
         return sides, np.array(places)
 
     def facets(self, name: str) -> Index:
-        """Return the dolfinx facets of a named face, sorted."""
+        """Return this rank's dolfinx facets of a named face, sorted."""
         face = self.source.faces[name]
         corners = np.isin(self.source.face_reference, (0.0, 1.0)).all(axis=1)
         wanted = np.sort(face[:, corners], axis=1)
@@ -195,8 +255,9 @@ class Elements(Numbered):
             raise InputError(f"mesh: face {name} is not the surface of cells")
         topology = self.mesh.topology
         topology.create_connectivity(3, 2)
-        local = np.empty(len(self.rows), dtype=np.int64)
+        local = np.full(len(self.source.cells), -1)
         local[self.rows] = np.arange(len(self.rows))
+        numbers = numbers[local[numbers // len(places)] >= 0]
         table = np.asarray(topology.connectivity(3, 2).array).reshape(-1, len(places))
         return np.sort(table[local[numbers // len(places)], numbers % len(places)]).astype(np.int32)
 

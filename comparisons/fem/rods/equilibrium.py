@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.continuation import lead
@@ -14,7 +15,8 @@ from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.loads import centrifugal, dead, following
+from comparisons.fem.rods.loads import Following, centrifugal, dead
+from comparisons.fem.rods.means import TIMES, means_of, moments_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.rods.ties import carried
@@ -58,8 +60,8 @@ class Loaded(Pressed):
         symmetric: bool,
     ) -> None:
         self.factor = 0.0
-        self._loads = elements.to_dofs(loads)
-        self._carried = 0.0
+        self._elements, self._carried = elements, 0.0
+        self.carry(loads)
         self._course: list[float] = []
         mixed = elements.split[1] is not None
         self._definite = symmetric and not contacts and not mixed
@@ -68,6 +70,11 @@ class Loaded(Pressed):
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, False)
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, False)
         self.snes.setConvergenceTest(self._converged)
+
+    def carry(self, loads: Array) -> None:
+        """Set the dead loads at full load, by node ``(nodes, 3)``."""
+        self._loads = self._elements.to_dofs(loads)[: self._elements.own]
+        self._size = float(np.linalg.norm(loads))
 
     def add_forces(self, out: PETSc.Vec) -> None:
         """Add contacts and dead loads."""
@@ -82,7 +89,7 @@ class Loaded(Pressed):
             return reason.DIVERGED_FNORM_NAN
         self._course = [*self._course, norm] if k else [norm]
         relative, absolute, _, most = snes.getTolerances()
-        scale = max(self._carried, self.factor * float(np.linalg.norm(self._loads)), self._course[0])
+        scale = max(self._carried, self.factor * self._size, self._course[0])
         if k and (norm <= relative * scale or norm <= absolute):
             return reason.CONVERGED_FNORM_RELATIVE
         if k > 1 and _STALLED * self._course[-2] < norm <= _ROUNDING * scale:
@@ -114,44 +121,56 @@ def solve(
     options: Mapping[str, object] | None,
     flags: Sequence[str],
     bodies: Sequence[OfBody] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
     clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
     laws = Laws(elements, model, rule)
     supports = Supports(elements, model, bodies)
     refuse_free(model)
     loads = dead(elements, model, bodies)
-    contacts = Contacts(elements, model)
+    contacts, means = Contacts(elements, model), means_of(elements, model, laws.unit)
+    acting = [*means.values(), *moments_of(elements, model)]
     clock.lap("setup")
     forms = _forms(elements, laws, model, rule, flags)
     clock.lap("forms")
     symmetric = not model.following
     direct = DIRECT if symmetric else DIRECT | {"pc_type": "lu"}
     with defaults(NEWTON | dict(direct if options is None else options)):
-        newton = Loaded(elements, forms, supports, loads, contacts.all, symmetric)
+        newton = Loaded(elements, forms, supports, loads, [*contacts.all, *acting], symmetric)
         clock.lap("setup")
 
         def load(factor: float) -> None:
             newton.factor = laws.activation.value = factor
+            for one in acting:
+                one.factor = factor
             supports.move(factor)
 
         try:
             counts = lead(newton, load, 1.0, 1.0 / load_steps, "load factor", HALVINGS)
             counts["stiffened"] = contacts.stiffen(newton)
+            for _ in range(TIMES if means else 0):
+                for mean in means.values():
+                    mean.tighten()
+                newton.norms.clear()
+                newton.solve(newton.x.copy())
             compat.assemble_vector(newton.force, newton.residual)
             newton.add_forces(newton.force)
+            newton.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             nodal = elements.to_nodes(newton.force.array_r)
             displacement = elements.to_nodes(newton.state.array_r).copy()
             pressure = elements.nodal_pressure(laws.unit, flags)
             reactions, moments = supports.forces(nodal, displacement)
+            for k, mean in means.items():
+                reactions[k], moments[k] = mean.resultant
             touches = contacts.outcome(newton)
             typed = dict(PETSc.Options().getAll())
         finally:
             newton.destroy()
         clock.lap("solve")
     seconds = clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds}
-    if contacts.all:
+    if newton.contacts:
         seconds["contact"] = newton.contact_seconds
     solution = Solution(
         model=model,
@@ -161,9 +180,9 @@ def solve(
         place=laws.place,
         seconds=seconds,
         dofs=elements.dofs,
-        unknowns=elements.dofs - supports.held.size,
+        unknowns=supports.free,
         options=typed,
-        peak_memory=peak_memory(),
+        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
         iterations=counts,
         displacement=displacement,
         pressure=pressure,
@@ -185,7 +204,7 @@ def _forms(elements: Elements, laws: Laws, model: Model, rule: int, flags: Seque
     space = state.function_space
     test = ufl.TestFunction(space)
     residual = ufl.derivative(stored, state, test)
-    pressed = following(elements, model, rule, u, test if pressure is None else ufl.split(test)[0])
+    pressed = Following(elements, model, rule, u, test if pressure is None else ufl.split(test)[0]).work
     if pressed is not None:
         residual += laws.activation * pressed
     tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))

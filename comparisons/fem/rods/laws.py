@@ -42,7 +42,7 @@ class Laws:
     laws
         All laws and densities, a rod's elements and rings one after the other, those of bodies last.
     activation
-        A dolfinx constant: the load factor, with which the activation of muscles grows.
+        A dolfinx constant: the load factor, with which the activation of muscles and temperatures grow.
     unit
         What pressures are counted in: the middle shear modulus, force / area.
     density
@@ -110,8 +110,7 @@ class Laws:
         total = 0.0
         for kind in self.present:
             one = self._energies[kind - 1]
-            given = {symbol: self._constants[k] for k, symbol in enumerate(one.constants)}
-            given[symbols.activation] = self.activation
+            given = self._given(one, self.activation)
             if one.small:
                 F = ufl.variable(middle)
                 stress = ufl.diff(density(one.expression, F, given, self._fibres), F)
@@ -135,8 +134,14 @@ class Laws:
 
     def _density(self, kind: int, F: Any, activation: Any) -> Any:
         one = self._energies[kind - 1]
-        values = {symbol: self._constants[k] for k, symbol in enumerate(one.constants)}
-        return density(one.expression, F, values | {symbols.activation: activation}, self._fibres)
+        return density(one.expression, F, self._given(one, activation), self._fibres)
+
+    def _given(self, stored: Any, activation: Any) -> dict[Any, Any]:
+        """Return what the symbols of an energy are: thermal strains grow with the activation."""
+        given = {one: self._constants[k] for k, one in enumerate(stored.constants)}
+        if symbols.heat in given:
+            given[symbols.heat] *= activation
+        return given | {symbols.activation: activation}
 
     def _directions(self) -> tuple[Any, ...]:
         """Return the unit vectors along each family of fibres, polynomials in each cell between its nodes."""

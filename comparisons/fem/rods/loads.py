@@ -11,14 +11,19 @@ import ufl
 from comparisons.fem.contact.facets import facet_of, gauss, outward
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws, densities_of
+from comparisons.fem.rods.places import on_rod
 from isorod.errors import InputError
 from isorod.fenics.loads import Load
 from isorod.files.solid import OfBody
-from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin, Weight
+from isorod.geometry.quadrature import Rule, section_points
+from isorod.model.load import BodyForce, LineLoad, Pressure, SectionLoad, Spin, Weight
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, gradients
 from meshes.mesh import gauss as volume_rule
 from meshes.within import lagrange
+
+# Points of a section whose area is wanted.
+_SECTION = Rule(6, 4, 1)
 
 _SURFACES = {"outer": "lateral", "inner": "inner"}
 
@@ -38,39 +43,69 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
     InputError
         If a load is not known, or on a section within cells.
     """
-    result, densities = np.zeros_like(elements.source.points), densities_of(elements, model)
+    result = np.zeros_like(elements.source.points)
     for load in model.loads:
-        if region not in (None, f"rod {load.body}"):
-            continue
-        if isinstance(load, SectionLoad):
-            breaks = model.bodies[load.body].space.axis.breaks
-            facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
-            points = gauss(elements.source, facet_of(elements.source), facets)
-            shares = points.shares * (points.weights / points.weights.sum())[:, None]
-            pull = np.tile(load.force or (0.0, 0.0, 0.0), (len(points.weights), 1))
-            if load.moment is not None:
-                pull += _turning(
-                    np.einsum("qn,qna->qa", points.shares, elements.source.points[points.supports]),
-                    points.weights,
-                    load.moment,
-                )
-            np.add.at(result, points.supports, shares[:, :, None] * pull[:, None])
-        elif isinstance(load, Weight):
-            cells = elements.cells(load.body)
-            result += _volumes(elements, cells, densities[cells])[:, None] * np.array(load.acceleration)
-        elif isinstance(load, BodyForce):
-            result += _volumes(elements, elements.cells(load.body))[:, None] * np.array(load.density)
-        elif isinstance(load, Pressure):
-            if not load.follows:
-                facets = elements.source.faces[_face(elements, load)]
-                like = facet_of(elements.source)
-                points, areas = gauss(elements.source, like, facets), outward(elements.source, like, facets)
-                np.add.at(result, points.supports, -load.pressure * points.shares[:, :, None] * areas[:, None])
+        if region in (None, f"rod {load.body}"):
+            result += nodal(elements, model, load)
     for k, body in enumerate(bodies):
         if region in (None, f"solid {k}"):
             for one in body.loads:
                 _add(elements, k, one, result)
     return result
+
+
+def nodal(elements: Elements, model: Model, load: Any) -> Array:
+    """Return the nodal forces at full load of what of a rod's load does not change with the displacement."""
+    result, source = np.zeros_like(elements.source.points), elements.source
+    if isinstance(load, SectionLoad):
+        breaks = model.bodies[load.body].space.axis.breaks
+        facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
+        points = gauss(source, facet_of(source), facets)
+        shares = points.shares * (points.weights / points.weights.sum())[:, None]
+        pull = np.tile(np.array(load.force or (0.0, 0.0, 0.0), dtype=float), (len(points.weights), 1))
+        if load.moment is not None and load not in model.following:
+            places = np.einsum("qn,qna->qa", points.shares, source.points[points.supports])
+            pull += _turning(places, points.weights, load.moment)
+        np.add.at(result, points.supports, shares[:, :, None] * pull[:, None])
+    elif isinstance(load, Weight):
+        cells = elements.cells(load.body)
+        result += _volumes(elements, cells, densities_of(elements, model)[cells])[:, None] * np.array(load.acceleration)
+    elif isinstance(load, BodyForce):
+        result += _volumes(elements, elements.cells(load.body))[:, None] * np.array(load.density)
+    elif isinstance(load, LineLoad):
+        result += _along(elements, load)
+    elif isinstance(load, Pressure) and not load.follows:
+        facets, like = source.faces[_face(elements, load)], facet_of(source)
+        points, areas = gauss(source, like, facets), outward(source, like, facets)
+        np.add.at(result, points.supports, -load.pressure * points.shares[:, :, None] * areas[:, None])
+    return result
+
+
+def _along(elements: Elements, load: LineLoad) -> Array:
+    """Return the nodal forces of a force per length of the centre line, ``int N_i q dA / A ds``, in parameters."""
+    source, rod, cells = elements.source, elements.rods[load.body], elements.cells(load.body)
+    where, weights = volume_rule(source.shape, 4 * source.order)
+    slopes, values = (
+        gradients(source.shape, source.order, source.reference, where),
+        lagrange(source.order, source.reference, where),
+    )
+    own = elements.parameters[cells]
+    det = np.abs(np.linalg.det(np.einsum("qnb,cnp->cqpb", slopes, own)))
+    places = on_rod(rod, np.einsum("qn,cnp->cqp", values, own))
+    where = places.u.ravel()
+    pulls = np.cross(*np.moveaxis(rod.across(places.xi.reshape(-1, 2), where)[1], -1, 0))
+    # Sections and speeds differ along the rod alone.
+    u, back = np.unique(np.round(where, 12), return_inverse=True)
+    xi, area = section_points(rod.section_points, _SECTION, rings=rod.rings)
+    _, jacobian = rod.grid(xi, u)
+    areas = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1) @ area
+    speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u)[1][:, 0, :, 2], axis=-1)
+    density = np.linalg.norm(pulls, axis=-1) * (speed / areas)[back.ravel()]
+    shares = (det * weights * density.reshape(det.shape)) @ values
+    # Cells do not fill the disk to the last digit, and the force is known.
+    shares *= np.ptp(rod.arc_length(rod.axis.breaks)) / shares.sum()
+    found = np.bincount(source.cells[cells].ravel(), shares.ravel(), len(source.points))
+    return found[:, None] * np.array(load.per_length)
 
 
 def _add(elements: Elements, solid: int, load: Load, result: Array) -> None:
@@ -125,26 +160,37 @@ def centrifugal(laws: Laws, spin: Spin, u: Any) -> Any:
     return sum(density * laws.dx(kind) for kind in laws.present)
 
 
-def following(elements: Elements, model: Model, rule: int, u: Any, test: Any) -> Any:
-    """Return the virtual work, at full load, of the forces with which the body resists pressures that follow it.
+class Following:
+    """Pressures that follow surfaces: the force with which the body resists them, in UFL.
 
-    ``p int cof(F) N . v dA``, integrals over the surfaces at rest; None if there are none.
+    ``p int cof(F) N . v dA``, integrals over the surfaces at rest.
+
+    Attributes
+    ----------
+    work
+        Virtual work at full load; None if there are none.
     """
-    loads = [load for load in model.following if isinstance(load, Pressure)]
-    if not loads:
-        return None
-    facets, tags = [], []
-    for k, load in enumerate(loads):
-        facets.append(elements.facets(_face(elements, load)))
-        tags.append(np.full(len(facets[k]), k, dtype=np.int32))
-    where, first = np.unique(np.concatenate(facets), return_index=True)
-    if len(where) != sum(len(one) for one in facets):
-        raise InputError("pressure: two that follow the same surface; add them up")
-    found = dolfinx.mesh.meshtags(elements.mesh, 2, where, np.concatenate(tags)[first])
-    ds = ufl.Measure("ds", domain=elements.mesh, subdomain_data=found, metadata={"quadrature_degree": rule})
-    F = ufl.Identity(3) + ufl.grad(u)
-    normal = ufl.det(F) * ufl.inv(F).T * ufl.FacetNormal(elements.mesh)
-    return sum(
-        dolfinx.fem.Constant(elements.mesh, load.pressure) * ufl.inner(normal, test) * ds(k)
-        for k, load in enumerate(loads)
-    )
+
+    def __init__(self, elements: Elements, model: Model, rule: int, u: Any, test: Any) -> None:
+        self._loads = [load for load in model.following if isinstance(load, Pressure)]
+        self._sizes = [dolfinx.fem.Constant(elements.mesh, load.pressure) for load in self._loads]
+        self.work = self._work(elements, rule, u, test) if self._loads else None
+
+    def at(self, begin: float, end: float) -> None:
+        """Let them be their means over a time, or what they are at it."""
+        for size, load in zip(self._sizes, self._loads, strict=True):
+            size.value = load.pressure * load.factor(begin, end)
+
+    def _work(self, elements: Elements, rule: int, u: Any, test: Any) -> Any:
+        facets, tags = [], []
+        for k, load in enumerate(self._loads):
+            facets.append(elements.facets(_face(elements, load)))
+            tags.append(np.full(len(facets[k]), k, dtype=np.int32))
+        where, first = np.unique(np.concatenate(facets), return_index=True)
+        if len(where) != sum(len(one) for one in facets):
+            raise InputError("pressure: two that follow the same surface; add them up")
+        found = dolfinx.mesh.meshtags(elements.mesh, 2, where, np.concatenate(tags)[first])
+        ds = ufl.Measure("ds", domain=elements.mesh, subdomain_data=found, metadata={"quadrature_degree": rule})
+        F = ufl.Identity(3) + ufl.grad(u)
+        normal = ufl.det(F) * ufl.inv(F).T * ufl.FacetNormal(elements.mesh)
+        return sum(size * ufl.inner(normal, test) * ds(k) for k, size in enumerate(self._sizes))

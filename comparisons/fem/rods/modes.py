@@ -5,11 +5,14 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from comparisons.fem import modal
 from comparisons.fem.known import with_pressures
+from comparisons.fem.pressed import add_rows, rows_of
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.means import RIGID, means_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from isorod.checks.rigid_motions import free_motions
@@ -28,6 +31,7 @@ def solve(
     options: Mapping[str, object] | None,
     flags: Sequence[str],
     bodies: Sequence[OfBody] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Solution:
     """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
     for b, body in enumerate(model.bodies):
@@ -36,11 +40,11 @@ def solve(
                 f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
             )
     begin = perf_counter()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model))
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
     laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
-        elements, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
+        elements, _body(elements, model, laws, supports, settings), modes, len(free_motions(model)), settings, begin
     )
     return Solution(
         model=model,
@@ -64,15 +68,26 @@ def solve(
     )
 
 
-def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
-    free = np.setdiff1d(np.arange(elements.unknowns), supports.held)
+def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
+    free = np.setdiff1d(np.arange(elements.own), supports.held)
     if supports.whole:
         free = free[::3] // 3
     order, state, (u, pressure) = elements.source.order, elements.state, elements.split
-    stored = laws.at_rest()
+    stored, bonds = laws.at_rest(), None
+    means = [*means_of(elements, model, laws.unit, RIGID).values()]
+    if means:
+
+        def bonds(matrix: Any) -> None:
+            add_rows(
+                matrix, rows_of([one.stiffness(elements.source.points) for one in means], elements.numbers, matrix)
+            )
+
     if pressure is not None:
         count = elements.dofs - 3 * len(elements.source.points)
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, whole=False, pressures=count)
+        more = {"whole": False, "pressures": count, "bonds": bonds}
+        return modal.Body(state, u, stored, laws.density, None, free, order, settings, **more)
+    if bonds is not None:
+        return modal.Body(state, u, stored, laws.density, None, free, order, settings, supports.whole, bonds=bonds)
     scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
     return modal.Body(state, u, stored, laws.density, scalar, free, order, settings, supports.whole)
 

@@ -10,19 +10,21 @@ from dataclasses import dataclass, replace
 import dolfinx.fem
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.known import Steps
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.equilibrium import Loaded
 from comparisons.fem.rods.laws import Laws
-from comparisons.fem.rods.loads import dead, following
+from comparisons.fem.rods.loads import Following, nodal
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.statics import DIRECT, NEWTON
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import InputError, SolveError
 from isorod.fenics import compat
+from isorod.model.history import rigid_velocity
 from isorod.model.model import Model
 from isorod.options import defaults
 from meshes.mesh import Array, Index, Mesh
@@ -55,6 +57,11 @@ class Motion:
         return iter(self.states)
 
     @property
+    def displacement(self) -> Array:
+        """Of the mesh's nodes, shape ``(o, nodes, 3)``."""
+        return np.array([one.displacement for one in self.states])
+
+    @property
     def seconds(self) -> dict[str, float]:
         """Wall time by part."""
         return self.states[-1].seconds
@@ -84,6 +91,7 @@ class _Step(Loaded):
         for place in range(1, len(_POINTS)):
             self.forms.go(place)
             compat.assemble_vector(more, self.residual)
+            more.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             out.axpy(1.0, more)
         more.destroy()
         super().add_forces(out)
@@ -98,14 +106,20 @@ class _Step(Loaded):
 
 
 def solve(
-    model: Model, mesh: Mesh, rule: int, steps: Steps, options: Mapping[str, object] | None, flags: Sequence[str]
+    model: Model,
+    mesh: Mesh,
+    rule: int,
+    steps: Steps,
+    options: Mapping[str, object] | None,
+    flags: Sequence[str],
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Motion:
     """Return the motion from rest, see `comparisons.fem.rods.solve`."""
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(f"density of body {b}: got {body.densities.min():g}, need a positive mass per volume")
     clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    elements = Elements(mesh, [body.space.rod for body in model.bodies], comm=comm)
     laws, supports = Laws(elements, model, rule), Supports(elements, model)
     clock.lap("setup")
     forms = _Forms(elements, laws, model, rule, steps, flags)
@@ -115,36 +129,54 @@ def solve(
     found: list[tuple[Array, Array]] = []
     direct = DIRECT | {"pc_type": "lu"}
     with defaults(NEWTON | dict(direct if options is None else options)):
-        loads = dead(elements, model)
-        newton = _Step(elements, (forms.residual, forms.tangent), supports, loads, [], symmetric=False)
+        dead = [(load, nodal(elements, model, load)) for load in model.loads]
+        nothing = np.zeros_like(mesh.points)
+
+        def loads(begin: float, end: float) -> Array:
+            """Return the means over a time of the forces that do not depend on the state."""
+            return np.asarray(sum((load.factor(begin, end) * forces for load, forces in dead), nothing))
+
+        newton = _Step(elements, (forms.residual, forms.tangent), supports, nothing, [], symmetric=False)
         newton.factor, newton.forms = 1.0, forms
         state, zero = newton.x, newton.x.duplicate()
         zero.set(0.0)
         dolfinx.fem.petsc.set_bc(state, newton.conditions, zero, 1.0)
-        guess = state.duplicate()
-        loaded = elements.to_dofs(loads)
+        guess, start = state.duplicate(), state.duplicate()
+        own, held = elements.own, supports.held[supports.held < elements.own]
 
-        def record() -> None:
-            nodal = elements.to_nodes(forms.carried(state, supports.held, loaded, newton)).copy()
+        def record(time: float) -> None:
+            forms.pressed_now.at(time, time)
+            now = elements.to_dofs(loads(time, time))[:own]
+            carried = elements.to_nodes(forms.carried(state, held, now, newton)).copy()
             displacement = elements.to_nodes(state.array_r).copy()
-            found.append((displacement, supports.forces(nodal, displacement)[0]))
+            found.append((displacement, supports.forces(carried, displacement)[0]))
 
+        forms.start(elements.to_dofs(_begun(elements, model)), supports.held)
         try:
-            record()
+            record(0.0)
             for k in range(steps.outputs * steps.count):
-                forms.begin(state, steps.level((k + 0.5) * steps.step))
-                guess.array[:] = state.array_r + steps.step * forms.velocity.x.array
-                guess.array[supports.held] = state.array_r[supports.held]
+                ends = k * steps.step, (k + 1) * steps.step
+                forms.begin(state, steps.level(0.5 * sum(ends)))
+                forms.pressed.at(*ends)
+                newton.carry(loads(*ends))
+                state.copy(start)
+                guess.array[:] = state.array_r + steps.step * forms.velocity.x.array[:own]
+                guess.array[held] = state.array_r[held]
                 newton.norms.clear()
                 try:
-                    newton.solve(guess)
+                    try:
+                        newton.solve(guess)
+                    except SolveError:
+                        # What swings faster than steps follow is nearer to where it was than to where it goes.
+                        newton.norms.clear()
+                        newton.solve(start)
                 except SolveError as problem:
-                    raise SolveError(f"time {(k + 1) * steps.step:.4g}: {problem}; take a smaller time step") from None
+                    raise SolveError(f"time {ends[1]:.4g}: {problem}; take a smaller time step") from None
                 forms.end(newton.x)
                 counts["newton_iterations"] += newton.snes.getIterationNumber()
                 counts["steps"] += 1
                 if (k + 1) % steps.count == 0:
-                    record()
+                    record(ends[1])
             typed = dict(PETSc.Options().getAll())
         finally:
             newton.destroy()
@@ -158,14 +190,27 @@ def solve(
         place=laws.place,
         seconds=clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds},
         dofs=elements.dofs,
-        unknowns=elements.dofs - supports.held.size,
+        unknowns=supports.free,
         options=typed,
-        peak_memory=peak_memory(),
+        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
         iterations=counts,
     )
     states = [replace(last, displacement=one, reactions=carried) for one, carried in found]
     times = np.arange(steps.outputs + 1) * steps.end_time / steps.outputs
     return Motion(states, times, np.array([carried for _, carried in found]))
+
+
+def _begun(elements: Elements, model: Model) -> Array:
+    """Return the velocity of the mesh's nodes with which rods begin (`isorod.model.body.Body`), ``(nodes, 3)``."""
+    result = np.zeros_like(elements.source.points)
+    for b, body in enumerate(model.bodies):
+        if any(body.velocity) or any(body.spin):
+            nodes = np.unique(elements.source.cells[elements.cells(b)])
+            positions = elements.source.points[nodes]
+            result[nodes] = rigid_velocity(
+                positions, np.ones(len(nodes), dtype=bool), body.velocity, body.spin, body.turned_about
+            )
+    return result
 
 
 class _Forms:
@@ -175,6 +220,8 @@ class _Forms:
     ----------
     residual, tangent
         Compiled forms of the step's balance and its derivative, of the state at its end.
+    pressed, pressed_now
+        Pressures in the step, and at a moment.
     velocity
         At the start of a step, a dolfinx function.
     """
@@ -194,10 +241,10 @@ class _Forms:
         self._place, self._share, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
         residual = self._once * push + self._share * laws.between(self.before, self._place, test)
         now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
-        for middle, where in ((0.5 * (u + self.before), "step"), (u, "moment")):
-            pressed = following(elements, model, rule, middle, test)
-            if pressed is not None:
-                residual, now = (residual + self._once * pressed, now) if where == "step" else (residual, now + pressed)
+        self.pressed = Following(elements, model, rule, 0.5 * (u + self.before), test)
+        self.pressed_now = Following(elements, model, rule, u, test)
+        if self.pressed.work is not None:
+            residual, now = residual + self._once * self.pressed.work, now + self.pressed_now.work
         self.residual = compat.form(residual, flags)
         self.tangent = compat.form(ufl.derivative(residual, u, trial), flags)
         self._now = compat.form(now, flags)
@@ -206,6 +253,11 @@ class _Forms:
         compat.assemble_matrix(self.mass, mass, [])
         self._ksp: PETSc.KSP | None = None
 
+    def start(self, velocity: Array, held: Index) -> None:
+        """Set the velocity at the start; what is held has none."""
+        velocity[held] = 0.0
+        self.velocity.x.array[:] = velocity
+
     def go(self, place: int) -> None:
         """Go to a place on the way from one state to the other."""
         self._place.value, self._share.value = 0.5 * (1.0 + _POINTS[place]), 0.5 * _WEIGHTS[place]
@@ -213,23 +265,26 @@ class _Forms:
 
     def begin(self, state: PETSc.Vec, level: float) -> None:
         """Set the state that a step starts from, and the activation in its middle."""
-        self.before.x.array[:] = state.array_r
+        compat.fill(self.before, state.array_r)
         self.laws.activation.value = level
 
     def end(self, state: PETSc.Vec) -> None:
         """Set the velocity at the end of a step."""
-        self.velocity.x.array[:] = 2.0 / self.steps.step * (state.array_r - self.before.x.array) - self.velocity.x.array
+        before, velocity = (one.x.array[: self.elements.own] for one in (self.before, self.velocity))
+        compat.fill(self.velocity, 2.0 / self.steps.step * (state.array_r - before) - velocity)
 
     def carried(self, state: PETSc.Vec, held: Index, loads: Array, newton: _Step) -> Array:
         """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
-        newton.state.array[:] = state.array_r
+        compat.fill(self.elements.state, state.array_r)
         balance = newton.force
         compat.assemble_vector(balance, self._now)
+        balance.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         balance.array[:] -= loads
         if self._ksp is None:
             # What is held does not accelerate.
             own = self.mass.copy()
-            own.zeroRowsColumns(held.astype(PETSc.IntType), 1.0)
+            first = own.getOwnershipRange()[0]
+            own.zeroRowsColumns((first + held).astype(PETSc.IntType), 1.0)
             self._ksp = PETSc.KSP().create(own.getComm())
             self._ksp.setOptionsPrefix("mass_")
             self._ksp.setOperators(own)

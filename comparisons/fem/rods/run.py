@@ -94,39 +94,38 @@ def run(
     Raises
     ------
     InputError
-        If something in the scene has no counterpart (`comparisons.fem.known`), or on several ranks.
+        If something in the scene has no counterpart (`comparisons.fem.known`).
     """
-    if comm.size > 1:
-        raise InputError("rods: only on one rank")
     scene: Any = files.find(configuration.name)
     settings = known.settings_of(scene)
     with scene.locating():
         model = scene.model()
         known.refuse_scene(scene, model)
         tied = bool(model.ties or model.solids)
-        told: list[str] = []
         bodies = scene.bodies() if tied else []
         start = perf_counter()
-        if tied:
+
+        def build() -> tuple[Mesh, list[str]]:
+            if not tied:
+                return mesh_of(model, configuration.level, configuration.degree, configuration.counted), []
             _refuse_cells(configuration)
             whole, told = joined_mesh(scene, model, configuration.level)
-            mesh: Mesh = whole
             if configuration.bodies:
                 for one, alone in zip(bodies, whole.bodies, strict=True):
                     gmsh_model.write(alone, one_solid.body_file(configuration.bodies, one.name))
-        else:
-            mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
-        meshing = perf_counter() - start
+            return whole, told
 
+        mesh, told = runs.shared(build, comm)
+        meshing = perf_counter() - start
         asked = {"steps": known.Steps(**settings)} if scene.analysis == "dynamics" else settings
 
         def once() -> Any:
-            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, **asked)
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, comm=comm, **asked)
 
         found, record = runs.measured(once, repeat, comm, meshing)
     # Of a motion that in the end.
     solution = found[-1] if scene.analysis == "dynamics" else found
-    if fields is not None:
+    if fields is not None and comm.rank == 0:
         write_arrays(fields, **solution.fields())
     return {
         "scene": scene.name,

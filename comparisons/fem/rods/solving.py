@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mpi4py import MPI
+
 from comparisons.fem.known import Steps, refuse
 from comparisons.fem.rods import equilibrium, motion
 from comparisons.fem.rods import modes as modes_of_rods
@@ -25,6 +27,7 @@ def solve(
     load_steps: int = 1,
     bodies: Sequence[OfBody] = (),
     steps: Steps | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Any:
     """Return a `Solution`, or of dynamics a `motion.Motion`, of displacement elements with the nodes of the mesh.
 
@@ -49,6 +52,8 @@ def solve(
         What holds and loads the model's bodies, which have that of their own meshes alone.
     steps
         Those of dynamics.
+    comm
+        The ranks; each has the whole model and mesh, and all of the solution.
 
     Raises
     ------
@@ -63,9 +68,9 @@ def solve(
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     if analysis == "statics":
-        return equilibrium.solve(model, mesh, rule, load_steps, options, flags, bodies)
+        return equilibrium.solve(model, mesh, rule, load_steps, options, flags, bodies, comm)
     if analysis == "modal":
-        return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies)
+        return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies, comm)
     if analysis == "dynamics" and steps is not None:
-        return motion.solve(model, mesh, rule, steps, options, flags)
+        return motion.solve(model, mesh, rule, steps, options, flags, comm)
     raise InputError(f"analysis {analysis}: the finite element side has statics, modes and dynamics only")

@@ -43,25 +43,28 @@ class Supports:
     conditions
         For `comparisons.fem.statics.Newton`.
     held
-        Degrees of freedom under them, and pressures that are idle, sorted.
+        Degrees of freedom of this rank under them, and pressures that are idle, sorted.
+    free
+        Number of those of all ranks that are free.
     whole
         Whether every node is held in all components or none, and there are no pressures.
     """
 
     def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
         self._elements = elements
-        self._all = all_of(elements.source, model)
+        self._all, self._count = all_of(elements.source, model), max(1, len(model.supports))
         # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
         self._owner = np.full((len(elements.source.points), 3), -1)
         facets = [_HeldFacets(elements, k, held) for k, body in enumerate(bodies) for held in body.held]
-        count = len(self._all)
-        self._every: list[tuple[int, Held | _HeldFacets]] = [*enumerate(facets, count), *enumerate(self._all)]
+        count = len(model.supports)
+        self._every: list[tuple[int, Held | _HeldFacets]] = [*enumerate(facets, count), *self._all.items()]
         for k, one in self._every:
             self._owner[one.nodes[:, None], one.components] = k
         self._nodal = np.zeros_like(elements.source.points)
-        rows, components = np.nonzero(self._owner >= 0)
-        self.held: Index = np.sort(np.concatenate([elements.places[rows, components], elements.idle]))
         count = (self._owner >= 0).sum(axis=1)
+        rows, components = np.nonzero((self._owner >= 0) & (elements.node_dofs >= 0)[:, None])
+        self.held: Index = np.sort(np.concatenate([elements.places[rows, components], elements.idle]))
+        self.free = elements.dofs - int(count.sum())
         self.whole = elements.split[1] is None and bool(np.isin(count, (0, 3)).all())
         self._values: list[tuple[Any, Any]] = []
         self.conditions: list[Condition] = self._conditions(np.unique(rows), rows, components)
@@ -70,7 +73,8 @@ class Supports:
         elements = self._elements
         space, blocks = elements.space, elements.node_dofs
         if self.whole:
-            if not len(nodes):
+            # Also where none of those held is this rank's: functions are made by all together.
+            if (self._owner < 0).all():
                 return []
             value = dolfinx.fem.Function(space)
             self._values = [(value, None)]
@@ -79,7 +83,7 @@ class Supports:
         unknowns = elements.state.function_space
         displacements = unknowns if elements.split[1] is None else unknowns.sub(0)
         every = [(displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)]
-        if len(elements.idle):
+        if elements.split[1] is not None:
             every.append((unknowns.sub(1), elements.idle))
         found = []
         for part, dofs in every:
@@ -102,7 +106,7 @@ class Supports:
             value.x.array[:] = coefficients if back is None else coefficients[back]
 
     def forces(self, nodal: Array, displacement: Array) -> tuple[Array, Array]:
-        """Return force and moment of each support, both ``(supports, 3)``, at least one row.
+        """Return force and moment of each support that holds nodes, both ``(supports, 3)``, at least one row.
 
         Moments are about the mean of the present positions of its carriers, as isorod's.
 
@@ -113,8 +117,8 @@ class Supports:
         displacement
             Shape ``(nodes, 3)``.
         """
-        reactions, moments = (np.zeros((max(1, len(self._all)), 3)) for _ in range(2))
-        for k, one in enumerate(self._all):
+        reactions, moments = (np.zeros((self._count, 3)) for _ in range(2))
+        for k, one in self._all.items():
             own = np.where(self._owner[one.nodes] == k, nodal[one.nodes], 0.0)
             arms = self._elements.source.points[one.nodes] + displacement[one.nodes] - one.centre(displacement)
             reactions[k], moments[k] = own.sum(axis=0), np.cross(arms, own).sum(axis=0)

@@ -13,6 +13,12 @@ from isorod.model.load import SectionLoad
 from isorod.tensors import cross
 
 
+def spread_of(weights: Array, values: Array) -> Array:
+    """Return ``B`` ``(m, m)`` of functions ``(q, m)`` at points of a section of some weights ``(q,)``."""
+    mean = weights @ values
+    return np.asarray((weights[:, None] * values).T @ values - np.outer(mean, mean) / weights.sum())
+
+
 class Twisting:
     """The moment of a load on an element that a rank assembles.
 
@@ -33,8 +39,7 @@ class Twisting:
         order = np.argsort(nodes)
         values = np.zeros((len(trace.weights), nodes.size))
         values[:, order[np.searchsorted(nodes, trace.nodes[0], sorter=order)]] = trace.values
-        mean = trace.weights @ values
-        self._spread = (trace.weights[:, None] * values).T @ values - np.outer(mean, mean) / trace.weights.sum()
+        self._spread = spread_of(trace.weights, values)
 
     def _turned(self, places: Array) -> tuple[Array, Array, Array]:
         """Return ``B x``, ``J^-1`` and ``w``."""

@@ -32,6 +32,7 @@ def main(arguments: Sequence[str], theirs: Sequence[str] = ()) -> int:
     parser.add_argument("scene")
     parser.add_argument("--level", choices=("quick", "full"))
     parser.add_argument("--results")
+    parser.add_argument("--ranks", type=int)
     parser.known(arguments)
     if not beside.is_there("comparisons"):
         raise InputError(

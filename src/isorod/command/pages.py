@@ -12,7 +12,7 @@ USAGES = {
     "matrices": f"{_SCENE} {_PETSC} --output DIR",
     "mesh": "SCENE [FILE ...] [--option value ...]",
     "section": f"{_SCENE} {_PETSC}",
-    "compare": "SCENE [--level {quick,full}] [--results DIR]",
+    "compare": "SCENE [--level {quick,full}] [--ranks N] [--results DIR]",
 }
 
 # A SCENE is a ready one, or a file.
@@ -73,6 +73,7 @@ reads    the scene (a file NAME.toml, spring or blade), and the data files that 
 writes   into --results DIR (results): records, pictures and report.html
 example  isorod compare my.toml --results my-report
 options  --level quick, or full: finer meshes, up to an hour each (quick)
+         --ranks N: both programs on N ranks of MPI (1)
 other    python -m comparisons --help: studies""",
     "list": """\
 Lists the ready scenes and the examples, with their analyses.

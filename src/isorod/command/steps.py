@@ -78,9 +78,9 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
     and where bodies touch: impacts are waves.
     """
     if known is not None:
-        return _implicit(model, end_time, outputs, "they follow the lowest frequency and the tables")
+        return implicit(model, end_time, outputs, "they follow the lowest frequency and the tables")
     if model.solids:
-        return _implicit(model, end_time, outputs, "finite element bodies take no explicit steps")
+        return implicit(model, end_time, outputs, "finite element bodies take no explicit steps")
     if model.contacts:
         return Steps("explicit", None, "bodies may hit each other, which sends waves")
     from petsc4py import PETSc
@@ -91,8 +91,8 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
         system = System(model.in_motion("explicit"), PETSc.COMM_WORLD)
         critical = system.critical_step(np.zeros(model.dofs), 1.0)
     except InputError as problem:
-        return _implicit(model, end_time, outputs, f"explicit steps do not take this ({problem})")
-    wanted = _implicit(model, end_time, outputs, "")
+        return implicit(model, end_time, outputs, f"explicit steps do not take this ({problem})")
+    wanted = implicit(model, end_time, outputs, "")
     assert wanted.time_step is not None
     longer = f"steps of {wanted.time_step:.3g} follow the lowest frequency and the tables, {critical:.3g} is critical"
     if wanted.time_step < _COST * critical:
@@ -100,7 +100,8 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
     return wanted._replace(why=longer)
 
 
-def _implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
+def implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
+    """Return implicit steps that are right for a motion."""
     from isorod.model.history import TimeTable
 
     tables = [one.history for one in (*model.supports, *model.loads) if isinstance(one.history, TimeTable)]

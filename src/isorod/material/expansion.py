@@ -28,10 +28,9 @@ def expanded(energy: Energy, axes: int = 1, points: int = 0, field: bool = False
         Whether the temperature is that of the point times the constant ``heat``, and not this alone.
     """
     along = sp.symbols(f"expansion0:{axes}", real=True)
-    heat = sp.Symbol("heat", real=True)
     levels, shares = (sp.symbols(f"{name}0:{points}", real=True) for name in ("level", "share"))
-    constants = *energy.constants, *along, heat, *levels, *shares
-    temperature = heat * s.temperature if field else heat
+    constants = *energy.constants, *along, s.heat, *levels, *shares
+    temperature = s.heat * s.temperature if field else s.heat
     strains = [one * temperature for one in along]
     strains += [strains[-1]] * (3 - axes)
     factor = _joined(temperature, levels, shares)

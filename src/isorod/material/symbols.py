@@ -5,7 +5,7 @@ invariants of ``C``, ``J = det F``; ``stretches`` are the three principal stretc
 ``a`` and ``b`` are unit vectors ``(3,)`` along two families of fibres at rest, ``I4a = a.C a`` and ``I4b = b.C b`` the
 squares of the stretches of these, and ``I8 = a.C b``.  ``I1bar`` and ``I2bar`` are the invariants of
 ``J^(-2/3) C``.  ``activation`` is 0 at rest and 1 at full activation; energies are linear in it.  ``temperature`` is
-that of the point, which `isorod.material.thermal` alone knows.
+that of the point, ``heat`` that of the whole body or the share of it that is there (`isorod.material.thermal`).
 """
 
 from sympy import Matrix, Rational, Symbol, symbols
@@ -20,6 +20,7 @@ b = symbols("b0 b1 b2", real=True)
 activation = Symbol("activation", nonnegative=True)
 bulk = Symbol("bulk", nonnegative=True)
 temperature = Symbol("temperature", real=True)
+heat = Symbol("heat", real=True)
 
 I1bar = J ** Rational(-2, 3) * I1
 I2bar = J ** Rational(-4, 3) * I2

@@ -143,7 +143,8 @@ class Thermal(Material):
         return callable(self.temperature) or isinstance(self.temperature, np.ndarray)
 
     @property
-    def _kind(self) -> tuple[int, int, bool]:
+    def kind(self) -> tuple[int, int, bool]:
+        """Number of coefficients, of points of the table of stiffness, and whether temperatures differ by place."""
         return len(self._along), len(self._table), self._field
 
     @property
@@ -172,7 +173,7 @@ class Thermal(Material):
         """Its energy as an expression."""
         from isorod.material.expansion import expanded
 
-        return expanded(self.law.stored, *self._kind)
+        return expanded(self.law.stored, *self.kind)
 
     @property
     def compiled(self) -> Compiled:
@@ -182,12 +183,12 @@ class Thermal(Material):
         if not hasattr(self.law, "recipe"):
             return compiled(self.stored)
         make, *given = self.law.recipe
-        return named(_expanded, make.__module__, make.__qualname__, self._kind, *given)
+        return named(_expanded, make.__module__, make.__qualname__, self.kind, *given)
 
     @property
     def identity(self) -> str:
         """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__} {self._kind} {self.law.identity}"
+        return f"{type(self).__name__} {self.kind} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]

@@ -125,11 +125,16 @@ class Body(Checked):
     @cached_property
     def initial_velocity(self) -> Array:
         """The velocity of the nodes at the start of a motion, shape ``(nodes, 3)``."""
-        space, center = self.space, self.spin_center
-        if center is None and any(self.spin):
-            masses = self.masses(space)
-            center = tuple(masses @ space.positions / masses[space.is_carrier].sum())
-        return rigid_velocity(space.positions, space.is_carrier, self.velocity, self.spin, center or (0.0, 0.0, 0.0))
+        space = self.space
+        return rigid_velocity(space.positions, space.is_carrier, self.velocity, self.spin, self.turned_about)
+
+    @property
+    def turned_about(self) -> tuple[float, ...]:
+        """The point about which it turns at the start of a motion, ``(3,)``: the ``spin_center``."""
+        if self.spin_center is not None or not any(self.spin):
+            return self.spin_center or (0.0, 0.0, 0.0)
+        masses = self.masses(self.space)
+        return tuple((masses @ self.space.positions / masses[self.space.is_carrier].sum()).tolist())
 
     def masses(self, space: Space) -> Array:
         """Return the integrals of density times the functions of a space on its rod, shape ``(nodes,)``."""

@@ -233,12 +233,13 @@ class MeanSupport(InTime):
         """What is held, at load factor 1, shape ``(k + m,)``."""
         return np.append(self.ways @ np.array(self.displacement), np.zeros(len(self.axes)))
 
-    def _trace(self, space: Space) -> Trace:
+    def trace(self, space: Space) -> Trace:
+        """Return the functions of a space on the section, or on the line round it."""
         return ring_trace(space, self.u) if self.ring else section_trace(space, self.u)
 
     def middle(self, space: Space) -> tuple[Index, Array]:
         """Return nodes, and what the middle of the section is of them ``(n,)``."""
-        trace = self._trace(space)
+        trace = self.trace(space)
         return trace.nodes[0], trace.weights @ trace.values / trace.weights.sum()
 
     def rows(self, space: Space) -> tuple[Index, Array]:
@@ -246,7 +247,10 @@ class MeanSupport(InTime):
 
         What is dual to them is force along the ``ways``, and moment about the ``axes``.
         """
-        trace = self._trace(space)
+        return self.rows_on(self.trace(space))
+
+    def rows_on(self, trace: Trace) -> tuple[Index, Array]:
+        """Return `rows` of other functions on the points of the trace, the same nodes at each."""
         shifts = np.broadcast_to(self.ways[:, None] / trace.weights.sum(), (len(self.ways), len(trace.points), 3))
         arms, inverse = _arms(trace)
         turns = np.cross((self.axes @ inverse)[:, None], arms)
@@ -262,7 +266,7 @@ class MeanSupport(InTime):
 
     def moved(self, space: Space, nodal: Array) -> tuple[Array, Array, Array]:
         """Return places from the middle of the section, at rest and now, ``(q, 3)``, and their weights ``(q,)``."""
-        trace = self._trace(space)
+        trace = self.trace(space)
         arms, weights = _arms(trace)[0], trace.weights
         now = arms + trace.values @ nodal[trace.nodes[0]]
         return arms, now - weights @ now / weights.sum(), weights
