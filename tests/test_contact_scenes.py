@@ -236,7 +236,7 @@ def test_clasp_is_drawn_evenly():
 def on_closer_spaces(scene, half, size):
     """Return the clasp's model with elements and arcs of a size, as long and wide as a patch on the inner side."""
     bodies, supports = [], []
-    for k, (rod, way) in enumerate(zip(scene.rods(), (scene.pull, 0.0), strict=True)):
+    for k, (rod, way) in enumerate(zip(scene.rods(), (scene.travel, 0.0), strict=True)):
         space = closer(rod, [Patch(0.5 * sum(rod.axis.breaks[[0, -1]]), np.pi, half, half, size)])
         bodies.append(Body(space, NeoHookean(scene.E, scene.nu), formulation="displacement"))
         supports += [Support.end(space, end, displacement=(0.0, 0.0, way), body=k) for end in ("start", "end")]
