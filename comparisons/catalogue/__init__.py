@@ -11,7 +11,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
-FOLDER = Path(__file__).parent
+from isorod import files
+
+FOLDER = Path(files.__file__).parent / "examples" / "catalogue"
 
 
 class Reference(NamedTuple):
