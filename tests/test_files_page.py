@@ -30,4 +30,4 @@ def test_the_example_runs(tmp_path, command):
 
 def test_the_examples_are_named():
     text = PAGE.read_text()
-    assert all(name in text for name in new.EXAMPLES if name != new.STARTER)
+    assert all(name in text for name in new.GALLERY if name != new.STARTER)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from isorod.command.cli import main
-from isorod.command.new import EXAMPLES
+from isorod.command.new import GALLERY
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
@@ -51,7 +51,7 @@ def rows(printed):
 
 
 def test_every_example_has_its_place():
-    assert set(SECTIONS) == set(EXAMPLES)
+    assert set(SECTIONS) == set(GALLERY)
     assert len(SECTIONS) >= 10
 
 
@@ -112,7 +112,7 @@ def drawing():
 
 
 def test_every_picture_can_be_drawn_again(drawing):
-    assert set(drawing["VIEWS"]) == set(EXAMPLES)
+    assert set(drawing["VIEWS"]) == set(GALLERY)
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import pytest
 from conftest import straight
 from touching import STIFF, bar
 
-from comparisons import contact
 from isorod import (
     Body,
     Contact,
@@ -20,6 +19,7 @@ from isorod import (
     Support,
     TriangleMesh,
     dynamics,
+    files,
     statics,
 )
 from isorod.contact.operator import ContactOperator
@@ -257,7 +257,7 @@ def test_what_a_file_says_wrong_is_refused_in_a_line(tmp_path, old, new, said):
 
 def test_a_drum_hauls_a_rope_as_a_capstan_does():
     """Half a turn: tensions by exp of friction times angle, times the drum's radius over that of the rope's axis."""
-    scene = FileScene(str(Path(contact.__file__).with_name("drum.toml")))
+    scene = FileScene(str(Path(files.__file__).parent / "examples" / "contact" / "drum.toml"))
     solution = statics.solve(scene.model(), **scene.settings())
     found = scene.measure(solution)
     assert -found["pull"] == pytest.approx(np.exp(-0.2 * np.pi * 20.0 / 20.25), rel=2e-3)

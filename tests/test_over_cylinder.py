@@ -7,6 +7,7 @@ import pytest
 
 from comparisons.contact import over_cylinder
 from comparisons.contact.capstan import Capstan, friction_ratio
+from isorod import files
 from isorod.command import solving
 from isorod.files.scene import FileScene
 
@@ -130,7 +131,7 @@ PULL, PRESS = -1.4796, 2.0589
 @pytest.mark.parametrize("degree", [5, 6])
 def test_a_hose_hauled_over_a_pulley_knows_its_error(degree):
     """It flattens too little on few section functions; all points slip, where the tangent is not symmetric."""
-    path = Path(over_cylinder.__file__).with_name("hose.toml")
+    path = Path(files.__file__).parent / "examples" / "contact" / "hose.toml"
     scene = FileScene(str(path), section_degree=degree)
     solution, _ = solving.solve(scene, scene.settings())
     (contact,), found = solution.contacts, scene.measure(solution)

@@ -95,7 +95,7 @@ def _list() -> int:
         print(f"  {name:10s} {scenes.analyses(scene)[0]:10s} {scene.title}")
     print("\nisorod new NAME.toml --from EXAMPLE, which a file describes:")
     for name, (analysis, title) in new.told().items():
-        print(f"  {name:10s} {analysis:10s} {title}")
+        print(f"  {name:16s} {analysis:10s} {title}")
     return 0
 
 

@@ -12,14 +12,19 @@ _FOLDER = Path(files.__file__).parent / "examples"
 
 STARTER = "starter"
 
-EXAMPLES = tuple(sorted(file.stem for file in _FOLDER.glob("*.toml")))
+# By name: those of the gallery, and in folders rods of catalogues and of the page on contact.
+_FILES = {file.stem: file for pattern in ("*.toml", "*/*.toml") for file in sorted(_FOLDER.glob(pattern))}
+
+GALLERY = tuple(name for name, file in _FILES.items() if file.parent == _FOLDER)
+
+EXAMPLES = tuple(_FILES)
 
 
 def told() -> dict[str, tuple[str, str]]:
     """Return the analysis and the title of each example."""
     result = {}
-    for name in EXAMPLES:
-        content = tomllib.loads((_FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    for name, file in _FILES.items():
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
         analysis = content["analysis"]
         result[name] = analysis if isinstance(analysis, str) else next(iter(analysis)), content.get("title", "")
     return result
@@ -38,8 +43,9 @@ def main(name: str, origin: str) -> int:
     path = Path(name)
     if path.suffix != ".toml" or path.stem.startswith("-"):
         raise InputError(f"{name}: need a name that ends in .toml")
-    copies = {path: _FOLDER / f"{origin}.toml"}
-    copies |= {path.parent / file.name: file for file in _FOLDER.glob(f"{origin}.*") if file.suffix != ".toml"}
+    copies = {path: _FILES[origin]}
+    beside = _FILES[origin].parent.glob(f"{origin}.*")
+    copies |= {path.parent / file.name: file for file in beside if file.suffix != ".toml"}
     there = next((one for one in copies if os.path.lexists(one)), None)
     if there is not None:
         raise InputError(f"{there}: is there already, and is not overwritten; name another")
