@@ -89,6 +89,15 @@ class Laws:
         """Return the laws at a load factor."""
         return Laws([piece._replace(law=piece.law.reached(factor)) for piece in self.pieces])
 
+    def advanced(self, F: Array, factor: float) -> "Laws":
+        """Return the laws with their states at the end of a step, ``F`` at the points and load factor there."""
+        return Laws([piece._replace(law=piece.law.advanced(piece.of(F), factor)) for piece in self.pieces])
+
+    @property
+    def remember(self) -> bool:
+        """Whether a law has a memory."""
+        return any(piece.law.remembers for piece in self.pieces)
+
     @property
     def follow(self) -> bool:
         """Whether a law asks for the rod's places (`placed`)."""

@@ -53,6 +53,8 @@ class Material(Checked, ABC):
         Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
+    remembers
+        Whether its stress depends on what was before (`isorod.material.memory`).
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -66,6 +68,7 @@ class Material(Checked, ABC):
     objective: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
+    remembers: ClassVar[bool] = False
     splits: ClassVar[bool] = True
     logarithmic: ClassVar[bool] = True
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
@@ -188,6 +191,10 @@ class Material(Checked, ABC):
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its table if it has one."""
         return self.at(factor if self._grows is None else self._grows(factor))
+
+    def advanced(self, F: Array, factor: float) -> Self:
+        """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""
+        return self
 
     @property
     def follows(self) -> bool:
