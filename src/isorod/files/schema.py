@@ -59,6 +59,7 @@ LAWS = {
     "Hyperelastic": Form(
         "isorod.files.material:hyperelastic", kinds={"constants": CONSTANTS, "bulk": BULK, "fibre": FIBRE}
     ),
+    "Plastic": Form("isorod.material.plastic:Plastic"),
     "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),
     "ActiveMuscle": Form("isorod.files.material:active_muscle", kinds={"curve": POINTS, "fibre": FIBRE}),
 }

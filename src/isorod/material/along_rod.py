@@ -9,6 +9,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
+from isorod.errors import InputError
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.law import Material
 from isorod.material.places import Places
@@ -92,6 +93,24 @@ class Laws:
     def advanced(self, F: Array, factor: float) -> "Laws":
         """Return the laws with their states at the end of a step, ``F`` at the points and load factor there."""
         return Laws([piece._replace(law=piece.law.advanced(piece.of(F), factor)) for piece in self.pieces])
+
+    def told(self, name: str, shape: tuple[int, ...]) -> Array:
+        """Return a part of the state at points, shape ``(*shape, count)``, NaN where a law has none of the name.
+
+        Raises
+        ------
+        InputError
+            If no law has one.
+        """
+        known = {one: count for piece in self.pieces for one, count in piece.law.states.items()}
+        if name not in known:
+            raise InputError(f"state: got {name!r}, laws here have {', '.join(map(repr, known)) or 'none'}")
+        found = np.full((*shape, known[name]), np.nan)
+        for piece in self.pieces:
+            if name in piece.law.states:
+                at = piece.at(len(shape))
+                found[at] = piece.law.told(name, found[at].shape[:-1])
+        return found
 
     @property
     def remember(self) -> bool:

@@ -6,6 +6,7 @@ and both integrators of dynamics then take it.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,8 +54,9 @@ class Material(Checked, ABC):
         Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
-    remembers
-        Whether its stress depends on what was before (`isorod.material.memory`).
+    remembers, states
+        Whether its stress depends on what was before (`isorod.material.memory`), and what the numbers are, by name and
+        in their order, that it knows of that at a point: how many of each.
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -69,6 +71,7 @@ class Material(Checked, ABC):
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
     remembers: ClassVar[bool] = False
+    states: ClassVar[Mapping[str, int]] = {}
     splits: ClassVar[bool] = True
     logarithmic: ClassVar[bool] = True
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
@@ -191,6 +194,10 @@ class Material(Checked, ABC):
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its table if it has one."""
         return self.at(factor if self._grows is None else self._grows(factor))
+
+    def told(self, name: str, shape: tuple[int, ...]) -> Array:
+        """Return a part of the state at points, shape ``(*shape, count)``."""
+        raise NotImplementedError
 
     def advanced(self, F: Array, factor: float) -> Self:
         """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""

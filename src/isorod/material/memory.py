@@ -5,7 +5,6 @@ deformation gradient at its end alone: residuals and tangents, however often and
 nothing.  Where the step has been accepted, `Memory.advanced` returns the law with the state of its end.
 """
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -25,14 +24,11 @@ class Memory(Material):
 
     Attributes
     ----------
-    states
-        What the numbers of the state are, by name, in their order: how many of each.
     state
         The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
     """
 
     remembers: ClassVar[bool] = True
-    states: ClassVar[Mapping[str, int]] = {}
     state: Array | None = None
 
     @property
@@ -50,9 +46,14 @@ class Memory(Material):
         """The addresses of its compiled functions."""
         raise NotImplementedError
 
+    @property
+    def width(self) -> int:
+        """Number of values of its state at a point."""
+        return sum(self.states.values())
+
     def known(self, shape: tuple[int, ...]) -> Array:
         """Return the state at points, shape ``(*shape, m)``."""
-        width = sum(self.states.values())
+        width = self.width
         return np.zeros((*shape, width)) if self.state is None else np.broadcast_to(self.state, (*shape, width))
 
     def advanced(self, F: Array, factor: float) -> Self:
@@ -75,12 +76,9 @@ class Memory(Material):
 
     def told(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a part of the state at points, shape ``(*shape, count)``."""
-        first = 0
-        for one, count in self.states.items():
-            if one == name:
-                return self.known(shape)[..., first : first + count]
-            first += count
-        raise InputError(f"state: got {name!r}, {type(self).__name__} has {', '.join(map(repr, self.states))}")
+        names = list(self.states)
+        first = sum(self.states[one] for one in names[: names.index(name)])
+        return self.known(shape)[..., first : first + self.states[name]]
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
         """Raise: there is no energy of which it could be the gradient."""

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError, expect
-from isorod.model.body import Body
+from isorod.model.body import Body, Past
 from isorod.model.history import Times, TimeTable
 from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
@@ -50,6 +51,8 @@ class Model(Checked):
         Degrees of freedom that supports hold or tie, and by which support.
     free
         Unknown of each degree of freedom, -1 if it is held; tied ones share an unknown.
+    past
+        States gone through, which laws with memory know (`after`).
 
     Raises
     ------
@@ -72,6 +75,7 @@ class Model(Checked):
     bound: Index = field(init=False)
     support_of: Index = field(init=False)
     motions: tuple[SupportMotion, ...] = field(init=False)
+    past: Sequence[Past] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -185,6 +189,22 @@ class Model(Checked):
             except InputError as problem:
                 raise InputError(f"body {b}: {problem}") from None
         return self._of(bodies)
+
+    @cached_property
+    def remembers(self) -> bool:
+        """Whether a law has a memory."""
+        return any(body.remembers for body in self.bodies)
+
+    def after(self, past: Sequence[Past]) -> "Model":
+        """Return the model as it is after states were gone through, all displacements ``(dofs,)`` of each."""
+        if not self.remembers:
+            return self
+        model = copy(self)
+        each = range(len(self.bodies))
+        bodies = [self.bodies[b].after([Past(f, self.nodal(one, b)) for f, one in past]) for b in each]
+        for name, value in (("bodies", bodies), ("past", tuple(past))):
+            object.__setattr__(model, name, value)
+        return model
 
     def _of(self, bodies: Sequence[Body]) -> "Model":
         same = all(one is other for one, other in zip(bodies, self.bodies, strict=True))

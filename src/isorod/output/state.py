@@ -177,6 +177,10 @@ class Deformation:
             found = [b for b, body in enumerate(bodies) if any(named is x for x in (body, body.space, body.space.rod))]
             if len(found) > 1:
                 raise InputError(f"body: this {type(named).__name__} is that of bodies {found}; give the number of one")
+            if self.model.remembers and not found:
+                # Bodies with a past are others, and so are spaces with more points.
+                rod = named if isinstance(named, Rod) else named.rod if isinstance(named, Space) else named.space.rod
+                found = [b for b, body in enumerate(bodies) if body.space.rod is rod]
             if found:
                 return found[0]
             raise InputError(f"body: this {type(named).__name__} is that of none of the model's {len(bodies)} bodies")
@@ -348,6 +352,25 @@ class State(Deformation):
             return stress.von_mises(stress.cauchy(*given)).reshape(points.shape)
         found = stress.first_piola(*given)[0] if kind == "pk1" else stress.cauchy(*given)
         return found.reshape(*points.shape, 3, 3)
+
+    def state(self, name: str, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return what laws with memory know at points of a body, from the deformation that each has gone through.
+
+        Parameters
+        ----------
+        name
+            Which part of the state (`isorod.material.memory.Memory.states`), as ``"p"``, accumulated plastic strain.
+        body, u, xi
+            The points.
+
+        Returns
+        -------
+        Array of shape ``(...)``, or of ``(..., count)`` if it has several numbers; NaN where a law has none of the name.
+        """
+        points = self._points(body, u, xi)
+        _, F = points.body.space.displacement(self.fields(points.number)["displacement"], points.xi, points.u)
+        laws = points.body.laws_at(points.u, points.xi).advanced(F, self.factor)
+        return laws.told(name, F.shape[:-2]).reshape(*points.shape, -1)
 
     def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
         """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.

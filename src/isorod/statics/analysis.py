@@ -148,7 +148,7 @@ def _solve(
             # What is let go shows nothing of what it went through.
             small.warn_of_large(model, turn.displacement[None], [turn.solids])
             warn_of(assembler.contact, turn.contacts)
-        if rules:
+        if rules and not model.remembers:
             about = (displacement, stored) if turn is None else (turn.displacement, turn.energy, turn.factor)
             hourglass.check_energy(assembler, rules, *about)
         contacts = () if assembler.contact is None else outcome(assembler.contact, assembler.touching(solver.x, 1.0))
@@ -158,7 +158,7 @@ def _solve(
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         reached = Equilibrium(
-            model=model,
+            model=model.after(solver.past),
             displacement=displacement,
             reactions=reactions,
             moments=moments,

@@ -17,7 +17,8 @@ from isorod.statics.tuning import CONTROL
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
     policy = solver.policy
-    if start is None or (policy is not None and policy.in_steps) or not solver.begin(start):
+    in_steps, remembers = policy is not None and policy.in_steps, solver.assembler.model.remembers
+    if start is None or in_steps or remembers or not solver.begin(start):
         return None
     solver.settle()
     updates = 0 if policy is None else policy.settle_in_the_end()

@@ -212,6 +212,7 @@ class Equilibrium(State, WithSolids, Animated):
         before = [
             replace(
                 self,
+                model=self.model.after([one for one in self.model.past if one.factor < step.factor]),
                 factor=step.factor,
                 displacement=step.displacement,
                 reactions=step.reactions,
