@@ -4,8 +4,8 @@ The strain ``E = ln(C)/2`` has no rotation.  In the frame of the principal direc
 
     S_ij = f_ij T_ij,    dS_ij = f_ij dT_ij + 2 sum_k f_ikj (T_ik dG_kj + dG_ik T_kj),    dE_ij = f_ij dG_ij,
 
-where ``T`` is the stress that the small-strain law has for ``E``, ``G`` Green's strain, ``f_ij`` and ``f_ijk`` the first
-and second divided differences of the logarithm at the ``c`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
+where ``T`` is the stress that the small-strain law has for ``E``, ``G`` Green's strain, ``f_ij`` and ``f_ijk`` the
+first and second divided differences of the logarithm at the ``c`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
 5383-5425).  Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
 """
 

@@ -67,7 +67,7 @@ class Memory(Material):
             The load factor there.
         """
         states = self._flat_known(F.shape[:-2])
-        next_states(self.compiled.update, flat(F), self.at(factor).constants, states)
+        next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
         return self._with(state=states.reshape(*F.shape[:-2], -1))
 
     def some(self, places: Index) -> Self:

@@ -365,7 +365,7 @@ class State(Deformation):
 
         Returns
         -------
-        Array of shape ``(...)``, or of ``(..., count)`` if it has several numbers; NaN where a law has none of the name.
+        Array of shape ``(..., count)``, as many numbers as it has; NaN where a law has none of the name.
         """
         points = self._points(body, u, xi)
         _, F = points.body.space.displacement(self.fields(points.number)["displacement"], points.xi, points.u)

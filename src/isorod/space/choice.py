@@ -84,9 +84,9 @@ TOUCHING = 2.4
 # Points round a section at which contact is looked for: 24 err by 0.4 % more there.
 AROUND = 48
 
-# Points along a radius, and round a section, of laws whose stress has kinks.  Torques of round bars that yield to a half
-# or two thirds of their radius err by 2 % with 4 along it, by 1, 0.2, 0.1 and 0.06 % with 5, 8, 12 and 16; moments of
-# bent ones by 3, 1.4 and 0.15 % with 8, 16 and 32 round the section.
+# Points along a radius, and round a section, of laws whose stress has kinks.  Torques of round bars that yield to a
+# half or two thirds of their radius err by 2 % with 4 along it, by 1, 0.2, 0.1 and 0.06 % with 5, 8, 12 and 16; moments
+# of bent ones by 3, 1.4 and 0.15 % with 8, 16 and 32 round the section.
 KINKED, KINKED_AROUND = 12, 32
 
 # Functions of control points, where sections are no affine images of each other or have petals: polyharmonic of this

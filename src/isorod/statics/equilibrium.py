@@ -10,6 +10,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.checks.reactions import by_name, support_displacements
 from isorod.checks.tie_result import TieResult
+from isorod.model.body import Past
 from isorod.model.times import until
 from isorod.output.solids import WithSolids
 from isorod.output.state import Animated, Deformation, State
@@ -266,9 +267,12 @@ class Equilibrium(State, WithSolids, Animated):
         times = self.model.times
         if turn is None or times is None:
             return self
+        model, before = until(self.model, times.time(turn.factor)), self.model.past
+        assert model.times is not None
+        past = [Past(model.times.place(times.time(f)), one) for f, one in before if f < turn.factor]
         there = replace(
             self,
-            model=until(self.model, times.time(turn.factor)),
+            model=model.after(past),
             displacement=turn.displacement,
             reactions=turn.carried.reactions,
             moments=turn.carried.moments,

@@ -56,8 +56,8 @@ def refuse_untold(solver: Newton) -> None:
     """Raise `InputError` where it does not."""
     if not is_told(solver) or solver.assembler.model.remembers:
         raise InputError(
-            "stable: stability is unknown with laws that have a memory, friction, moments, a follower pressure with free edges, small-strain "
-            "laws (use StVenantKirchhoff), or a solver without a factorisation"
+            "stable: stability is unknown with laws that have a memory, friction, moments, a follower pressure with "
+            "free edges, small-strain laws (use StVenantKirchhoff), or a solver without a factorisation"
         )
 
 
