@@ -57,6 +57,8 @@ class Material(Checked, ABC):
     remembers, states
         Whether its stress depends on what was before (`isorod.material.memory`), and what the numbers are, by name and
         in their order, that it knows of that at a point: how many of each.
+    timed, kinks
+        Whether its stress depends on the time that goes by, and has kinks as strains grow.
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -71,6 +73,8 @@ class Material(Checked, ABC):
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
     remembers: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
+    kinks: ClassVar[bool] = False
     states: ClassVar[Mapping[str, int]] = {}
     splits: ClassVar[bool] = True
     logarithmic: ClassVar[bool] = True

@@ -41,6 +41,7 @@ class Plastic(Memory, Isotropic):
     hardening: Numbers
     kinematic: float = 0.0
 
+    kinks: ClassVar[bool] = True
     states: ClassVar = {"plastic_strain": 6, "p": 1}
 
     def _check(self) -> None:

@@ -133,7 +133,7 @@ class Body(Checked):
                     "that takes formulation 'mixed'"
                 )
         self._warn_of_smooth_joints()
-        if self.remembers:
+        if any(law.kinks for law in self.laws):
             self._follow_kinks()
 
     @cached_property

@@ -401,3 +401,11 @@ def unmoved(model: Model, what: str, timed: bool = False) -> None:
     for b, body in enumerate(model.bodies):
         if any(body.velocity) or any(body.spin):
             raise InputError(f"body {b}: velocity: there is no motion in {what}; leave velocity and spin out")
+
+
+def refuse_timed(model: Model) -> None:
+    """Raise `InputError` for laws whose stress depends on time where there is none."""
+    for b, body in enumerate(model.bodies):
+        for law in body.laws:
+            if law.timed:
+                raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")

@@ -13,7 +13,7 @@ from isorod.checks.reactions import carried, check_balance, check_means
 from isorod.checks.tie_result import at_load
 from isorod.checks.turning import refuse_small
 from isorod.errors import InputError, whole_number
-from isorod.model.model import Model, unmoved
+from isorod.model.model import Model, refuse_timed, unmoved
 from isorod.model.times import until
 from isorod.output.progress import Teller
 from isorod.petsc.library import solver_types
@@ -87,6 +87,8 @@ def solve(
         found.
     """
     unmoved(model, "statics", timed=end_time is not None)
+    if end_time is None:
+        refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
