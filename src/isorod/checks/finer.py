@@ -18,10 +18,11 @@ from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.quadrature import MAX_POINTS, WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod
-from isorod.model.body import Body, Past
+from isorod.model.body import Body
 from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
+from isorod.model.past import Past, halved
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded
@@ -37,6 +38,9 @@ DIRECTIONS = ("section", "axis")
 # What a finer space changes is the error but for that share of it; along smooth axes it is nearer to the whole.
 # Measured over random rods (`comparisons.stability.estimates`).
 _POWER = 4
+
+# Share of the error of a step that is left in two of half its size.
+_FIRST_ORDER = 0.5
 
 # Degree of a square's warping in torsion.
 _SQUARE = 4
@@ -100,8 +104,13 @@ class Finer:
         found = cls(model, made, across, left)
         if not model.past:
             return found
-        past = [Past(factor, found.displacement(one)) for factor, one in model.past]
-        return replace(found, model=made.after(past))
+        return replace(found, model=made.after([one.of(found.displacement) for one in model.past]))
+
+    @classmethod
+    def in_steps(cls, model: Model, displacement: Array) -> "Finer":
+        """Return a model with memory on the same spaces, as if its steps to a displacement had been twice as many."""
+        across = [np.eye(body.space.basis.count) for body in model.bodies]
+        return cls(model, model.after(halved((*model.past, Past(1.0, displacement)))), across, _FIRST_ORDER)
 
     @property
     def wider(self) -> bool:

@@ -20,7 +20,7 @@ def _compiled() -> Compiled:
     return Compiled(block, tangent, update)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plastic(Memory, Isotropic):
     """Elastic until von Mises' stress reaches the yield stress, then flowing at constant volume.
 

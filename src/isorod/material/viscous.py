@@ -69,7 +69,7 @@ class Timed(Memory, Isotropic):
         return law._with(since=self.since + self.reached(factor).step)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Viscoelastic(Timed):
     """A solid whose shear stress relaxes in part, linear in the logarithmic strain at large strains too.
 
@@ -104,7 +104,7 @@ class Viscoelastic(Timed):
         return np.column_stack([shares, 1.0 / times, np.ones(len(times))])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Creep(Timed):
     """Metal that creeps, by Norton: the strain grows by ``A q^n``, ``q`` von Mises' stress.
 

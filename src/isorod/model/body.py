@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.model.history import rigid_velocity
+from isorod.model.past import Past, gone_through
 from isorod.space import choice
 from isorod.space.space import CHOICES, Space, Table
 
@@ -41,12 +42,6 @@ _NEARLY, _WITH_FIBRES = 0.49, 0.499
 # Pressures that are linear across the section: 1, x, y.
 _LINEAR = 3
 
-
-class Past(NamedTuple):
-    """A state that was gone through: load factor, and displacements, of a body's nodes ``(nodes, 3)``."""
-
-    factor: float
-    displacement: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,10 +369,7 @@ class Body(Checked):
             each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
             laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
         laws = laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
-        for one in self.past if laws.remember else ():
-            _, F = self.space.displacement(one.displacement, xi, u.ravel())
-            laws = laws.advanced(F.reshape(*u.shape, *F.shape[1:]), one.factor)
-        return laws
+        return gone_through(laws, self.past, self.space, u, xi) if laws.remember else laws
 
     @cached_property
     def remembers(self) -> bool:

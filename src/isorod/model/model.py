@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError, expect
-from isorod.model.body import Body, Past
+from isorod.model.body import Body
 from isorod.model.history import Times, TimeTable
 from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
 from isorod.model.motion import SupportMotion
 from isorod.model.numbering import number
+from isorod.model.past import Past
 from isorod.model.support import Support
 from isorod.space.space import Space
 
@@ -201,7 +202,7 @@ class Model(Checked):
             return self
         model = copy(self)
         each = range(len(self.bodies))
-        bodies = [self.bodies[b].after([Past(f, self.nodal(one, b)) for f, one in past]) for b in each]
+        bodies = [self.bodies[b].after([one.of(lambda u, b=b: self.nodal(u, b)) for one in past]) for b in each]
         for name, value in (("bodies", bodies), ("past", tuple(past))):
             object.__setattr__(model, name, value)
         return model

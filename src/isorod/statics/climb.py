@@ -102,8 +102,8 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             step, quick = first(factor), 0
         elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0
-            if in_steps:
-                # Whoever asks for more steps, since friction depends on the path, gets them.
+            if in_steps or model.remembers:
+                # Whoever asks for more steps, since what comes depends on the path, gets them.
                 step = min(step, first(factor))
     if loose:
         warnings.warn(

@@ -10,7 +10,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.checks.reactions import by_name, support_displacements
 from isorod.checks.tie_result import TieResult
-from isorod.model.body import Past
+from isorod.model.past import Past
 from isorod.model.times import until
 from isorod.output.solids import WithSolids
 from isorod.output.state import Animated, Deformation, State
@@ -152,7 +152,18 @@ class Equilibrium(State, WithSolids, Animated):
         stretched = float(sum(one.stretched for one in self.contacts))
         more = stretched and stretched / max(2.0 * self._stored, abs(self.work))
         more += 0.0 if directions else embedded.of(self).error
+        more += 0.0 if directions or self.steps_error is None else self.steps_error
         return found if found.work is None else found._replace(work=found.work + more)
+
+    @cached_property
+    def steps_error(self) -> float | None:
+        """The error of works that load steps of a law with memory make; None without one."""
+        from isorod.checks import estimate
+
+        if not self.model.remembers or self.model.contacts or self.model.solids:
+            return None
+        given = self.pressures, self.ranks, (self.reactions, self.moments)
+        return estimate.of_steps(self.model, self.displacement, self.work, *given)
 
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
@@ -265,11 +276,12 @@ class Equilibrium(State, WithSolids, Animated):
     def with_largest(self, turn: Turn | None) -> "Equilibrium":
         """Return it with the state of most energy on the way, where that is not this one."""
         times = self.model.times
-        if turn is None or times is None:
+        if turn is None or times is None or not times.time(turn.factor):
             return self
         model, before = until(self.model, times.time(turn.factor)), self.model.past
         assert model.times is not None
-        past = [Past(model.times.place(times.time(f)), one) for f, one in before if f < turn.factor]
+        before = [one for one in before if one.factor < turn.factor]
+        past = [one._replace(factor=model.times.place(times.time(one.factor))) for one in before]
         there = replace(
             self,
             model=model.after(past),

@@ -12,7 +12,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed, unscaled
 from isorod.checks import hourglass
 from isorod.errors import SolveError
-from isorod.model.body import Past
+from isorod.model.past import Past
 from isorod.options import defaults
 from isorod.petsc.direct import room
 from isorod.petsc.inertia import TELLING
