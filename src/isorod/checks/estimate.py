@@ -92,26 +92,6 @@ def of_equilibrium(
     return Error(*correction.total(model, directions, ranks, change, 2))
 
 
-def of_steps(
-    model: Model,
-    displacement: Array,
-    work: float,
-    pressures: Sequence[Array | None],
-    ranks: int,
-    carried: tuple[Array, Array],
-) -> float | None:
-    """Return an estimate of the error of works by a path in few steps, as `of_equilibrium`: with states in between.
-
-    These lie half-way in the logarithmic strain of each point.
-    """
-    comm = PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
-    if ranks != comm.getSize() or not model.unknowns:
-        return None
-    finer = Finer.in_steps(model, displacement)
-    found = float(_equilibrium(finer, comm, displacement, work, pressures, (), carried, ())[0])
-    return found if np.isfinite(found) else None
-
-
 def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tuple[Error, Array | None]:
     """Return what recovered strains say of a model's finite element bodies (`isorod.fenics.recovery`); collective.
 

@@ -22,7 +22,6 @@ from isorod.model.body import Body
 from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
-from isorod.model.past import Past, halved
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded
@@ -38,9 +37,6 @@ DIRECTIONS = ("section", "axis")
 # What a finer space changes is the error but for that share of it; along smooth axes it is nearer to the whole.
 # Measured over random rods (`comparisons.stability.estimates`).
 _POWER = 4
-
-# Share of the error of a step that is left in two of half its size.
-_FIRST_ORDER = 0.5
 
 # Degree of a square's warping in torsion.
 _SQUARE = 4
@@ -105,12 +101,6 @@ class Finer:
         if not model.past:
             return found
         return replace(found, model=made.after([one.of(found.displacement) for one in model.past]))
-
-    @classmethod
-    def in_steps(cls, model: Model, displacement: Array) -> "Finer":
-        """Return a model with memory on the same spaces, as if its steps to a displacement had been twice as many."""
-        across = [np.eye(body.space.basis.count) for body in model.bodies]
-        return cls(model, model.after(halved((*model.past, Past(1.0, displacement)))), across, _FIRST_ORDER)
 
     @property
     def wider(self) -> bool:

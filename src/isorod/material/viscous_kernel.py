@@ -96,9 +96,7 @@ def _branch(
 
 
 @njit(**FAST)
-def _deviators(
-    work: Array, k: Any, frame: Array, strain: Array, deviator: Array, before: Array
-) -> float:
+def _deviators(work: Array, k: Any, frame: Array, strain: Array, deviator: Array, before: Array) -> float:
     """Fill in the deviators of the strain at the end and at the start of the step, in the frame; return its trace."""
     last = np.empty(6)
     _tensor(work, k, 0, last)

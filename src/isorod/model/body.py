@@ -43,7 +43,6 @@ _NEARLY, _WITH_FIBRES = 0.49, 0.499
 _LINEAR = 3
 
 
-
 @dataclass(frozen=True, eq=False)
 class Body(Checked):
     """A rod with its displacement space and material.

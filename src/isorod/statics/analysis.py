@@ -1,5 +1,6 @@
 """Static equilibrium: SNES with load continuation."""
 
+import warnings
 from collections.abc import Mapping
 from time import perf_counter
 
@@ -95,6 +96,16 @@ def solve(
         return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)
 
 
+def in_more_steps(found: Equilibrium) -> Equilibrium:
+    """Return the equilibrium that twice as many load steps reach; collective."""
+    comm = PETSc.COMM_SELF if found.ranks == 1 else PETSc.COMM_WORLD
+    kept = found.model.times is not None, None
+    with warnings.catch_warnings():
+        # They were said of the first.
+        warnings.simplefilter("ignore")
+        return _solve(found.model.after(()), 2 * found.asked, comm, None, kept, False, False)
+
+
 def _solve(
     model: Model,
     load_steps: int,
@@ -166,6 +177,7 @@ def _solve(
             moments=moments,
             work=work,
             load_steps=len(path.steps),
+            asked=load_steps,
             cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,
