@@ -22,6 +22,7 @@ from isorod.model.body import Body
 from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
+from isorod.model.past import Past
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded
@@ -100,7 +101,8 @@ class Finer:
         found = cls(model, made, across, left)
         if not model.past:
             return found
-        return replace(found, model=made.after([one.of(found.displacement) for one in model.past]))
+        past = [Past(factor, found.displacement(one)) for factor, one in model.past]
+        return replace(found, model=made.after(past))
 
     @property
     def wider(self) -> bool:

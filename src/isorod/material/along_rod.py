@@ -109,7 +109,7 @@ class Laws:
         for piece in self.pieces:
             if name in piece.law.states:
                 at = piece.at(len(shape))
-                found[at] = piece.law.told(name, found[at].shape[:-1])
+                found[at] = _part(piece.law, name, found[at].shape[:-1])
         return found
 
     @property
@@ -160,6 +160,13 @@ class Laws:
         for piece, own in zip(self.pieces, found, strict=True):
             result[piece.at(ahead)] = own
         return result
+
+
+def _part(law: Material, name: str, shape: tuple[int, ...]) -> Array:
+    """Return a part of a law's state at points, shape ``(*shape, count)``."""
+    names = list(law.states)
+    first = sum(law.states[one] for one in names[: names.index(name)])
+    return law.known(shape)[..., first : first + law.states[name]]
 
 
 def _runs(laws: Sequence[Material]) -> list[Piece]:

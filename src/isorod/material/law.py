@@ -54,11 +54,9 @@ class Material(Checked, ABC):
         Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
-    remembers, states
-        Whether its stress depends on what was before (`isorod.material.memory`), and what the numbers are, by name and
-        in their order, that it knows of that at a point: how many of each.
-    timed, kinks
-        Whether its stress depends on the time that goes by, and has kinks as strains grow.
+    remembers, timed, kinks, states
+        Whether its stress depends on what was before (`isorod.material.memory`), on the time that goes by, and has
+        kinks as strains grow; and how many numbers of each name it knows of what was before, in their order.
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -198,10 +196,6 @@ class Material(Checked, ABC):
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its table if it has one."""
         return self.at(factor if self._grows is None else self._grows(factor))
-
-    def told(self, name: str, shape: tuple[int, ...]) -> Array:
-        """Return a part of the state at points, shape ``(*shape, count)``."""
-        raise NotImplementedError
 
     def advanced(self, F: Array, factor: float) -> Self:
         """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""

@@ -74,12 +74,6 @@ class Memory(Material):
         """Return the law at some of the places, along the first axis, of its state."""
         return self if self.state is None else self._with(state=self.state[places])
 
-    def told(self, name: str, shape: tuple[int, ...]) -> Array:
-        """Return a part of the state at points, shape ``(*shape, count)``."""
-        names = list(self.states)
-        first = sum(self.states[one] for one in names[: names.index(name)])
-        return self.known(shape)[..., first : first + self.states[name]]
-
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
         """Raise: there is no energy of which it could be the gradient."""
         raise InputError(f"{type(self).__name__}: a law with memory, which motions do not take; use statics")

@@ -24,9 +24,9 @@ from isorod.compiling import Kernel
 POINTS = 32
 
 # Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, what
-# the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a temperature,
-# or the state of a law with memory), the energy density and its derivative by the activation that a law writes if asked
-# for, and what it may use.
+# the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a
+# temperature, or the state of a law with memory), the energy density and its derivative by the activation that a law
+# writes if asked for, and what it may use.
 STATES = 24
 STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
 ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2

@@ -242,8 +242,7 @@ class Body(Checked):
         """
         body = self
         if self.remembers:
-            law = next(law for law in self.laws if law.remembers)
-            raise InputError(f"material: {type(law).__name__} has a memory, which motions do not take; use statics")
+            raise InputError("material: a law has a memory, which motions do not take; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(
@@ -281,11 +280,8 @@ class Body(Checked):
         if "quadrature" in self.space.chosen:
             self._set(space=self.space.integrated(wanted))
         elif 2 * rule.radial < wanted.radial or 2 * rule.angular < wanted.angular:
-            warnings.warn(
-                f"quadrature {rule}: too few points across the section to see how far it flows, forces err by some per "
-                f"cent; leave it out, or take {wanted}",
-                stacklevel=5,
-            )
+            said = "too few points across the section to see how far it flows, forces err by some per cent"
+            warnings.warn(f"quadrature {rule}: {said}; leave it out, or take {wanted}", stacklevel=5)
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
@@ -377,8 +373,7 @@ class Body(Checked):
 
     def after(self, past: Sequence[Past]) -> "Body":
         """Return the body as it is after states were gone through: each point of it remembers its own deformation."""
-        body = copy(self)
-        body._set(past=tuple(past))
+        (body := copy(self))._set(past=tuple(past))
         return body
 
     def growing(self, over: Callable[[Any], Callable[[float], float]]) -> "Body":

@@ -200,11 +200,8 @@ class Model(Checked):
         """Return the model as it is after states were gone through, all displacements ``(dofs,)`` of each."""
         if not self.remembers:
             return self
-        model = copy(self)
-        each = range(len(self.bodies))
-        bodies = [self.bodies[b].after([one.of(lambda u, b=b: self.nodal(u, b)) for one in past]) for b in each]
-        for name, value in (("bodies", bodies), ("past", tuple(past))):
-            object.__setattr__(model, name, value)
+        own = [body.after([Past(f, self.nodal(x, b)) for f, x in past]) for b, body in enumerate(self.bodies)]
+        (model := copy(self))._set(bodies=own, past=tuple(past))
         return model
 
     def _of(self, bodies: Sequence[Body]) -> "Model":
@@ -402,11 +399,3 @@ def unmoved(model: Model, what: str, timed: bool = False) -> None:
     for b, body in enumerate(model.bodies):
         if any(body.velocity) or any(body.spin):
             raise InputError(f"body {b}: velocity: there is no motion in {what}; leave velocity and spin out")
-
-
-def refuse_timed(model: Model) -> None:
-    """Raise `InputError` for laws whose stress depends on time where there is none."""
-    for b, body in enumerate(model.bodies):
-        for law in body.laws:
-            if law.timed:
-                raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")

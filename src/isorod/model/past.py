@@ -1,6 +1,6 @@
 """What a body has gone through, and what laws with memory make of it at any of its points."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from numpy.typing import ArrayLike
@@ -25,10 +25,6 @@ class Past(NamedTuple):
 
     factor: float
     displacement: Array
-
-    def of(self, part: Callable[[Array], Array]) -> "Past":
-        """Return the same of another displacement, which is made of its own."""
-        return self._replace(displacement=part(self.displacement))
 
 
 def gone_through(laws: Laws, past: Sequence[Past], space: "Space", u: Array, xi: ArrayLike) -> Laws:

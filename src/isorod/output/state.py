@@ -179,7 +179,7 @@ class Deformation:
                 raise InputError(f"body: this {type(named).__name__} is that of bodies {found}; give the number of one")
             if self.model.remembers and not found:
                 # Bodies with a past are others, and so are spaces with more points.
-                rod = named if isinstance(named, Rod) else named.rod if isinstance(named, Space) else named.space.rod
+                rod = getattr(getattr(named, "space", named), "rod", None)
                 found = [b for b, body in enumerate(bodies) if body.space.rod is rod]
             if found:
                 return found[0]
@@ -354,23 +354,12 @@ class State(Deformation):
         return found.reshape(*points.shape, 3, 3)
 
     def state(self, name: str, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
-        """Return what laws with memory know at points of a body, from the deformation that each has gone through.
+        """Return what laws with memory know at points (`isorod.output.stress.known`), shape ``(..., count)``."""
+        from isorod.output import stress
 
-        Parameters
-        ----------
-        name
-            Which part of the state (`isorod.material.memory.Memory.states`), as ``"p"``, accumulated plastic strain.
-        body, u, xi
-            The points.
-
-        Returns
-        -------
-        Array of shape ``(..., count)``, as many numbers as it has; NaN where a law has none of the name.
-        """
         points = self._points(body, u, xi)
-        _, F = points.body.space.displacement(self.fields(points.number)["displacement"], points.xi, points.u)
-        laws = points.body.laws_at(points.u, points.xi).advanced(F, self.factor)
-        return laws.told(name, F.shape[:-2]).reshape(*points.shape, -1)
+        given = points.body, self.fields(points.number)["displacement"], points.xi, points.u, self.factor
+        return stress.known(*given, name).reshape(*points.shape, -1)
 
     def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
         """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.

@@ -200,9 +200,7 @@ class Space(Checked):
 
     def integrated(self, rule: Rule) -> "Space":
         """Return the space with another quadrature rule."""
-        space = copy(self)
-        space.__dict__.pop("rule", None)
-        space._set(quadrature=str(rule))
+        (space := copy(self))._set(quadrature=str(rule), rule=rule)
         return space
 
     @cached_property

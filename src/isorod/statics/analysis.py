@@ -14,7 +14,7 @@ from isorod.checks.reactions import carried, check_balance, check_means
 from isorod.checks.tie_result import at_load
 from isorod.checks.turning import refuse_small
 from isorod.errors import InputError, whole_number
-from isorod.model.model import Model, refuse_timed, unmoved
+from isorod.model.model import Model, unmoved
 from isorod.model.times import until
 from isorod.output.progress import Teller
 from isorod.petsc.library import solver_types
@@ -89,11 +89,19 @@ def solve(
     """
     unmoved(model, "statics", timed=end_time is not None)
     if end_time is None:
-        refuse_timed(model)
+        _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
         return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)
+
+
+def _refuse_timed(model: Model) -> None:
+    """Raise `InputError` for laws whose stress depends on time where there is none."""
+    for b, body in enumerate(model.bodies):
+        law = next((law for law in body.laws if law.timed), None)
+        if law is not None:
+            raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")
 
 
 def in_more_steps(found: Equilibrium) -> Equilibrium:
@@ -171,7 +179,7 @@ def _solve(
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         reached = Equilibrium(
-            model=model.after(solver.past),
+            model=model.after(path.past),
             displacement=displacement,
             reactions=reactions,
             moments=moments,

@@ -67,6 +67,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
         guessed = solver.guess is not None
+        path.left(solver.x, factor)
         try:
             if policy is not None and in_steps:
                 solves, updates = policy.step(factor, target)

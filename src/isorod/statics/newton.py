@@ -12,7 +12,6 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed, unscaled
 from isorod.checks import hourglass
 from isorod.errors import SolveError
-from isorod.model.past import Past
 from isorod.options import defaults
 from isorod.petsc.direct import room
 from isorod.petsc.inertia import TELLING
@@ -79,8 +78,6 @@ class Newton:
         Load steps that were cut so far.
     tell
         Called in each iteration with what says how far it is.
-    past
-        Equilibria that the next one depends on, where a law has a memory.
     guess
         State that the next load step begins at in the place of its predictor, or None.
     """
@@ -92,7 +89,6 @@ class Newton:
         self.linear_iterations = 0
         self.norms: list[float] = []
         self.cuts = 0
-        self.past: list[Past] = []
         self.tell: Callable[[Callable[[], str]], None] = lambda line: None
         self.guess: PETSc.Vec | None = None
         self._trial = assembler.vector()
@@ -211,8 +207,6 @@ class Newton:
             If the linear solver fails.
         """
         self._stage.push()
-        if target > factor > 0.0:
-            self._remember(factor)
         # What is held close to where it was comes back to nothing else.
         self._convergence.guarded = self.stabilisation is None
         try:
@@ -235,12 +229,6 @@ class Newton:
         self._history = _Past(target - factor, self.x.copy(), rate) if target > factor else None
         self._trial.copy(self.x)
         return solves
-
-    def _remember(self, factor: float) -> None:
-        """Let laws with memory know the last equilibrium, once: the step from it may be tried again."""
-        if self.assembler.model.remembers and (not self.past or self.past[-1].factor < factor):
-            self.past.append(Past(factor, self.assembler.displacement(self.x, factor).copy()))
-            self.assembler.advance(self.x, factor)
 
     def begin(self, displacement: Array) -> bool:
         """Look for the equilibrium at the full load near a displacement ``(dofs,)``; return whether there is one.
