@@ -14,7 +14,6 @@ from isorod import (
     buckling,
     circle,
     dynamics,
-    helix,
     modal,
     statics,
     straight,
@@ -131,20 +130,6 @@ def test_the_estimate_sees_steps_that_are_few() -> None:
         assert 0.5 * off < few.steps_error < 4.0 * off
     assert one.errors().work > one.steps_error > 5e-3
     assert four.steps_error < 0.7 * one.steps_error
-
-
-def test_a_step_that_is_cut_leaves_no_trace() -> None:
-    made = Space(helix(10.0, 8.0, 1.0).sweep(circle(8, 1.0)), section_degree=2, elements=8, degree=4)
-    law = Plastic(210e3, 0.3, [[0.0, 600.0]])
-    ends = Support.end(made, "start"), Support.end(made, "end", displacement=(0.0, 0.0, 12.0))
-    cut = statics.solve(Model([Body(made, law)], ends), petsc={"snes_max_it": 6})
-    assert cut.cuts > 0
-    # The same steps without cuts.
-    by = [[0.0, 0.0], *([one.factor, one.factor] for one in cut.model.past), [1.0, 1.0]]
-    ends = ends[0], Support.end(made, "end", displacement=(0.0, 0.0, 12.0), history=by)
-    same = statics.solve(Model([Body(made, law)], ends), end_time=1.0)
-    assert same.cuts == 0
-    assert same.displacement == pytest.approx(cut.displacement, abs=1e-7)
 
 
 def _loaded(law):
