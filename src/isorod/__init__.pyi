@@ -42,8 +42,11 @@ from isorod.material.ogden import Ogden as Ogden
 from isorod.material.orthotropic import Orthotropic as Orthotropic
 from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
 from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff as OrthotropicKirchhoff
+from isorod.material.plastic import Plastic as Plastic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
 from isorod.material.thermal import Thermal as Thermal
+from isorod.material.viscous import Creep as Creep
+from isorod.material.viscous import Viscoelastic as Viscoelastic
 from isorod.material.yeoh import Yeoh as Yeoh
 from isorod.modal import Modes as Modes
 from isorod.model import Body as Body

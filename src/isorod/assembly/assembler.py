@@ -146,6 +146,13 @@ class Assembler(Loaded):
             self.coupling.push(-self._pushed, self.contact.beyond, forces)
         return forces
 
+    def advance(self, x: PETSc.Vec, factor: float) -> None:
+        """Let laws with memory go on to the state at the end of a step, which ends here."""
+        with self._timed():
+            local = self._state(x, factor)
+            for part in self.parts:
+                part.advance(local, factor)
+
     def extrapolate(self) -> None:
         """Let the next tangent be exact; those of slender bodies then extrapolate (`isorod.assembly.extrapolation`)."""
         for part in self.parts:

@@ -14,7 +14,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.block_kernel import BEFORE, INVERSE, PRESSURE, SIZE, STEPS, WEIGHT, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.compiled import F1, F2, FAST, I2, njit
-from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, call_block, call_step
+from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, STATES, call_block, call_step
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
@@ -51,7 +51,7 @@ FIELD = types.NamedUniTuple(F2, 3, Field)
 # Rows of a block that are filled from arrays: gradients across and along, pressures, and what does not change.
 _ACROSS, _ALONG = np.array([0, 1, 3, 4, 6, 7]), np.array([2, 5, 8])
 PRESSURES, PRESSURES_BEFORE, _DETERMINANT = np.array([PRESSURE]), np.array([BEFORE]), np.array([DETERMINANT])
-_KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(7)])
+_KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(STATES)])
 
 
 @njit(i8(i8, i8, i8, i8, I2), **FAST)

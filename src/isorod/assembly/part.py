@@ -77,6 +77,13 @@ class Part:
         """Where one law holds each."""
         return regions(self.table, self.laws)
 
+    def advance(self, local: Array, factor: float) -> None:
+        """Let laws with memory go on to the state at the end of a step, which ends here."""
+        if self.laws.remember:
+            self.laws = self.laws.advanced(self.gradients(local), factor)
+            for region, piece in zip(self.regions, self.laws.pieces, strict=True):
+                region.obey(piece.law)
+
     @property
     def of_dofs(self) -> Layers:
         """The layers' degrees of freedom."""

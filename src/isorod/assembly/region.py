@@ -15,6 +15,7 @@ from isorod.assembly.gradients import coefficients
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
+from isorod.material.law import Material
 from isorod.material.points import STEP, address
 from isorod.space.space import Table
 
@@ -71,10 +72,15 @@ class Region:
 
     @cached_property
     def _known(self) -> Array:
-        """What does not change at the points (`isorod.assembly.field_kernel.take_known`)."""
+        """What does not change at the points in a step (`isorod.assembly.field_kernel.take_known`)."""
         table, law = self.table, self.piece.law
         known = [table.inverse.reshape(*self.shape, 9), table.weights[..., None]]
         return _rows(np.concatenate([*known, law.known(self.shape)] if law.width else known, axis=-1))
+
+    def obey(self, law: Material) -> None:
+        """Go on with another state of the law."""
+        self.piece = self.piece._replace(law=law)
+        self.__dict__.pop("_known", None)
 
     def _of(self, values: Array, first: int, last: int) -> Array:
         """Return what rows of all elements, as many of each, hold of some."""

@@ -87,6 +87,7 @@ def refuse(model: Model) -> None:
         ("contact", model.contacts),
         ("a spin, whose forces depend on velocities", loaded.spins(model)),
         ("finite element bodies", model.solids),
+        ("laws that have a memory", model.remembers),
         ("active muscles", "muscles" in loaded.burdens(model)),
         ("a stiffness that depends on the temperature", any(_softens(law) for law in laws)),
         ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),

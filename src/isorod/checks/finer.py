@@ -16,12 +16,13 @@ import numpy as np
 from isorod.arrays import Array, Index
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
-from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
+from isorod.geometry.quadrature import MAX_POINTS, WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.load import Weight
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
+from isorod.model.past import Past
 from isorod.model.support import Support
 from isorod.space import choice
 from isorod.space.graded import Graded
@@ -94,14 +95,14 @@ class Finer:
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
             loads = [_load(load, bodies) for load in model.loads]
             left = max(map(_left, (body.space for body in model.bodies), spaces))
-            return cls(
-                model,
-                Model(
-                    bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids, times=model.times
-                ),
-                across,
-                left,
+            made = Model(
+                bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids, times=model.times
             )
+        found = cls(model, made, across, left)
+        if not model.past:
+            return found
+        past = [Past(factor, found.displacement(one)) for factor, one in model.past]
+        return replace(found, model=made.after(past))
 
     @property
     def wider(self) -> bool:
@@ -145,8 +146,10 @@ def _finer(body: Body, direction: str) -> Space:
         along |= more_along(space)
     made = Space(space.rod, continuity=space.continuity, quadrature="auto", **along, **across)
     rule, wanted = space.rule, choice.rule(made)
-    points = (max(pair) for pair in zip((rule.radial, rule.angular, rule.axial), vars(wanted).values(), strict=True))
-    return replace(made, quadrature=str(Rule(*points)))
+    radial, angular, axial = map(max, zip(vars(rule).values(), vars(wanted).values(), strict=True))
+    if body.remembers and direction == "section":
+        radial = min(2 * radial, MAX_POINTS)
+    return made.integrated(Rule(radial, angular, axial))
 
 
 def more_along(space: Space) -> dict[str, Any]:

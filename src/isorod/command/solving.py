@@ -196,7 +196,9 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
         )
     if error is not None and error > LARGE:
         cure, place = "--tolerance 5e-3 refines until it is met", getattr(solution, "coarsest", None)
-        if place is not None:
+        if (getattr(solution, "steps_error", None) or 0.0) > 0.5 * error:
+            cure = "most of it by few load steps: take more with --load-steps"
+        elif place is not None:
             cure = f"refine the rods, or the mesh, first of all near ({', '.join(f'{x + 0.0:.3g}' for x in place)})"
         warnings.warn(f"estimated error {100.0 * error:.2g} %: {cure}", stacklevel=2)
     return found | {"estimate_seconds": perf_counter() - start}

@@ -59,6 +59,9 @@ LAWS = {
     "Hyperelastic": Form(
         "isorod.files.material:hyperelastic", kinds={"constants": CONSTANTS, "bulk": BULK, "fibre": FIBRE}
     ),
+    "Plastic": Form("isorod.material.plastic:Plastic"),
+    "Creep": Form("isorod.material.viscous:Creep"),
+    "Viscoelastic": Form("isorod.material.viscous:Viscoelastic"),
     "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),
     "ActiveMuscle": Form("isorod.files.material:active_muscle", kinds={"curve": POINTS, "fibre": FIBRE}),
 }

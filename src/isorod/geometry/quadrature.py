@@ -20,6 +20,9 @@ from isorod.geometry.axis import Axis
 # Radii of the rings of a section that is whole: a single one.
 WHOLE = (0.0, 1.0)
 
+# Points in one direction of a slice, or along an element, at most.
+MAX_POINTS = 64
+
 # Rings end no nearer to the centre.
 _DEEPEST = 0.7
 
@@ -37,7 +40,7 @@ class Rule:
 
     def __post_init__(self) -> None:
         for name in ("radial", "angular", "axial"):
-            whole_number(f"quadrature: {name} points", getattr(self, name), 1, 64)
+            whole_number(f"quadrature: {name} points", getattr(self, name), 1, MAX_POINTS)
 
     @classmethod
     def paper(cls, degree: int) -> "Rule":

@@ -9,6 +9,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
+from isorod.errors import InputError
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.law import Material
 from isorod.material.places import Places
@@ -89,6 +90,33 @@ class Laws:
         """Return the laws at a load factor."""
         return Laws([piece._replace(law=piece.law.reached(factor)) for piece in self.pieces])
 
+    def advanced(self, F: Array, factor: float) -> "Laws":
+        """Return the laws with their states at the end of a step, ``F`` at the points and load factor there."""
+        return Laws([piece._replace(law=piece.law.advanced(piece.of(F), factor)) for piece in self.pieces])
+
+    def told(self, name: str, shape: tuple[int, ...]) -> Array:
+        """Return a part of the state at points, shape ``(*shape, count)``, NaN where a law has none of the name.
+
+        Raises
+        ------
+        InputError
+            If no law has one.
+        """
+        known = {one: count for piece in self.pieces for one, count in piece.law.states.items()}
+        if name not in known:
+            raise InputError(f"state: got {name!r}, laws here have {', '.join(map(repr, known)) or 'none'}")
+        found = np.full((*shape, known[name]), np.nan)
+        for piece in self.pieces:
+            if name in piece.law.states:
+                at = piece.at(len(shape))
+                found[at] = _part(piece.law, name, found[at].shape[:-1])
+        return found
+
+    @property
+    def remember(self) -> bool:
+        """Whether a law has a memory."""
+        return any(piece.law.remembers for piece in self.pieces)
+
     @property
     def follow(self) -> bool:
         """Whether a law asks for the rod's places (`placed`)."""
@@ -132,6 +160,13 @@ class Laws:
         for piece, own in zip(self.pieces, found, strict=True):
             result[piece.at(ahead)] = own
         return result
+
+
+def _part(law: Material, name: str, shape: tuple[int, ...]) -> Array:
+    """Return a part of a law's state at points, shape ``(*shape, count)``."""
+    names = list(law.states)
+    first = sum(law.states[one] for one in names[: names.index(name)])
+    return law.known(shape)[..., first : first + law.states[name]]
 
 
 def _runs(laws: Sequence[Material]) -> list[Piece]:

@@ -6,6 +6,7 @@ and both integrators of dynamics then take it.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,6 +54,9 @@ class Material(Checked, ABC):
         Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
+    remembers, timed, kinks, states
+        Whether its stress depends on what was before (`isorod.material.memory`), on the time that goes by, and has
+        kinks as strains grow; and how many numbers of each name it knows of what was before, in their order.
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -66,6 +70,10 @@ class Material(Checked, ABC):
     objective: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
+    remembers: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
+    kinks: ClassVar[bool] = False
+    states: ClassVar[Mapping[str, int]] = {}
     splits: ClassVar[bool] = True
     logarithmic: ClassVar[bool] = True
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
@@ -188,6 +196,10 @@ class Material(Checked, ABC):
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its table if it has one."""
         return self.at(factor if self._grows is None else self._grows(factor))
+
+    def advanced(self, F: Array, factor: float) -> Self:
+        """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""
+        return self
 
     @property
     def follows(self) -> bool:

@@ -24,9 +24,12 @@ from isorod.compiling import Kernel
 POINTS = 32
 
 # Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, what
-# the law knows of the point (7: the fibres, 3 each of two families at most, and behind them a temperature), the energy
-# density and its derivative by the activation that a law writes if asked for, and what it may use.
-STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 26, 27, 28
+# the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a
+# temperature, or the state of a law with memory), the energy density and its derivative by the activation that a law
+# writes if asked for, and what it may use.
+STATES = 24
+STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
+ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2
 WORK = FREE + 6
 
 # Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
@@ -59,11 +62,14 @@ class Compiled:
     ----------
     block, tangent
         Functions that take what ``BLOCK`` and ``TANGENT`` say.
+    update
+        Of a law with memory one more that takes what ``BLOCK`` says, and fills the rows of the state with that at the
+        end of a step.
     """
 
-    def __init__(self, block: Any, tangent: Any) -> None:
+    def __init__(self, block: Any, tangent: Any, update: Any = None) -> None:
         # The code lives as long as what holds it.
-        self._block, self._tangent = block, tangent
+        self._block, self._tangent, self._update = block, tangent, update
 
     @cached_property
     def block(self) -> int:
@@ -74,6 +80,11 @@ class Compiled:
     def tangent(self) -> int:
         """Address of the function of a block's moduli."""
         return address(self._tangent, TANGENT)
+
+    @cached_property
+    def update(self) -> int:
+        """Address of the function that goes on to the next state."""
+        return address(self._update, BLOCK)
 
 
 def address(function: Kernel, signature: Any) -> int:
@@ -141,6 +152,28 @@ def at_points(block: int, F: Array, constants: Array, fibres: Array, energy: Arr
             for a in range(3):
                 for A in range(3):
                     stress[m, a, A] = work[np.uint64(POINTS * (3 * a + A)) + k]
+
+
+@njit(void(u8, F3, F1, F2), **FAST)
+def next_states(update: int, F: Array, constants: Array, states: Array) -> None:
+    """Replace states ``(points, m)`` at the start of a step, which ends at ``F``, by those at its end.
+
+    Parameters
+    ----------
+    update
+        Address of the law's function.
+    F, constants
+        As those of `at_points`.
+    """
+    work, scratch = np.zeros(WORK * POINTS), np.empty((3, 3))
+    count = F.shape[0]
+    for begin in range(0, count, POINTS):
+        _take(F, states, begin, scratch, work)
+        call_block(update, (work, constants, 1.0, False))
+        for k in range(np.uint64(min(POINTS, count - begin))):
+            m = begin + np.int64(k)
+            for a in range(states.shape[1]):
+                states[m, a] = work[ROWS[FIBRE] + np.uint64(POINTS * a) + k]
 
 
 @njit(void(u8, u8, F3, F1, F2, F5), **FAST)

@@ -78,6 +78,8 @@ class Thermal(Material):
     def _check(self) -> None:
         if isinstance(self.law, Thermal):
             raise InputError("law: got one that expands already")
+        if self.law.remembers:
+            raise InputError(f"law: {type(self.law).__name__} has a memory, which thermal expansion does not go with")
         along = numbers("expansion", self.expansion)
         finite("expansion", along.ravel())
         one_way = self.law.families == 1 or isinstance(self.law, TransverselyIsotropic)

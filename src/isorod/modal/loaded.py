@@ -88,6 +88,8 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
     for the edges of the surface at ends that are free.
     """
     for b, body in enumerate(model.bodies):
+        if body.remembers:
+            raise InputError(f"equilibrium: a law of body {b} has a memory, which is not told in modes; {advice[3:]}")
         if any(law.linear for law in body.laws):
             raise InputError(
                 f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.model.history import rigid_velocity
+from isorod.model.past import Past, gone_through
+from isorod.space import choice
 from isorod.space.space import CHOICES, Space, Table
 
 if TYPE_CHECKING:
@@ -68,6 +71,8 @@ class Body(Checked):
     ----------
     chosen
         Whether the formulation was not given.
+    past
+        States gone through, which laws with memory know (`after`).
 
     Raises
     ------
@@ -84,6 +89,7 @@ class Body(Checked):
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin_center: tuple[float, float, float] | None = None
     chosen: bool = field(init=False)
+    past: Sequence[Past] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,6 +127,8 @@ class Body(Checked):
                     "that takes formulation 'mixed'"
                 )
         self._warn_of_smooth_joints()
+        if any(law.kinks for law in self.laws):
+            self._follow_kinks()
 
     @cached_property
     def initial_velocity(self) -> Array:
@@ -238,6 +246,8 @@ class Body(Checked):
             If explicit steps cannot take the formulation that was asked for, or the law.
         """
         body = self
+        if self.remembers:
+            raise InputError("material: a law has a memory, which motions do not take; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(
@@ -268,6 +278,15 @@ class Body(Checked):
                 "too large); use integrator 'implicit', or nu up to 0.49",
                 stacklevel=5,
             )
+
+    def _follow_kinks(self) -> None:
+        """Take as many points across the section as kinks of the stress want, or warn where fewer are given."""
+        rule, wanted = self.space.rule, choice.kinked(self.space)
+        if "quadrature" in self.space.chosen:
+            self._set(space=self.space.integrated(wanted))
+        elif 2 * rule.radial < wanted.radial or 2 * rule.angular < wanted.angular:
+            said = "too few points across the section to see how far it flows, forces err by some per cent"
+            warnings.warn(f"quadrature {rule}: {said}; leave it out, or take {wanted}", stacklevel=5)
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
@@ -349,7 +368,18 @@ class Body(Checked):
         else:
             each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
             laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
-        return laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
+        laws = laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
+        return gone_through(laws, self.past, self.space, u, xi) if laws.remember else laws
+
+    @cached_property
+    def remembers(self) -> bool:
+        """Whether a law of it has a memory."""
+        return any(law.remembers for law in self.laws)
+
+    def after(self, past: Sequence[Past]) -> "Body":
+        """Return the body as it is after states were gone through: each point of it remembers its own deformation."""
+        (body := copy(self))._set(past=tuple(past))
+        return body
 
     def growing(self, over: Callable[[Any], Callable[[float], float]]) -> "Body":
         """Return the body with laws that grow by tables (`isorod.material.law.Material.growing`)."""

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from isorod.model.load import Load, PointLoad, Pressure, SectionLoad, Spin
 from isorod.model.mean import MeanSupport
 from isorod.model.motion import SupportMotion
 from isorod.model.numbering import number
+from isorod.model.past import Past
 from isorod.model.support import Support
 from isorod.space.space import Space
 
@@ -50,6 +52,8 @@ class Model(Checked):
         Degrees of freedom that supports hold or tie, and by which support.
     free
         Unknown of each degree of freedom, -1 if it is held; tied ones share an unknown.
+    past
+        States gone through, which laws with memory know (`after`).
 
     Raises
     ------
@@ -72,6 +76,7 @@ class Model(Checked):
     bound: Index = field(init=False)
     support_of: Index = field(init=False)
     motions: tuple[SupportMotion, ...] = field(init=False)
+    past: Sequence[Past] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -185,6 +190,19 @@ class Model(Checked):
             except InputError as problem:
                 raise InputError(f"body {b}: {problem}") from None
         return self._of(bodies)
+
+    @cached_property
+    def remembers(self) -> bool:
+        """Whether a law has a memory."""
+        return any(body.remembers for body in self.bodies)
+
+    def after(self, past: Sequence[Past]) -> "Model":
+        """Return the model as it is after states were gone through, all displacements ``(dofs,)`` of each."""
+        if not self.remembers:
+            return self
+        own = [body.after([Past(f, self.nodal(x, b)) for f, x in past]) for b, body in enumerate(self.bodies)]
+        (model := copy(self))._set(bodies=own, past=tuple(past))
+        return model
 
     def _of(self, bodies: Sequence[Body]) -> "Model":
         same = all(one is other for one, other in zip(bodies, self.bodies, strict=True))

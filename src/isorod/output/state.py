@@ -177,6 +177,10 @@ class Deformation:
             found = [b for b, body in enumerate(bodies) if any(named is x for x in (body, body.space, body.space.rod))]
             if len(found) > 1:
                 raise InputError(f"body: this {type(named).__name__} is that of bodies {found}; give the number of one")
+            if self.model.remembers and not found:
+                # Bodies with a past are others, and so are spaces with more points.
+                rod = getattr(getattr(named, "space", named), "rod", None)
+                found = [b for b, body in enumerate(bodies) if body.space.rod is rod]
             if found:
                 return found[0]
             raise InputError(f"body: this {type(named).__name__} is that of none of the model's {len(bodies)} bodies")
@@ -348,6 +352,14 @@ class State(Deformation):
             return stress.von_mises(stress.cauchy(*given)).reshape(points.shape)
         found = stress.first_piola(*given)[0] if kind == "pk1" else stress.cauchy(*given)
         return found.reshape(*points.shape, 3, 3)
+
+    def state(self, name: str, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return what laws with memory know at points (`isorod.output.stress.known`), shape ``(..., count)``."""
+        from isorod.output import stress
+
+        points = self._points(body, u, xi)
+        given = points.body, self.fields(points.number)["displacement"], points.xi, points.u, self.factor
+        return stress.known(*given, name).reshape(*points.shape, -1)
 
     def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
         """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.

@@ -67,6 +67,16 @@ def cauchy(
     return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
 
 
+def known(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike, factor: float, name: str) -> Array:
+    """Return a part of the state of laws with memory at a grid of points (`first_piola`), shape ``(t, q, count)``.
+
+    It is that of the deformation which each point has gone through, and NaN where a law has no such part.
+    """
+    _, F = body.space.displacement(nodal, xi, u)
+    laws = body.laws_at(np.asarray(u, dtype=float), xi).advanced(F, factor)
+    return laws.told(name, F.shape[:-2])
+
+
 def von_mises(stress: Array) -> Array:
     """Return ``sqrt(3/2 s:s)`` of the stress deviator ``s``, shape ``stress.shape[:-2]``."""
     mean = np.trace(stress, axis1=-2, axis2=-1) / 3.0

@@ -1,5 +1,6 @@
 """The displacement space on a rod, and everything about it that does not change during an analysis."""
 
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
@@ -196,6 +197,11 @@ class Space(Checked):
         """The element of the rod itself in which each element lies, shape ``(elements,)``."""
         middles = 0.5 * (self.axis.breaks[:-1] + self.axis.breaks[1:])
         return np.searchsorted(self.rod.axis.breaks, middles) - 1
+
+    def integrated(self, rule: Rule) -> "Space":
+        """Return the space with another quadrature rule."""
+        (space := copy(self))._set(quadrature=str(rule), rule=rule)
+        return space
 
     @cached_property
     def rule(self) -> Rule:

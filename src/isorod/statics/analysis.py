@@ -1,5 +1,6 @@
 """Static equilibrium: SNES with load continuation."""
 
+import warnings
 from collections.abc import Mapping
 from time import perf_counter
 
@@ -87,10 +88,30 @@ def solve(
         found.
     """
     unmoved(model, "statics", timed=end_time is not None)
+    if end_time is None:
+        _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
         return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)
+
+
+def _refuse_timed(model: Model) -> None:
+    """Raise `InputError` for laws whose stress depends on time where there is none."""
+    for b, body in enumerate(model.bodies):
+        law = next((law for law in body.laws if law.timed), None)
+        if law is not None:
+            raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")
+
+
+def in_more_steps(found: Equilibrium) -> Equilibrium:
+    """Return the equilibrium that twice as many load steps reach; collective."""
+    comm = PETSc.COMM_SELF if found.ranks == 1 else PETSc.COMM_WORLD
+    kept = found.model.times is not None, None
+    with warnings.catch_warnings():
+        # They were said of the first.
+        warnings.simplefilter("ignore")
+        return _solve(found.model.after(()), 2 * found.asked, comm, None, kept, False, False)
 
 
 def _solve(
@@ -148,7 +169,7 @@ def _solve(
             # What is let go shows nothing of what it went through.
             small.warn_of_large(model, turn.displacement[None], [turn.solids])
             warn_of(assembler.contact, turn.contacts)
-        if rules:
+        if rules and not model.remembers:
             about = (displacement, stored) if turn is None else (turn.displacement, turn.energy, turn.factor)
             hourglass.check_energy(assembler, rules, *about)
         contacts = () if assembler.contact is None else outcome(assembler.contact, assembler.touching(solver.x, 1.0))
@@ -158,12 +179,13 @@ def _solve(
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         reached = Equilibrium(
-            model=model,
+            model=model.after(path.past),
             displacement=displacement,
             reactions=reactions,
             moments=moments,
             work=work,
             load_steps=len(path.steps),
+            asked=load_steps,
             cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,

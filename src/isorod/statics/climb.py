@@ -17,7 +17,8 @@ from isorod.statics.tuning import CONTROL
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
     policy = solver.policy
-    if start is None or (policy is not None and policy.in_steps) or not solver.begin(start):
+    in_steps, remembers = policy is not None and policy.in_steps, solver.assembler.model.remembers
+    if start is None or in_steps or remembers or not solver.begin(start):
         return None
     solver.settle()
     updates = 0 if policy is None else policy.settle_in_the_end()
@@ -66,6 +67,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
         guessed = solver.guess is not None
+        path.left(solver.x, factor)
         try:
             if policy is not None and in_steps:
                 solves, updates = policy.step(factor, target)
@@ -101,8 +103,8 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             step, quick = first(factor), 0
         elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0
-            if in_steps:
-                # Whoever asks for more steps, since friction depends on the path, gets them.
+            if in_steps or model.remembers:
+                # Whoever asks for more steps, since what comes depends on the path, gets them.
                 step = min(step, first(factor))
     if loose:
         warnings.warn(

@@ -219,6 +219,8 @@ class _Path:
         unmoved(model, "continuation")
         if model.contacts:
             raise InputError("continuation takes no contacts")
+        if model.remembers:
+            raise InputError("continuation takes no laws with memory")
         rigid_motions.refuse_free(model)
         self.assembler = Assembler(model.in_displacements(), comm)
         self.x, self.factor = self.assembler.vector(), 0.0

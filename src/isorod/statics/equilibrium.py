@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from isorod.output.matrices import Matrices
 
 
+# Forces, or moments, that are a smaller share of the other, whatever the unit of length, are none.
+_LITTLE = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class Equilibrium(State, WithSolids, Animated):
     """A static solution, which answers for any point of it (`isorod.output.state`).
@@ -70,6 +74,8 @@ class Equilibrium(State, WithSolids, Animated):
     largest
         Over time, where a state at a kink of a table stored more energy than the last one, that of most: errors are
         those there.
+    asked
+        Number of load steps that were asked for.
     """
 
     reactions: Array
@@ -91,6 +97,7 @@ class Equilibrium(State, WithSolids, Animated):
     negative_eigenvalues: int | None = None
     ties: Sequence[TieResult] = ()
     largest: "Equilibrium | None" = None
+    asked: int = 1
 
     @property
     def _counted(self) -> str:
@@ -125,7 +132,10 @@ class Equilibrium(State, WithSolids, Animated):
 
     @cached_property
     def _errors(self) -> "Error":
-        return self._estimated(())
+        found = self._estimated(())
+        if found.work is None or self.steps_error is None:
+            return found
+        return found._replace(work=found.work + self.steps_error)
 
     def _estimated(self, directions: Sequence[str]) -> "Error":
         from isorod.checks import embedded, estimate
@@ -152,6 +162,30 @@ class Equilibrium(State, WithSolids, Animated):
         more = stretched and stretched / max(2.0 * self._stored, abs(self.work))
         more += 0.0 if directions else embedded.of(self).error
         return found if found.work is None else found._replace(work=found.work + more)
+
+    @cached_property
+    def steps_error(self) -> float | None:
+        """The error of supports' forces by few load steps, by a run in twice as many; None without memory.
+
+        It takes that run once; where steps of a model without contact double, what they err by halves.
+        """
+        from isorod.statics import analysis
+
+        if not self.model.remembers:
+            return None
+        before, after = self._carried(), analysis.in_more_steps(self)._carried()
+        known = [one for one in before if one in after]
+        changes = []
+        for k in range(2):
+            old, new = (np.array([one[factor][k] for factor in known]) for one in (before, after))
+            size = max(np.abs(new).max(initial=0.0), _LITTLE * max(np.abs(one).max() for one in after[1.0]))
+            changes.append(float(np.abs(old - new).max(initial=0.0)) / size if size else 0.0)
+        return 2.0 * max(changes)
+
+    def _carried(self) -> dict[float, tuple[Array, Array]]:
+        """Return forces and moments of the supports at load factors at which these are known."""
+        known = {one.factor: (one.reactions, one.moments) for one in self.path if len(one.reactions)}
+        return known | {1.0: (self.reactions, self.moments)}
 
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
@@ -212,6 +246,7 @@ class Equilibrium(State, WithSolids, Animated):
         before = [
             replace(
                 self,
+                model=self.model.after([one for one in self.model.past if one.factor < step.factor]),
                 factor=step.factor,
                 displacement=step.displacement,
                 reactions=step.reactions,
@@ -263,11 +298,15 @@ class Equilibrium(State, WithSolids, Animated):
     def with_largest(self, turn: Turn | None) -> "Equilibrium":
         """Return it with the state of most energy on the way, where that is not this one."""
         times = self.model.times
-        if turn is None or times is None:
+        if turn is None or times is None or not times.time(turn.factor):
             return self
+        model, before = until(self.model, times.time(turn.factor)), self.model.past
+        assert model.times is not None
+        before = [one for one in before if one.factor < turn.factor]
+        past = [one._replace(factor=model.times.place(times.time(one.factor))) for one in before]
         there = replace(
             self,
-            model=until(self.model, times.time(turn.factor)),
+            model=model.after(past),
             displacement=turn.displacement,
             reactions=turn.carried.reactions,
             moments=turn.carried.moments,

@@ -10,6 +10,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.checks.reactions import Carried, carried
 from isorod.errors import whole_number
+from isorod.model.past import Past
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
@@ -69,6 +70,8 @@ class Path:
         Their load factors.
     most
         Over time the largest force, or moment over the model's size, of a support so far.
+    past
+        Equilibria that laws with memory have gone on from.
     largest
         The equilibrium of the most stored energy among those at kinks of tables so far.
     """
@@ -85,9 +88,15 @@ class Path:
             near = stages[np.abs(np.subtract.outer(places, stages)).argmin(axis=1)] if places else stages[:0]
             self.outputs = np.where(np.abs(near - places) <= _SAME, near, places).tolist()
             self._kept = {*self.outputs, *assembler.model.stages}
-        self.steps = list[Step]()
+        self.steps, self.past = list[Step](), list[Past]()
         self.most = 0.0
         self.largest: Turn | None = None
+
+    def left(self, x: PETSc.Vec, factor: float) -> None:
+        """Let laws with memory go on from an equilibrium, once: the step from there may be tried again."""
+        if self._assembler.model.remembers and factor > (self.past[-1].factor if self.past else 0.0):
+            self.past.append(Past(factor, self._assembler.displacement(x, factor).copy()))
+            self._assembler.advance(x, factor)
 
     def reached(self, x: PETSc.Vec, factor: float) -> None:
         """Note where a step has ended; without contact and times, where nobody asks, the load factor alone."""

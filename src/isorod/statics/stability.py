@@ -54,10 +54,10 @@ def is_told(solver: Newton) -> bool:
 
 def refuse_untold(solver: Newton) -> None:
     """Raise `InputError` where it does not."""
-    if not is_told(solver):
+    if not is_told(solver) or solver.assembler.model.remembers:
         raise InputError(
-            "stable: stability is unknown with friction, moments, a follower pressure with free edges, small-strain "
-            "laws (use StVenantKirchhoff), or a solver without a factorisation"
+            "stable: stability is unknown with laws that have a memory, friction, moments, a follower pressure with "
+            "free edges, small-strain laws (use StVenantKirchhoff), or a solver without a factorisation"
         )
 
 

@@ -1,0 +1,79 @@
+"""Laws whose stress depends on what was before: their state at points, and how it goes on.
+
+In a step from one equilibrium to the next, the state is that of the step's beginning and the stress a function of the
+deformation gradient at its end alone: residuals and tangents, however often and wherever they are asked for, change
+nothing.  Where the step has been accepted, `Memory.advanced` returns the law with the state of its end.
+"""
+
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.compiled import flat
+from isorod.errors import InputError
+from isorod.material.law import Material
+from isorod.material.points import Compiled, next_states
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
+
+
+class Memory(Material):
+    """A law with a state at each point.
+
+    Attributes
+    ----------
+    state
+        The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
+    """
+
+    remembers: ClassVar[bool] = True
+    state: Array | None = None
+
+    @property
+    def stored(self) -> "Energy":
+        """None: raises."""
+        raise InputError(f"{type(self).__name__}: a law with memory, which finite elements do not take")
+
+    @property
+    def identity(self) -> str:
+        """What tells the law from others, but for its constants."""
+        return type(self).__name__
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        raise NotImplementedError
+
+    @property
+    def width(self) -> int:
+        """Number of values of its state at a point."""
+        return sum(self.states.values())
+
+    def known(self, shape: tuple[int, ...]) -> Array:
+        """Return the state at points, shape ``(*shape, m)``."""
+        width = self.width
+        return np.zeros((*shape, width)) if self.state is None else np.broadcast_to(self.state, (*shape, width))
+
+    def advanced(self, F: Array, factor: float) -> Self:
+        """Return the law with the state at the end of a step.
+
+        Parameters
+        ----------
+        F
+            Deformation gradients at the end, shape ``(..., 3, 3)``.
+        factor
+            The load factor there.
+        """
+        states = self._flat_known(F.shape[:-2])
+        next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
+        return self._with(state=states.reshape(*F.shape[:-2], -1))
+
+    def some(self, places: Index) -> Self:
+        """Return the law at some of the places, along the first axis, of its state."""
+        return self if self.state is None else self._with(state=self.state[places])
+
+    def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
+        """Raise: there is no energy of which it could be the gradient."""
+        raise InputError(f"{type(self).__name__}: a law with memory, which motions do not take; use statics")

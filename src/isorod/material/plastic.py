@@ -1,0 +1,73 @@
+"""Metal that flows: von Mises' plasticity at large strains."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar
+
+import numpy as np
+
+from isorod.arrays import Numbers
+from isorod.errors import InputError, finite, numbers
+from isorod.material.law import Isotropic
+from isorod.material.memory import Memory
+from isorod.material.points import Compiled
+
+
+@cache
+def _compiled() -> Compiled:
+    from isorod.material.plastic_kernel import block, tangent, update
+
+    return Compiled(block, tangent, update)
+
+
+@dataclass(frozen=True, eq=False)
+class Plastic(Memory, Isotropic):
+    """Elastic until von Mises' stress reaches the yield stress, then flowing at constant volume.
+
+    The logarithmic strain ``ln(C)/2`` is the sum of an elastic one, on which the stress depends linearly (Hencky), and
+    a plastic one (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002) 5383-5425).
+
+    Parameters
+    ----------
+    E, nu
+        Young's modulus [force/area] and Poisson's ratio.
+    hardening
+        Points (accumulated plastic strain, yield stress), the first at 0, linear between them; from the last one on
+        the yield stress is constant.  Stresses are Kirchhoff's, force / area.
+    kinematic
+        Modulus by which the yield surface moves along with plastic strain, force / area (Prager).
+    """
+
+    hardening: Numbers
+    kinematic: float = 0.0
+
+    kinks: ClassVar[bool] = True
+    states: ClassVar = {"plastic_strain": 6, "p": 1}
+
+    def _check(self) -> None:
+        super()._check()
+        table = numbers("hardening", self.hardening)
+        finite("hardening", table.ravel().tolist())
+        if table.ndim != 2 or table.shape[1] != 2 or not len(table):
+            raise InputError("hardening: need a list of points [plastic strain, yield stress]")
+        strains, stresses = table.T
+        if strains[0] != 0.0 or (np.diff(strains) <= 0.0).any():
+            raise InputError(f"hardening: got plastic strains {strains.tolist()}, need growing ones from 0 on")
+        if stresses[0] <= 0.0 or (np.diff(stresses) < 0.0).any():
+            raise InputError(
+                f"hardening: got yield stresses {stresses.tolist()}, need positive ones that do not fall: where they "
+                "fall, strains gather in a band as narrow as the elements"
+            )
+        if not (np.isfinite(self.kinematic) and self.kinematic >= 0.0):
+            raise InputError(f"kinematic: got {self.kinematic:g}, need a modulus, not negative")
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """``mu``, the kinematic modulus, and the table with the number of its points ahead."""
+        table = np.asarray(self.hardening, dtype=float)
+        return self.mu, self.kinematic, float(len(table)), *table.ravel().tolist()
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        return _compiled()
