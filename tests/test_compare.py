@@ -81,7 +81,7 @@ def fem(arguments):
 def both(monkeypatch, tmp_path):
     """Compare a file in this process, finite elements and pictures being stood for; return records and folder."""
 
-    def run(module, arguments, **_):
+    def run(module, arguments, *_):
         asked.append((module, list(arguments)))
         if module == "comparisons.fem":
             return fem(arguments)
@@ -182,7 +182,7 @@ def test_meshes_that_are_too_large_are_left_out_and_said(most, both, monkeypatch
 
 
 def test_what_finite_elements_refuse_is_one_line_and_nothing_is_written(both, monkeypatch, capsys):
-    def refuse(module, arguments, **_):
+    def refuse(module, arguments, *_):
         raise timing.Failed("python -m comparisons.fem ...: exit code 2: x", "my bar.toml: contact: not here")
 
     monkeypatch.setattr(timing, "run", refuse)
@@ -236,12 +236,8 @@ def test_refusals_are_one_line(words, said, capsys, tmp_path, monkeypatch):
 
 def run_of(method, label, total, error, dofs=100):
     named = {"method": method, "label": label, "curve": "isorod" if method == "cylindrical" else "Q2 bricks"}
-    return named | {
-        "discretisation": [{"family": "polynomials"}],
-        "seconds": {"total": total},
-        "error": error,
-        "dofs": dofs,
-    }
+    more = {"discretisation": [{"family": "polynomials"}], "seconds": {"total": total}}
+    return named | more | {"error": error, "dofs": dofs}
 
 
 def test_run_time_to_an_error_is_interpolated_between_meshes():

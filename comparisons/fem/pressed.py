@@ -137,9 +137,7 @@ class Pressed(Newton):
         self.contact_seconds += perf_counter() - start
 
 
-def rows_of(
-    parts: Sequence[sparse.coo_array], numbers: Index, matrix: PETSc.Mat, held: Array | None = None
-) -> sparse.csr_array:
+def rows_of(parts: Sequence[sparse.coo_array], numbers: Index, matrix: PETSc.Mat, held: Any = None) -> sparse.csr_array:
     """Return this rank's rows of a sum of stiffnesses of nodes, in the numbers of a matrix.
 
     Parameters

@@ -88,6 +88,7 @@ def solve(
         clock.lap("setup")
         counts = lead(newton, activate, activation, activation / steps, "activation")
         (pressing,) = newton.press(newton.force)
+        assert pressing is not None
         found = Rest(
             positions=newton.positions(),
             reactions=newton.reactions(),

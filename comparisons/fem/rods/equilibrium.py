@@ -16,7 +16,7 @@ from comparisons.fem.rods.contacts import Contacts
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import Following, centrifugal, dead
-from comparisons.fem.rods.means import TIMES, means_of, moments_of
+from comparisons.fem.rods.means import TIMES, Mean, Moment, means_of, moments_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.rods.ties import carried
@@ -131,7 +131,7 @@ def solve(
     refuse_free(model)
     loads = dead(elements, model, bodies)
     contacts, means = Contacts(elements, model), means_of(elements, model, laws.unit)
-    acting = [*means.values(), *moments_of(elements, model)]
+    acting: list[Mean | Moment] = [*means.values(), *moments_of(elements, model)]
     clock.lap("setup")
     forms = _forms(elements, laws, model, rule, flags)
     clock.lap("forms")

@@ -84,7 +84,7 @@ def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, sett
 
     if pressure is not None:
         count = elements.dofs - 3 * len(elements.source.points)
-        more = {"whole": False, "pressures": count, "bonds": bonds}
+        more: dict[str, Any] = {"whole": False, "pressures": count, "bonds": bonds}
         return modal.Body(state, u, stored, laws.density, None, free, order, settings, **more)
     if bonds is not None:
         return modal.Body(state, u, stored, laws.density, None, free, order, settings, supports.whole, bonds=bonds)

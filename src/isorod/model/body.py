@@ -17,6 +17,7 @@ from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.model.history import rigid_velocity
+from isorod.model.joints import warn_of_smooth_joints
 from isorod.model.past import Past, gone_through
 from isorod.space import choice
 from isorod.space.space import CHOICES, Space, Table
@@ -27,10 +28,6 @@ if TYPE_CHECKING:
 
 # How a body's equilibrium is stated.
 FORMULATIONS = ("displacement", "mixed")
-
-# Ratio of moduli from which a smooth joint is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3, four
-# elements each).
-_JUMP = 10.0
 
 # Poisson's ratio from which pressures pay: below, displacements across the section that are chosen err less than 1e-4
 # on the spring; at 0.4999 by 2e-3, the mixed formulation by 1e-5 in three times the time.  Frequencies of one coil
@@ -126,7 +123,7 @@ class Body(Checked):
                     f"material of element {k // rings}: incompressible (nu = 0.5, or a bulk modulus that is infinite); "
                     "that takes formulation 'mixed'"
                 )
-        self._warn_of_smooth_joints()
+        warn_of_smooth_joints(self.space.axis, self.laws, self._rings)
         if any(law.kinks for law in self.laws):
             self._follow_kinks()
 
@@ -287,23 +284,6 @@ class Body(Checked):
         elif 2 * rule.radial < wanted.radial or 2 * rule.angular < wanted.angular:
             said = "too few points across the section to see how far it flows, forces err by some per cent"
             warnings.warn(f"quadrature {rule}: {said}; leave it out, or take {wanted}", stacklevel=5)
-
-    def _warn_of_smooth_joints(self) -> None:
-        """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
-        if all(law is self.laws[0] for law in self.laws):
-            return
-        axis = self.space.axis
-        moduli = np.array([np.max(getattr(law, "E", np.nan)) for law in self.laws]).reshape(-1, self._rings)
-        jumps = np.exp(np.abs(np.diff(np.log(moduli), axis=0)).max(axis=1)) * (1.0 - 1e-9)
-        times = np.searchsorted(axis.knots, axis.breaks[1:-1], "right") - np.searchsorted(axis.knots, axis.breaks[1:-1])
-        smooth = (jumps > _JUMP) & (times < axis.degree)
-        if smooth.any():
-            k = int(np.argmax(np.where(smooth, jumps, 0.0)))
-            warnings.warn(
-                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where strains are continuous: "
-                "errors of a tenth and more; use continuity 0, or a rod with that knot repeated (Rod.insert)",
-                stacklevel=4,
-            )
 
     @cached_property
     def densities(self) -> Array:

@@ -129,15 +129,14 @@ class Model(Checked):
 
     def _warn_of_poor_pressures(self, index: int, contact: "Contact") -> None:
         """Warn of pressures too poor for a contact: they see no patch, where a body is too soft."""
-        for b, _ in contact.sides:
-            if self.bodies[b].has_poor_pressures:
-                warnings.warn(
-                    f"contact {index}: contact patch under-resolved: the mixed formulation's pressures are linear "
-                    f"across the section of body {b}; peak pressures up to three times too low, forces off by some per "
-                    "cent; use order 2 and at least 5 section points",
-                    stacklevel=4,
-                )
-                return
+        poor = [b for b, _ in contact.sides if self.bodies[b].has_poor_pressures]
+        if poor:
+            warnings.warn(
+                f"contact {index}: contact patch under-resolved: the mixed formulation's pressures are linear "
+                f"across the section of body {poor[0]}; peak pressures up to three times too low, forces off by some "
+                "per cent; use order 2 and at least 5 section points",
+                stacklevel=4,
+            )
 
     def __repr__(self) -> str:
         counts = {name: len(getattr(self, name)) for name in _PARTS}

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import InputError, expect, whole_number
+from isorod.errors import InputError, expect, finite, whole_number
 from isorod.geometry.rod import Rod
 from isorod.model.body import Body
 from isorod.model.model import Model
@@ -90,7 +90,8 @@ class Deformation:
     def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
         """Return where points of a body are, shape ``(..., 3)``, moved by ``scale`` times their displacement."""
         points = self._points(body, u, xi)
-        _check_scale(scale)
+        expect("scale", scale, float)
+        finite("scale", scale, "a finite number")
         rest, _ = points.body.space.rod.grid(points.xi, points.u)
         return _on_grid(rest, points) + scale * self.at(body, u, xi)
 
@@ -283,7 +284,8 @@ def _pictures(
     if shown not in one._colours:
         raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, one._colours))}")
     if scale is not None:
-        _check_scale(scale)
+        expect("scale", scale, float)
+        finite("scale", scale, "a finite number")
     picture.check(view, size, what)
     # A mode is the same in all frames.
     states = {id(moment.state): moment.state for moment in moments}
@@ -370,9 +372,8 @@ class State(Deformation):
 
         number = self._number(body)
         fields, owner = self.fields(number), self.model.bodies[number]
-        return section_forces(
-            owner, fields["displacement"], parameters(owner.space, u), self.factor, fields.get("pressure")
-        )
+        at = parameters(owner.space, u)
+        return section_forces(owner, fields["displacement"], at, self.factor, fields.get("pressure"))
 
     def energy(self, body: Named) -> float:
         """Return the energy stored in a body (`isorod.output.energy.stored`)."""
@@ -397,9 +398,3 @@ class State(Deformation):
 def _on_grid(values: Array, points: _Points) -> Array:
     """Return vectors ``(t, q, 3)`` in the shape in which the points were given."""
     return (values.mean(axis=1) if points.mean else values).reshape(*points.shape, 3)
-
-
-def _check_scale(scale: float) -> None:
-    expect("scale", scale, float)
-    if not np.isfinite(scale):
-        raise InputError(f"scale: got {scale}, need a finite number")
