@@ -1,7 +1,7 @@
 """What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,15 +174,15 @@ class ContactResult:
         return None
 
 
-def doubts(model: Model, results: Sequence[ContactResult], facets: bool = False) -> list[str]:
-    """Return what is not to be trusted of the outcome of contacts, or of those with ``facets`` alone, a line for each.
+def doubts(model: Model, results: Mapping[int, ContactResult]) -> list[str]:
+    """Return what is not to be trusted of the outcome of contacts, by their numbers, a line for each.
 
     Whoever gives penalty and points has said what the contact is.
     """
     found = [
         (k, result.doubt())
-        for k, (asked, result) in enumerate(zip(model.contacts, results, strict=True))
-        if (asked.penalty is None or asked.points is None) and (result.on_facets or not facets)
+        for k, result in sorted(results.items())
+        if model.contacts[k].penalty is None or model.contacts[k].points is None
     ]
     return [f"contact {k}: {doubt}" for k, doubt in found if doubt is not None]
 

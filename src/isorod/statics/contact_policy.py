@@ -226,6 +226,6 @@ def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactRes
     from isorod.contact.result import doubts
 
     results = contact.results(displacement, check=True)
-    for doubt in doubts(contact.model, results):
+    for doubt in doubts(contact.model, dict(enumerate(results))):
         warnings.warn(doubt, stacklevel=5)
     return results

@@ -92,6 +92,14 @@ class Run(run.Run):
             self.system.drive.since = float(kept["since"])
         super().restore(kept)
 
+    def steps_of_a_hit(self) -> float | None:
+        """See `isorod.dynamics.run.Run`."""
+        if self.system.contact is None:
+            return None
+        steps, impulse, over, weighted = self.system.contact.hits.tolist()
+        whole = over + impulse
+        return (weighted + steps * impulse) / whole if whole > 0.0 else None
+
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
         return {"time integration": "central differences"}
