@@ -124,7 +124,7 @@ class Run(ABC):
 
     @property
     def time_error(self) -> float | None:
-        """The error of implicit steps (`isorod.dynamics.implicit.phase`); None where there is none."""
+        """The error of the steps, relative to the largest displacement; None where it cannot be told."""
         return None
 
     def met(self, index: int) -> Array:

@@ -49,7 +49,7 @@ class Sight:
         for chosen, displacement in self._peaks():
             results = self._contact.results(displacement, check=True)
             found |= {k: results[k] for k in chosen}
-        lines = result.doubts(self._model, found)
+        lines = result.doubts(self._model, found, moving=True)
         steps = self._run.steps_of_a_hit()
         if steps is not None and steps < _FEWEST:
             lines.append(
