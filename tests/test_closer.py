@@ -185,7 +185,6 @@ def test_patches_are_where_contact_presses_and_as_wide():
     model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
     moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
     operator = ContactOperator(model)
-    operator.space_evenly()
     operator.see_better(moved, between=True)
     results = operator.results(moved)
     ((patch,),) = patches(model, results).values()
@@ -296,7 +295,6 @@ def test_penalty_by_default_is_softer_where_control_points_are_closer():
     for asked in ({"across": 4.0}, {"across": 6.0}, {"penalty": 7.0}):
         operator = ContactOperator(Model([Body(space, LinearElastic(1.0, 0.3))], contacts=[Contact(0, plane, **asked)]))
         before = operator.packed.passes["penalty"].copy()
-        operator.space_evenly()
         assert (operator.packed.passes["penalty"] == before).all()
         found.append(before[0])
     stiff = 2.0 / (1.0 - 0.3**2) * space.basis.fine / (2.0 * np.pi)

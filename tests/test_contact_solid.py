@@ -60,7 +60,6 @@ def rates(model, seed=3, size=2e-3):
     x.array_w[:] = size * rng.standard_normal(x.local_size)
     way.array_w[:] = rng.standard_normal(x.local_size)
     matrix, forces = assembler.matrix(), [assembler.vector() for _ in range(2)]
-    assembler.contact.space_evenly()
     if assembler.contact.friction is not None:
         assembler.contact.accept(assembler.touching(assembler.vector(), 0.9))
     assembler.tangent(x, 1.0, matrix)
@@ -119,8 +118,6 @@ def test_a_polygon_is_no_round_hole_and_that_is_warned_of():
 
 def test_points_are_as_close_as_rods_are_curved_and_more_come_where_a_patch_is_narrow():
     wide, slim = (assembler_for(lying(radius=radius)).contact for radius in (0.4, 0.05))
-    for contact in (wide, slim):
-        contact.space_evenly()
     assert slim.packed.areas.size > 20 * wide.packed.areas.size
     assert wide.packed.areas.sum() == pytest.approx(4.0) == slim.packed.areas.sum()
     solved = statics.solve(lying(push=0.02))
@@ -129,8 +126,6 @@ def test_points_are_as_close_as_rods_are_curved_and_more_come_where_a_patch_is_n
 
 def test_points_are_as_close_as_functions_of_the_rod():
     few, many = (assembler_for(lying(elements=count)).contact for count in (2, 48))
-    for contact in (few, many):
-        contact.space_evenly()
     assert many.packed.areas.size > 2 * few.packed.areas.size
 
 
@@ -146,7 +141,6 @@ def test_the_width_of_a_strip_is_that_in_which_points_press():
     depth, radius = 0.01, 0.4
     model = lying(radius=radius, height=-depth, push=0.0)
     contact = assembler_for(model).contact
-    contact.space_evenly()
     assert contact.see_better(np.zeros(model.dofs + contact.beyond.size), between=False)
     contact.forces(np.zeros(model.dofs + contact.beyond.size))
     (width,) = widths(contact.packed)
@@ -207,7 +201,6 @@ def seen():
     model = lying(degree=1, height=-0.01, push=0.0)
     contact = assembler_for(model).contact
     rest = np.zeros(model.dofs + contact.beyond.size)
-    contact.space_evenly()
     contact.see_better(rest, between=False)
     contact.forces(rest)
     contact.ranks.gather(contact.packed, contact.packed.states, contact.packed.starts)

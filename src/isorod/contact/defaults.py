@@ -10,6 +10,7 @@ from isorod.contact import facets
 from isorod.contact.traces import trace
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.space.choice import touching_points
+from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -68,11 +69,12 @@ def penalty(model: "Model", contact: Contact) -> float:
     return _STIFF * min(stiffness)
 
 
-def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
+def points_of(model: "Model") -> list[tuple[int, int]]:
     """Return the points round an arc and along an element of each pass of the contacts of a model, of facets alike.
 
-    Where they are not given these are 3, of functions without control points as many for each of these, and degree + 1
-    or, where ``even``, as many as make them as close along as round (`isorod.space.choice.touching_points`).
+    Where they are not given they are as close along as round (`isorod.space.choice.touching_points`), 3 to an arc at
+    least, or as many for each function on a surface without control points.  Where elements are short at patches alone
+    (`isorod.space.graded`) that many, and degree + 1 along each, are close enough there.
     """
     found = []
     for contact in model.contacts:
@@ -85,7 +87,7 @@ def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
             n = space.points_around if surface.lift is None else len(surface.arcs)
             least = 3 if surface.lift is None else ceil(3 * surface.dimension / n)
             own = least, space.axis.degree + 1
-            if even:
+            if not isinstance(space.basis, Graded):
                 own = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
             found.append(contact.points or own)
     return found

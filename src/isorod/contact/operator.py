@@ -4,7 +4,7 @@ Of several ranks each has all tables and looks at its share of the points (`isor
 what is told are sums over all, and the same on each, entries of the tangent each rank's own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -293,20 +293,17 @@ class ContactOperator:
         packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)
         return packed
 
-    def space_evenly(self) -> None:
-        """Let points that nobody gave be as close along the axis as round the section."""
-        slaves = self.packed.surfaces["body"][self.packed.passes["slave"]]
-        even = points_of(self.model, even=True)
-        # Where elements are short at patches alone, as many in each are close enough there.
-        points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(slaves.tolist())]
+    def look(self, points: list[tuple[int, int]]) -> None:
+        """Take points round an arc and along an element of each pass, without history."""
         if points != self.points:
             self.points = points
             self._take(self._fresh())
 
-    def see_better(self, displacement: Array, between: bool) -> bool:
+    def see_better(self, displacement: Array, between: bool, chosen: Collection[int] | None = None) -> bool:
         """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.
 
-        Where nothing touches but might ``between`` points, more are taken too, if that is asked for.
+        Where nothing touches but might ``between`` points, more are taken too, if that is asked for.  Contacts are
+        those ``chosen``, or all.
         """
         self.forces(displacement)
         if not self.packed.states["pressure"].any():
@@ -316,8 +313,8 @@ class ContactOperator:
         # What facets touch tells how wide a patch is.
         self.ranks.gather(self.packed, self.packed.starts)
         points = list(self.points)
-        for contact, passes, _ in of_contacts(self.model, self.packed):
-            if contact.points is None:
+        for number, (contact, passes, _) in enumerate(of_contacts(self.model, self.packed)):
+            if contact.points is None and (chosen is None or number in chosen):
                 for k, pair in quality.more(self.packed, passes, self.points, between).items():
                     points[k] = pair
         if points == self.points:

@@ -1,7 +1,7 @@
 """What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,8 +134,11 @@ class ContactResult:
         )
         return {name: getattr(self, name) for name in kept.split()}
 
-    def doubt(self) -> str | None:
-        """Return in one line what is not to be trusted, where, and what would be right; None where all is."""
+    def doubt(self, moving: bool = False) -> str | None:
+        """Return in one line what is not to be trusted, where, and what would be right; None where all is.
+
+        Where all is ``moving`` no multipliers make up for what a penalty lets through.
+        """
         height, apart = self.uneven
         if height > _UNEVEN * apart:
             return (
@@ -150,6 +153,7 @@ class ContactResult:
             where = "facets at " + ", ".join(f"{x:.4g}" for x in self.positions[k])
         if self.cells_across < quality.CELLS:
             times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))
+            stiff = "it gives way as the penalty does: hits may be off in length" if moving else "contact too stiff"
             more = f"{times:.0f} times as many section points"
             if not self.has_points:
                 more = "a higher section degree, of solid rods order and section points in its place"
@@ -157,7 +161,7 @@ class ContactResult:
                 more = "smaller facets there, " + more
             return (
                 f"contact patch under-resolved: {self.cells_across:.2g} control points wide on {where}, peak pressure "
-                f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, contact too stiff; use {more}, or "
+                f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, {stiff}; use {more}, or "
                 f"elements {'as much ' if self.has_points else ''}shorter there, whichever spacing is larger"
             )
         if self.points_across < quality.POINTS:
@@ -174,15 +178,15 @@ class ContactResult:
         return None
 
 
-def doubts(model: Model, results: Sequence[ContactResult], facets: bool = False) -> list[str]:
-    """Return what is not to be trusted of the outcome of contacts, or of those with ``facets`` alone, a line for each.
+def doubts(model: Model, results: Mapping[int, ContactResult], moving: bool = False) -> list[str]:
+    """Return what is not to be trusted of the outcome of contacts, by their numbers, a line for each.
 
-    Whoever gives penalty and points has said what the contact is.
+    ``moving`` is as for `ContactResult.doubt`.  Whoever gives penalty and points has said what the contact is.
     """
     found = [
-        (k, result.doubt())
-        for k, (asked, result) in enumerate(zip(model.contacts, results, strict=True))
-        if (asked.penalty is None or asked.points is None) and (result.on_facets or not facets)
+        (k, result.doubt(moving))
+        for k, result in sorted(results.items())
+        if model.contacts[k].penalty is None or model.contacts[k].points is None
     ]
     return [f"contact {k}: {doubt}" for k, doubt in found if doubt is not None]
 

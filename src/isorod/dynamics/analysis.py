@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +25,14 @@ from isorod.output.progress import Progress
 from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
-# Error of implicit steps above which they are warned of.
+if TYPE_CHECKING:
+    from isorod.dynamics.sight import Sight
+
+# Error of steps above which they are warned of.
 _LARGE = 0.005
+
+# How often a motion is taken anew with more points of contact, at most.
+_LOOKS = 2
 
 
 def solve(
@@ -116,8 +122,7 @@ def solve(
     if resume and checkpoint is None:
         raise InputError("resume: got no checkpoint, need the file that the run wrote")
     with in_force(petsc):
-        run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm, integrator == "explicit"), settings)
-        ranks = run.system.ranks
+        ranks = comm or PETSc.COMM_WORLD
         if velocity is None:
             velocity = np.concatenate([body.initial_velocity for body in model.bodies]).ravel()
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
@@ -126,32 +131,29 @@ def solve(
 
             others = of_solids(model.solids, solids)
             initial = np.append(initial[0], others[0]), np.append(initial[1], others[1])
-        file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
-        try:
-            file.begin(resume)
-            overlapped = overlap.warn_at_rest(model, initial[0][: model.dofs])
-            resumed, first = run.time, run.taken
-            setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
-            shown = Progress(run.time, end_time)
-            run.tell = shown if progress and ranks.rank == 0 else run.tell
+        path, points, looks, setup, loop = None if checkpoint is None else Path(checkpoint), None, 0, 0.0, 0.0
+        while True:
+            begun = perf_counter()
+            run = chosen(System(model, ranks, integrator == "explicit", points), settings)
+            file = _Checkpoint(run, path, (initial[0].copy(), initial[1].copy()))
             try:
-                while run.index < run.outputs:
-                    loop += run.advance()
-                    if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
-                        file.write()
-                        saved = perf_counter()
-                solver = run.solver()
-            except KeyboardInterrupt as stop:
-                stop.add_note(file.keep())
-                raise
+                file.begin(resume)
+                if not looks:
+                    overlapped = overlap.warn_at_rest(model, initial[0][: model.dofs])
+                resumed, first = run.time, run.taken
+                setup += perf_counter() - (begun if looks else start)
+                spent, solver = _go(run, file, every, progress)
+                loop += spent
             finally:
-                shown.close()
-                run.end()
-        finally:
-            file.close()
+                file.close()
+            sight = _sight(run) if model.contacts else None
+            points = sight.better_points() if sight and path is None and looks < _LOOKS else None
+            if points is None:
+                break
+            looks += 1
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        for doubt in run.doubts():
+        for doubt in sight.doubts() if sight else []:
             warnings.warn(doubt, stacklevel=2)
         small.warn_of_large(
             model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
@@ -171,9 +173,35 @@ def solve(
         seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
         built=[*run.built, *(["contact"] if model.contacts else [])],
         solver=solver,
-        ranks=ranks.size,
+        ranks=ranks.getSize(),
         ramp=settings.ramp,
     )
+
+
+def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[float, dict[str, str]]:
+    """Take a run to its end; return the wall time of its steps, and the methods at work."""
+    loop, saved, ranks = 0.0, perf_counter(), run.system.ranks
+    shown = Progress(run.time, run.settings.end_time)
+    run.tell = shown if progress and ranks.rank == 0 else run.tell
+    try:
+        while run.index < run.outputs:
+            loop += run.advance()
+            if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
+                file.write()
+                saved = perf_counter()
+        return loop, run.solver()
+    except KeyboardInterrupt as stop:
+        stop.add_note(file.keep())
+        raise
+    finally:
+        shown.close()
+        run.end()
+
+
+def _sight(run: Run) -> "Sight":
+    from isorod.dynamics.sight import Sight
+
+    return Sight(run)
 
 
 def _warn_of_steps(run: Run) -> None:
@@ -181,8 +209,8 @@ def _warn_of_steps(run: Run) -> None:
     error = run.time_error
     if error is not None and error > _LARGE:
         warnings.warn(
-            f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (period "
-            f"elongation); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
+            f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (periods too "
+            f"{'short' if run.integrator == 'explicit' else 'long'}); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
             stacklevel=3,
         )
 

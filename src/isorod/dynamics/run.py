@@ -69,6 +69,8 @@ class Run(ABC):
         self.tell: Callable[[float], object] = lambda time: None
         self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
+        # Of each contact that has pressed the largest force at an output, and which that is.
+        self.peaks: dict[int, tuple[float, int]] = {}
         # Steps taken, activation, and area in contact at the last estimate.
         self._estimated = np.zeros(3)
         # Energy at the start; momentum that stays when all impulses are taken off.
@@ -122,12 +124,17 @@ class Run(ABC):
 
     @property
     def time_error(self) -> float | None:
-        """The error of implicit steps (`isorod.dynamics.implicit.phase`); None where there is none."""
+        """The error of the steps, relative to the largest displacement; None where it cannot be told."""
         return None
 
-    def doubts(self) -> list[str]:
-        """Return what is not to be trusted where rods press on finite element bodies, which explicit steps lack."""
-        return []
+    def met(self, index: int) -> Array:
+        """Return what contact takes at an output: the displacement, and that of facets behind it."""
+        found: Array = self.rows["displacement"][index]
+        return found
+
+    def steps_of_a_hit(self) -> float | None:
+        """Return how many explicit steps bodies touch when they do, the mean by impulses; None where nothing has."""
+        return None
 
     @property
     def outputs(self) -> int:
@@ -232,6 +239,9 @@ class Run(ABC):
             if not np.isfinite(value).all():
                 raise SolveError(f"step {self.taken}, time {self.time:.6g}: {name.replace('_', ' ')} is not finite")
             self.rows.setdefault(name, []).append(value)
+        for k, force in enumerate(self.system.contact_forces().tolist()):
+            if force > self.peaks.get(k, (0.0, 0))[0]:
+                self.peaks[k] = force, self.index
 
     def _balance(self, seen: dict[str, Any]) -> float:
         """Add the balances to an output; return the error of the energy."""

@@ -134,11 +134,9 @@ def _solve(
         )
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
-    if assembler.contact is not None:
-        assembler.contact.space_evenly()
-        if start_at is not None:
-            # The matrix is made with room for what touches there.
-            assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
+    if assembler.contact is not None and start_at is not None:
+        # The matrix is made with room for what touches there.
+        assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
     solver, told = Newton(assembler, loose), Teller()
     if progress and assembler.comm.getRank() == 0:
         solver.tell = told

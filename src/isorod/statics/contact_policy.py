@@ -238,5 +238,5 @@ def warn_of(contact: "ContactOperator | None", results: "Sequence[ContactResult]
         return
     from isorod.contact.result import doubts
 
-    for doubt in doubts(contact.model, results):
+    for doubt in doubts(contact.model, dict(enumerate(results))):
         warnings.warn(doubt, stacklevel=6)

@@ -1,5 +1,6 @@
 """Contact in explicit steps: what the compiled steps take; loaded by models that have contacts."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,9 @@ class StepContact(NamedTuple):
         The model's nodes that carry surfaces.
     mine
         Which nodes are this rank's, ``(nodes,)``.
+    hits
+        How long bodies touch: steps and impulse of the hit under way, then the sum of impulses of those that are over,
+        and that of impulses times steps, ``(4,)``.
     call, own, all
         What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
         the shared nodes' displacements or forces and `NUMBERS` behind, of this rank and the sums.
@@ -54,6 +58,7 @@ class StepContact(NamedTuple):
     carries: Array
     shared: Index
     mine: NDArray[np.bool_]
+    hits: Array
     call: NDArray[np.uint64]
     own: Array
     all: Array
@@ -65,19 +70,24 @@ CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
 _STRUCTURES = (PACKED, FRICTION)
 STEP_CONTACT = types.NamedTuple(
-    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, I1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
+    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, I1, types.Array(b1, 1, "C"), F1, U1, F1, F1), StepContact
 )
 
 
-def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
-    """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks."""
+def pack(
+    model: Model, order: Index, ranks: Ranks | None = None, points: Sequence[tuple[int, int]] | None = None
+) -> StepContact:
+    """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks.
+
+    ``points`` are as for `isorod.contact.tables.pack`.
+    """
     ranks = Ranks(model, order) if ranks is None else ranks
     refuse_in_motion(model.contacts)
     nodes, places = facets.nodes_of(model)
     reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
     # The first rank has the forces on facets.
     mine = np.append(ranks.owned[::3], np.full(nodes.size, ranks.rank == 0))
-    packed = dealt.Ranks(ranks.communicator).split(tables.pack(model))
+    packed = dealt.Ranks(ranks.communicator).split(tables.pack(model, points))
     carriers, lifts = packed.carriers, packed.lifts
     shared = [carriers[carriers < len(reference)]]
     shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]
@@ -94,6 +104,7 @@ def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
         carries=model.is_carrier.astype(float),
         shared=known,
         mine=mine,
+        hits=np.zeros(4),
         call=ranks.call(),
         own=np.zeros(size),
         all=np.zeros(size),

@@ -44,11 +44,15 @@ class System:
         The ranks that share it; this one alone where there is none.
     explicit
         Whether the steps are, which take loads and motions of supports from here.
+    points
+        Those of each pass of contacts (`isorod.contact.tables.pack`), which they are where not given.
 
     Attributes
     ----------
     ranks
         Which part is this rank's.
+    points
+        Of each pass of contacts, round an arc and along an element.
     mass, factors
         The mass, and what steps divide by it; see `scale`.
     drive
@@ -59,7 +63,13 @@ class System:
         Displacement of facets of finite element bodies that rods touch, ``(b,)``; they move in implicit steps alone.
     """
 
-    def __init__(self, model: Model, comm: PETSc.Comm | None = None, explicit: bool = False) -> None:
+    def __init__(
+        self,
+        model: Model,
+        comm: PETSc.Comm | None = None,
+        explicit: bool = False,
+        points: list[tuple[int, int]] | None = None,
+    ) -> None:
         self.model = model
         driven = explicit and bool(model.loads or model.means or model.moves)
         self.order = order(model)
@@ -88,10 +98,13 @@ class System:
         volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
         self._size = self.ranks.smallest(float(volumes[volumes > 0.0].min(initial=np.inf))) ** (1.0 / 3.0)
         self.contact: StepContact | None = None
+        self.points: list[tuple[int, int]] = []
         if model.contacts:
+            from isorod.contact.defaults import points_of
             from isorod.dynamics.explicit import contact
 
-            self.contact = contact.pack(model, self.order, self.ranks)
+            self.points = points_of(model) if points is None else points
+            self.contact = contact.pack(model, self.order, self.ranks, self.points)
         self.beyond = np.zeros(0 if self.contact is None else self.contact.order.size - model.dofs)
 
     @property
@@ -249,6 +262,16 @@ class System:
         total = self.ranks.sums(forces)
         total[: self.model.dofs] -= outside
         return total, (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
+
+    def contact_forces(self) -> Array:
+        """Return the normal force of each contact, as the last `forces` left it, ``(contacts,)``."""
+        if self.contact is None:
+            return np.zeros(0)
+        from isorod.contact.result import of_contacts
+
+        packed = self.contact.packed
+        loads = np.where(packed.own, packed.areas * packed.states["pressure"], 0.0)
+        return self.ranks.sums(np.array([loads[there].sum() for _, _, there in of_contacts(self.model, packed)]))
 
     def obstacle_loads(self) -> Array:
         """Return what the obstacle of each contact exerts, as the last `forces` left it, ``(contacts, 6)``."""

@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
 from isorod.contact.placing_kernel import obstacle_loads, obstacle_work
-from isorod.contact.result import doubts
 from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
@@ -62,16 +61,3 @@ class MidpointContact(ContactOperator):
         super().tangent(displacement)
         self.values *= 0.5
         return self.values
-
-
-def doubts_of_facets(model: Model, comm: PETSc.Comm, displacement: Array) -> list[str]:
-    """Return what is not to be trusted where rods press on facets, in a state of a motion; collective.
-
-    Parameters
-    ----------
-    model, comm
-        The model, over a communicator.
-    displacement
-        What contact takes, shape ``(dofs + b,)``.
-    """
-    return doubts(model, ContactOperator(model, comm).results(displacement, check=True), facets=True)

@@ -62,6 +62,7 @@ class Run(run.Run):
         self._noise += 1e-12 * self.solids.size
         if system.contact is not None and self.assembler.contact is not None:
             # Outputs and checkpoints know the same history.
+            self.assembler.contact.look(system.points)
             self.assembler.contact.share(system.contact.friction)
         self.newton = Newton(self.assembler)
         # Cuts in this step and before, at most, and the shortest piece of it that could be taken.
@@ -147,15 +148,10 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         return self._phase.error()
 
-    def doubts(self) -> list[str]:
-        """See `isorod.dynamics.run.Run`; of outputs that with the largest force."""
-        if self.assembler.contact is None or not self.assembler.contact.beyond.size:
-            return []
-        from isorod.dynamics.implicit.contact import doubts_of_facets
-
-        k = int(np.argmax(self.rows["contact_force"]))
-        everywhere = np.append(*(self.rows[name][k] for name in ("displacement", "solid_displacement")))
-        return doubts_of_facets(self.system.model, self.system.ranks.communicator, self.assembler.met(everywhere))
+    def met(self, index: int) -> Array:
+        """See `isorod.dynamics.run.Run`."""
+        everywhere = np.append(*(self.rows[name][index] for name in ("displacement", "solid_displacement")))
+        return self.assembler.met(everywhere)
 
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
