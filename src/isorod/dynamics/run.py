@@ -132,10 +132,6 @@ class Run(ABC):
         found: Array = self.rows["displacement"][index]
         return found
 
-    def steps_of_a_hit(self) -> float | None:
-        """Return how many explicit steps bodies touch when they do, the mean by impulses; None where nothing has."""
-        return None
-
     @property
     def outputs(self) -> int:
         """Number of intervals between outputs."""

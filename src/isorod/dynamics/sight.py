@@ -10,10 +10,6 @@ from isorod.contact import result
 from isorod.contact.operator import ContactOperator
 from isorod.dynamics.run import Run
 
-# Steps of a hit, below which it is warned of: it is half a period, of which central differences miss ``(pi / steps)^2 /
-# 24``, here half a per cent.
-_FEWEST = 9.0
-
 
 class Sight:
     """The contacts of a motion at their peaks.
@@ -49,11 +45,4 @@ class Sight:
         for chosen, displacement in self._peaks():
             results = self._contact.results(displacement, check=True)
             found |= {k: results[k] for k in chosen}
-        lines = result.doubts(self._model, found, moving=True)
-        steps = self._run.steps_of_a_hit()
-        if steps is not None and steps < _FEWEST:
-            lines.append(
-                f"time step {self._run.step:.3g}: bodies hit each other for {steps:.2g} steps on average; use "
-                f"{self._run.step * steps / _FEWEST:.2g}"
-            )
-        return lines
+        return result.doubts(self._model, found, moving=True)

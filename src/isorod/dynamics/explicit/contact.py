@@ -40,9 +40,6 @@ class StepContact(NamedTuple):
         The model's nodes that carry surfaces.
     mine
         Which nodes are this rank's, ``(nodes,)``.
-    hits
-        How long bodies touch: steps and impulse of the hit under way, then the sum of impulses of those that are over,
-        and that of impulses times steps, ``(4,)``.
     call, own, all
         What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
         the shared nodes' displacements or forces and `NUMBERS` behind, of this rank and the sums.
@@ -58,7 +55,6 @@ class StepContact(NamedTuple):
     carries: Array
     shared: Index
     mine: NDArray[np.bool_]
-    hits: Array
     call: NDArray[np.uint64]
     own: Array
     all: Array
@@ -70,7 +66,7 @@ CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
 _STRUCTURES = (PACKED, FRICTION)
 STEP_CONTACT = types.NamedTuple(
-    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, I1, types.Array(b1, 1, "C"), F1, U1, F1, F1), StepContact
+    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, I1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
 )
 
 
@@ -104,7 +100,6 @@ def pack(
         carries=model.is_carrier.astype(float),
         shared=known,
         mine=mine,
-        hits=np.zeros(4),
         call=ranks.call(),
         own=np.zeros(size),
         all=np.zeros(size),

@@ -162,19 +162,6 @@ def subtract(contact: StepContact, displacement: Array, keep: bool, forces: Arra
     return energy, force, area, deepest, x, y, z, dissipated
 
 
-@njit(void(STEP_CONTACT, f8), **STRICT)
-def count_hit(contact: StepContact, force: float) -> None:
-    """Count a step with a normal force to the hit under way; one without ends that."""
-    hits = contact.hits
-    if force > 0.0:
-        hits[0] += 1.0
-        hits[1] += force
-    elif hits[0] > 0.0:
-        hits[2] += hits[1]
-        hits[3] += hits[0] * hits[1]
-        hits[:2] = 0.0
-
-
 @njit(i8(MESH, STATE, COURSE, MASS_FACTORS, STEP_CONTACT, STEP_PRESSING), **STRICT)
 def finish(
     mesh: Mesh,
@@ -185,7 +172,7 @@ def finish(
     pressing: StepPressing,
 ) -> int:
     """Move on by one step under forces of which those of contact are told; return the outcome."""
-    energy, force, _, _, x, y, z, dissipated = pressing
+    energy, _, _, _, x, y, z, dissipated = pressing
     numbers = contact.all[contact.all.size - NUMBERS :]
     outcome = outcome_of(course, numbers)
     if outcome != DONE:
@@ -198,7 +185,6 @@ def finish(
     state.sums[PUSHED + 1] += course.step * y
     state.sums[PUSHED + 2] += course.step * z
     state.sums[DISSIPATED] += dissipated
-    count_hit(contact, force)
     push(mesh, state, course, mass, 0.0)
     eliminate(mass, state.momenta)
     if mass.left.size:

@@ -99,14 +99,6 @@ class Run(run.Run):
             self.system.drive.since = float(kept["since"])
         super().restore(kept)
 
-    def steps_of_a_hit(self) -> float | None:
-        """See `isorod.dynamics.run.Run`."""
-        if self.system.contact is None:
-            return None
-        steps, impulse, over, weighted = self.system.contact.hits.tolist()
-        whole = over + impulse
-        return (weighted + steps * impulse) / whole if whole > 0.0 else None
-
     @property
     def time_error(self) -> float | None:
         """See `isorod.dynamics.run.Run`."""
