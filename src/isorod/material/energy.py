@@ -11,6 +11,9 @@ from isorod.material import symbols as s
 
 LOGARITHMIC = sp.log(s.J) ** 2 / 2
 
+# Values of invariants and stretches at rest.
+_REST = {s.I1: 3, s.I2: 3, s.J: 1, s.I4a: 1, s.I4b: 1} | dict.fromkeys(s.stretches, 1)
+
 
 @dataclass(frozen=True)
 class Energy:
@@ -53,6 +56,15 @@ class Energy:
     def quadratic(self) -> bool:
         """Whether the volumetric energy is ``bulk/2 (ln J)^2``."""
         return self.volume == LOGARITHMIC
+
+    @cached_property
+    def rests(self) -> bool:
+        """Whether neither energy nor stress is there at rest, of an energy of invariants and stretches alone."""
+        whole = self.whole
+        if self.small or whole.free_symbols & {*s.F, *s.C, s.I8, s.activation}:
+            return False
+        fibres = sum(abs(sp.diff(whole, one).subs(_REST)) for one in (s.I4a, s.I4b))
+        return bool(sp.simplify(whole.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(whole))) == 0)
 
     @cached_property
     def families(self) -> int:
@@ -105,9 +117,8 @@ def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
 
 def pressure_at_rest(given: sp.Expr) -> sp.Expr:
     """Return the pressure (positive in tension) of an energy of invariants, stretches and fibres at rest."""
-    rest = {s.I1: 3, s.I2: 3, s.J: 1, s.I4a: 1, s.I4b: 1} | dict.fromkeys(s.stretches, 1)
     weights = {s.I1: 2, s.I2: 4, s.J: 1, s.stretches[0]: 1}
-    found = sp.simplify(sum(w * sp.diff(given, one).subs(rest) for one, w in weights.items()))
+    found = sp.simplify(sum(w * sp.diff(given, one).subs(_REST) for one, w in weights.items()))
     if found.has(sp.zoo, sp.nan, sp.oo, sp.I):
         raise InputError("energy: it or its slope is not finite, or not real, at rest")
     return found

@@ -27,7 +27,7 @@ from isorod.material.printed import assignments
 _NAMES = {
     "math": "erf",
     "isorod.compiled": "FAST njit",
-    "isorod.material.functions": "SPECTRAL exp expm1 log power principals",
+    "isorod.material.functions": "SPECTRAL exp expm1 log of_small power principals",
     "isorod.material.moduli_kernel": "add_both add_diagonal add_dyad add_rows add_turned combined outer scaled",
     "isorod.material.points": "BLOCK POINTS TANGENT add_identity add_products add_square",
 }
@@ -251,14 +251,14 @@ class _Body:
         """Return the function of a block of points."""
         body = [*self._read(), *self._kinematics(), *self._slopes(), *self._stress()]
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
-        lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
+        lines = self._head("block", "work, constants, activation, wanted") + self._loop(body) + ["    if wanted:"]
         energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
+        energies += [f"rest = of_small({_nine('f')}, work, k, rest)"] if self.energy.rests else []
         # Laws of small strains are linear: of a mode of any size too, which is no deformation.
         if not self.energy.small:
             energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
-        energies = _needed(energies, ("rest", "active"))
-        energies += [f"work[{_row(ENERGY)} + k] = rest", f"work[{_row(ACTIVE)} + k] = active"]
-        return [*lines, "    if wanted:", *self._loop(energies, 2)]
+        found = [f"work[{_row(row)} + k] = {name}" for row, name in ((ENERGY, "rest"), (ACTIVE, "active"))]
+        return lines + self._loop(_needed(energies, ("rest", "active")) + found, 2)
 
     def tangent(self) -> list[str]:
         """Return the function that adds the moduli."""
