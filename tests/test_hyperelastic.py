@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import sympy as sp
-from test_laws import F, close, differences
-
 from scipy.linalg import expm
+from test_laws import F, close, differences
 
 from isorod import Hyperelastic, InputError, MooneyRivlin, NeoHookean, Ogden, StVenantKirchhoff, Yeoh
 from isorod.material import symbols as s

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigs, splu
+import itertools
 
 Array = Any
 
@@ -36,9 +37,7 @@ def _stiffness(bar: Bar, length: float) -> Array:
         c, d = (4.0 + phi) * length**2, (2.0 - phi) * length**2
         at = [move, turn, move + 6, turn + 6]
         k[np.ix_(at, at)] += (
-            stiff
-            / (length**3 * (1.0 + phi))
-            * np.array([[a, b, -a, b], [b, c, -b, d], [-a, -b, a, -b], [b, d, -b, c]])
+            stiff / (length**3 * (1.0 + phi)) * np.array([[a, b, -a, b], [b, c, -b, d], [-a, -b, a, -b], [b, d, -b, c]])
         )
     return k
 
@@ -49,8 +48,8 @@ def _tensioned(length: float) -> Array:
     for move, turn, sign in ((0, 4, 1.0), (1, 3, -1.0)):
         b, c = 3.0 * length * sign, length**2
         at = [move, turn, move + 6, turn + 6]
-        k[np.ix_(at, at)] += (
-            np.array([[36, b, -36, b], [b, 4 * c, -b, -c], [-36, -b, 36, -b], [b, -c, -b, 4 * c]]) / (30.0 * length)
+        k[np.ix_(at, at)] += np.array([[36, b, -36, b], [b, 4 * c, -b, -c], [-36, -b, 36, -b], [b, -c, -b, 4 * c]]) / (
+            30.0 * length
         )
     return k
 
@@ -94,7 +93,7 @@ class Frame:
         for point in points[len(nodes) :]:
             nodes.append(len(self.places))
             self.places.append(point)
-        for one, other in zip(nodes, nodes[1:], strict=False):
+        for one, other in itertools.pairwise(nodes):
             along = self.places[other] - self.places[one]
             z = along / np.linalg.norm(along)
             x = normal - (normal @ z) * z

@@ -7,6 +7,7 @@ import numpy as np
 from comparisons.stability import random_lines
 from comparisons.stability.frame import Bar, Frame
 from comparisons.stability.random_lines import Line
+import itertools
 
 Array = Any
 Table = dict[str, Any]
@@ -233,9 +234,7 @@ class _Scene:
                     angle = float(rng.uniform(0.0, 360.0))
                     section = self.tables["rod"]["a"]["section"]
                     sizes = list(section["ellipse"].values()) if "ellipse" in section else [self.radius] * 2
-                    arm = np.array(
-                        [sizes[0] * np.cos(np.radians(angle)), sizes[1] * np.sin(np.radians(angle)), 0.0]
-                    )
+                    arm = np.array([sizes[0] * np.cos(np.radians(angle)), sizes[1] * np.sin(np.radians(angle)), 0.0])
                     self._put("load", {"at": {"u": line.u(share), "angle": angle}, "force": way.tolist()})
                     self.frame.pull(node, way)
                     self.frame.pull(node, np.cross(arm, way), turn=True)
@@ -255,7 +254,7 @@ class _Scene:
 
     def _spread(self, force: Array, which: int) -> None:
         nodes, places = self.nodes[which], self.frame.places
-        for one, other in zip(nodes, nodes[1:], strict=False):
+        for one, other in itertools.pairwise(nodes):
             length = float(np.linalg.norm(places[other] - places[one]))
             for node in (one, other):
                 self.frame.pull(node, 0.5 * length * force)
@@ -288,7 +287,10 @@ class _Scene:
         if self.analysis == "buckling":
             return self.tables, {"factors": frame.factors(4)}
         end = self.nodes[-1][-1]
-        found: dict[str, Any] = {"length": np.array(sum(line.length for line in self.lines)), "turn_end": np.degrees(frame.moved[end, 3:])}
+        found: dict[str, Any] = {
+            "length": np.array(sum(line.length for line in self.lines)),
+            "turn_end": np.degrees(frame.moved[end, 3:]),
+        }
         if "moved_end" in self.tables["measure"]:
             found["moved_end"] = frame.moved[end, :3]
         for support, (moves, turns) in self.held.items():

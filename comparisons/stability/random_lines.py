@@ -72,11 +72,13 @@ def draw(rng: np.random.Generator, radius: float, kind: str, pieces: int = 240, 
         at = np.linspace(0.0, 2.0 * np.pi * turns, pieces + 1)
         hand = -1.0 if left else 1.0
         points = np.stack([around * np.cos(at), hand * around * np.sin(at), pitch * at / (2.0 * np.pi)], axis=1)
-        text = {"radius": float(around), "pitch": float(pitch), "turns": turns} | ({"left": True} if left else {})
+        text = {
+            "helix": {"radius": float(around), "pitch": float(pitch), "turns": turns} | ({"left": True} if left else {})
+        }
         last = float(np.ceil(8.0 * turns - 1e-9))
         rise = np.full_like(at, pitch / (2.0 * np.pi * around))
         ways = np.stack([-np.sin(at), hand * np.cos(at), rise], axis=1) / np.sqrt(1.0 + rise[0] ** 2)
-        return Line({"helix": text}, points, np.array([0.0, 0.0, 1.0]), last, (ways[0], ways[-1]))
+        return Line(text, points, np.array([0.0, 0.0, 1.0]), last, (ways[0], ways[-1]))
     if kind == "fillet":
         count, side = int(rng.integers(3, 6)), radius * rng.uniform(100.0, 160.0)
         corners = [np.zeros(3) if start is None else start]
@@ -114,7 +116,8 @@ def _chain(rng: np.random.Generator, radius: float, pieces: int, start: Any) -> 
     normal = np.cross(tangent, _unit(rng))
     normal /= np.linalg.norm(normal)
     text: dict[str, Any] = {"direction": tangent.tolist(), "normal": normal.tolist(), "start": begin.tolist()}
-    first, points, told = tangent, [begin[None]], []
+    first, points = tangent, [begin[None]]
+    told: list[dict[str, Any]] = []
     for _ in range(int(rng.integers(2, 6))):
         here = points[-1][-1]
         kind = str(rng.choice(["straight", "arc", "helix"], p=(0.35, 0.45, 0.2))) if told else "straight"

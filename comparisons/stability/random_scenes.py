@@ -1,4 +1,9 @@
-"""Random whole scenes, run as files by the command with nothing chosen, beside something independent."""
+"""Random scenes of slender rods, run as files by the command with nothing chosen, beside frames of thin bars.
+
+``python -m comparisons.stability.random_scenes FOLDER SEED ...`` keeps the files in a folder, and prints by how much
+each is off, its estimate and its warnings, and what is off by more than half a percent.  The frames know neither the
+thickness of a curved bar nor how layers share a load near supports of means.
+"""
 
 import json
 import subprocess
@@ -65,7 +70,11 @@ def off(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, float]
             continue
         one, other = (np.asarray(each, dtype=float).ravel() for each in (found[name], value))
         one = one[: other.size]
-        apart = np.abs(one / other - 1.0).max() if name in _EACH else np.linalg.norm(one - other) / sizes[name.partition("_")[0]]
+        apart = (
+            np.abs(one / other - 1.0).max()
+            if name in _EACH
+            else np.linalg.norm(one - other) / sizes[name.partition("_")[0]]
+        )
         told[name] = float(apart)
     return told
 
@@ -90,13 +99,21 @@ def main(arguments: Sequence[str]) -> int:
         apart = off(record, wanted)
         told = {name: (apart[name], record[name], value) for name, value in wanted.items() if name in apart}
         worst = max(one for one, *_ in told.values())
-        print(seed, f"{100 * worst:.3f} %", "estimate", record.get("error_estimate"), "stress", record.get("stress_error"),
-              record["seconds"]["total"], flush=True)
+        print(
+            seed,
+            f"{100 * worst:.3f} %",
+            "estimate",
+            record.get("error_estimate"),
+            "stress",
+            record.get("stress_error"),
+            record["seconds"]["total"],
+            flush=True,
+        )
         for name, (one, *both) in told.items():
             if one > LARGE:
-                print("   ", name, one, *[np.round(x, 12).tolist() if 0 else np.asarray(x).tolist() for x in both])
-        for one in warned:
-            print("    warned:", one[:200])
+                print("   ", name, one, *(np.asarray(each).tolist() for each in both))
+        for line in warned:
+            print("    warned:", line[:200])
     return 0
 
 

@@ -41,7 +41,7 @@ class Sight:
 
     def doubts(self) -> list[str]:
         """Return what is not to be trusted of the contacts, a line for each."""
-        found = {}
+        found: dict[int, result.ContactResult] = {}
         for chosen, displacement in self._peaks():
             results = self._contact.results(displacement, check=True)
             found |= {k: results[k] for k in chosen}
