@@ -4,13 +4,13 @@ Bars stretch, bend, shear and twist (Timoshenko's beam with its exact stiffness,
 is linear about rest.  Supports are rows of linear equations, so that what holds a frame need not follow axes.
 """
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigs, splu
-import itertools
 
 Array = Any
 

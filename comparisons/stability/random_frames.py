@@ -1,5 +1,6 @@
 """Random scenes of slender rods, and what a frame of thin bars says of what they measure."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,6 @@ import numpy as np
 from comparisons.stability import random_lines
 from comparisons.stability.frame import Bar, Frame
 from comparisons.stability.random_lines import Line
-import itertools
 
 Array = Any
 Table = dict[str, Any]
