@@ -17,6 +17,9 @@ import numpy as np
 
 from comparisons.stability import random_frames
 
+# Degrees below which an angle is none.
+_LEAST_TURN = 1e-9
+
 # What is off by more is wrong.
 LARGE = 5e-3
 
@@ -64,12 +67,17 @@ def off(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, float]
     if "moment" in sizes:
         # Forces of rods that moments alone bend are nothing.
         sizes["force"] = max(sizes["force"], 1e-3 * sizes["moment"] / wanted["length"])
+    if "turn" in sizes:
+        # Angles of what is only drawn out are rounding.
+        sizes["turn"] = max(sizes["turn"], _LEAST_TURN)
     told = {}
     for name, value in wanted.items():
         if name == "length":
             continue
         one, other = (np.asarray(each, dtype=float).ravel() for each in (found[name], value))
-        one = one[: other.size]
+        # Buckling has as many factors as are asked for.
+        count = min(one.size, other.size)
+        one, other = one[:count], other[:count]
         apart = (
             np.abs(one / other - 1.0).max()
             if name in _EACH
