@@ -133,7 +133,7 @@ class Run(ABC):
         return found
 
     def steps_of_a_hit(self) -> float | None:
-        """Return how many explicit steps bodies touch when they do, the mean by impulses; None where nothing has."""
+        """Return how many explicit steps hits took that are over, the mean by impulses; None where there were none."""
         return None
 
     @property

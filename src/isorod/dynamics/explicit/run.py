@@ -103,9 +103,8 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         if self.system.contact is None:
             return None
-        steps, impulse, over, weighted = self.system.contact.hits.tolist()
-        whole = over + impulse
-        return (weighted + steps * impulse) / whole if whole > 0.0 else None
+        *_, impulses, weighted = self.system.contact.hits.tolist()
+        return weighted / impulses if impulses > 0.0 else None
 
     @property
     def time_error(self) -> float | None:
