@@ -119,7 +119,7 @@ def test_the_tangent_is_the_sum_over_points_of_moduli_that_are_not_symmetric():
 def test_the_critical_step_is_estimated_again_where_contact_begins():
     """Long before the steps taken bring an estimate by themselves, and once only: not again while it lasts."""
     # Where no step ends at the wall: rounding would say which points touch.
-    wall = Contact(0, Plane((1.053, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0)
+    wall = Contact(0, Plane((1.053, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0, points=(3, 3))
     model = bar(held="", contacts=[wall])
     history = dynamics.solve(model, 0.11, 0.01, outputs=11, velocity=thrown(model, [1.0, 0.0, 0.0]))
     assert history.steps == 11

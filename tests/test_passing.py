@@ -16,7 +16,7 @@ from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Sphere, Su
 
 def thrown(penalty, friction=0.0):
     """A rod thrown at another, clamped one; in a time of one it would go four radii."""
-    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty, friction=friction)])
+    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty, friction=friction, points=(3, 3))])
     model = replace(model, supports=[Support.end(model.bodies[0].space, end) for end in ("start", "end")])
     velocity = np.zeros((model.dofs // 3, 3))
     velocity[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]

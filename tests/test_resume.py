@@ -43,7 +43,7 @@ def model(penalty=200.0, friction=0.3):
     other = Space.paper(rod, elements=2, quadrature="paper")
     supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
     plane = Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0))
-    contacts = [Contact(0, other, penalty, friction=friction) for other in (1, plane)]
+    contacts = [Contact(0, other, penalty, friction=friction, points=(3, 4)) for other in (1, plane)]
     return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)
 
 

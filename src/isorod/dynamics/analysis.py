@@ -208,6 +208,7 @@ def _warn_of_steps(run: Run) -> None:
     """Warn of steps too long for what moves."""
     error = run.time_error
     if error is not None and error > _LARGE:
+        periods = "short" if run.integrator == "explicit" else "long"
         warnings.warn(
             f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (periods too "
             f"{'short' if run.integrator == 'explicit' else 'long'}); use "
