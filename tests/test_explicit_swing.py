@@ -27,8 +27,8 @@ def test_error_of_what_swings_in_central_differences(tones, periods, steps):
         swing.add(np.array(squares), np.sum((found[k] - found[0]) ** 2))
     largest = np.linalg.norm(found - found[0], axis=1).max()
     error = min(1.0, np.linalg.norm(found - exact, axis=1).max() / largest)
-    # Ten times where what is fast is faint: three sums do not tell two tones apart.
-    assert 0.8 * error < swing.error(times[-1, 0], dt) < 10.0 * error
+    # Where what is fast is faint it is taken for more than it is: three sums do not tell two tones apart.
+    assert 0.8 * error < swing.error(times[-1, 0], dt) < (2.0 if len(tones) == 1 else 12.0) * error
 
 
 def test_a_bar_that_swings():

@@ -211,8 +211,7 @@ def _warn_of_steps(run: Run) -> None:
         periods = "short" if run.integrator == "explicit" else "long"
         warnings.warn(
             f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (periods too "
-            f"{'short' if run.integrator == 'explicit' else 'long'}); use "
-            f"{run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
+            f"{periods}); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
             stacklevel=3,
         )
 
