@@ -134,8 +134,8 @@ class Contact(Checked):
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
         Gauss points round each arc of the section and along each element; of facets, points along each side, twice.
-        Where not given, 3 and degree + 1 in motions; statics begins with points no farther apart than a 48th of the
-        way round, and takes more until there are enough across the patch.
+        Where not given, no farther apart than a 48th of the way round; more are taken until there are enough across
+        the patch, in motions at its largest force, for which they are solved again, without a checkpoint alone.
     penetration
         Statics solves an augmented Lagrangian (`isorod.statics.contact_policy`): multipliers are added until no point
         penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
