@@ -58,7 +58,6 @@ def test_they_touch_when_they_meet_and_part_with_each_others_velocity(hit):
     impulse = (found.times[1] - found.times[0]) * found.contact_force.sum()
     assert 0.95 < impulse / (2.0 * np.pi * LENGTH * 0.5) < 1.0
     assert np.abs(found.energy_error).max() < 1e-3
-    assert found.time_error < 0.002
 
 
 def test_a_patch_that_control_points_do_not_see_is_warned_of(hit):

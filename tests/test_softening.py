@@ -12,7 +12,7 @@ from isorod.statics.tuning import CONTROL
 class Contact:
     """Penalties that may fall to a thousandth."""
 
-    stiffness, friction, has_defaults = 1.0, "some", True
+    stiffness, friction, has_defaults, model = 1.0, "some", True, SimpleNamespace(times=None)
 
     def stiffen(self, times):
         self.stiffness *= times

@@ -16,6 +16,7 @@ class Springs:
 
     friction = None
     has_defaults = True
+    model = SimpleNamespace(times=None)
 
     def __init__(self):
         self.stiffness = 1.0
@@ -56,6 +57,9 @@ class Place:
         return other
 
 
+MODEL = SimpleNamespace(stages=[1.0], times=None, remembers=False, when="load factor {:.6g}".format)
+
+
 def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
     """Climb by steps whose outcome ``(stiffness, length) -> error or None`` is told; return steps, cuts, all tried."""
     contact, taken, x = Springs() if contact is None else contact, [], Place()
@@ -69,10 +73,9 @@ def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
         x.at = target
         return 9
 
-    model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=watched, careful=False),
-        assembler=SimpleNamespace(contact=contact, model=model, touching=lambda x, factor: x),
+        assembler=SimpleNamespace(contact=contact, model=MODEL, touching=lambda x, factor: x),
         x=x,
         advance=advance,
         forget_path=lambda: None,
@@ -84,7 +87,7 @@ def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
     solver.policy = ContactPolicy(solver, contact)
     solver.policy.settle = settle
     steps = []
-    path = SimpleNamespace(reached=lambda x, factor: steps.append(factor), outputs=[])
+    path = SimpleNamespace(reached=lambda x, factor: steps.append(factor), left=lambda x, factor: None, outputs=[])
     climbing.climb(solver, 1, path)
     return len(steps), solver.cuts, taken
 
@@ -162,7 +165,7 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     path = []
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
-        assembler=SimpleNamespace(contact=contact, model=SimpleNamespace(stages=[1.0]), touching=lambda x, factor: x),
+        assembler=SimpleNamespace(contact=contact, model=MODEL, touching=lambda x, factor: x),
         x=Place(),
         advance=lambda factor, target: 1,
         forget_path=lambda: None,
@@ -173,7 +176,11 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     )
     solver.policy = ContactPolicy(solver, contact)
     solver.policy.settle = lambda factor: 0
-    climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor), outputs=[]))
+    climbing.climb(
+        solver,
+        8,
+        SimpleNamespace(reached=lambda x, factor: path.append(factor), left=lambda x, factor: None, outputs=[]),
+    )
     assert path == pytest.approx(0.125 * np.arange(1, 9))
 
 
@@ -189,7 +196,7 @@ def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
 
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
-        assembler=SimpleNamespace(contact=None, model=SimpleNamespace(stages=[1.0])),
+        assembler=SimpleNamespace(contact=None, model=MODEL),
         x=None,
         advance=advance,
         forget_path=lambda: None,
@@ -199,7 +206,11 @@ def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
         policy=None,
         cuts=0,
     )
-    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor), outputs=[]))
+    climbing.climb(
+        solver,
+        1,
+        SimpleNamespace(reached=lambda x, factor: reached.append(factor), left=lambda x, factor: None, outputs=[]),
+    )
     assert (targets, reached, solver.cuts) == ([1.0, 1.0], [1.0], 0)
 
 
@@ -219,7 +230,7 @@ def test_multipliers_change_by_half_as_much_each_time_that_fails(fails):
 
     assembler = SimpleNamespace(touching=lambda x, factor: np.zeros(2))
     solver = SimpleNamespace(assembler=assembler, x=None, advance=advance)
-    policy = ContactPolicy(solver, SimpleNamespace(friction=None, packed=packed, augment=augment))
+    policy = ContactPolicy(solver, SimpleNamespace(friction=None, packed=packed, augment=augment, model=MODEL))
     problem = policy._update(1.0, in_cells=False)
     count = min(fails + 1, 4)
     assert [one[0] for one in tried] == [1.0 + 8.0 / 2**k for k in range(count)]

@@ -94,7 +94,7 @@ def test_planes_beside_a_bar_bear_on_its_bulge():
 
 def test_what_tells_nothing_is_refused():
     for model in (bar(2.0, law=LinearElastic), pressed(friction=0.3)):
-        with pytest.raises(InputError, match=r"stable: stability is unknown with friction, .* small-strain laws"):
+        with pytest.raises(InputError, match=r"stable: stability is unknown with .*friction, .* small-strain laws"):
             statics.solve(model, stable=True)
 
 

@@ -28,7 +28,7 @@ from isorod.petsc.options import in_force
 if TYPE_CHECKING:
     from isorod.dynamics.sight import Sight
 
-# Error of steps above which they are warned of.
+# Error of implicit steps above which they are warned of.
 _LARGE = 0.005
 
 # How often a motion is taken anew with more points of contact, at most.
@@ -208,10 +208,9 @@ def _warn_of_steps(run: Run) -> None:
     """Warn of steps too long for what moves."""
     error = run.time_error
     if error is not None and error > _LARGE:
-        periods = "short" if run.integrator == "explicit" else "long"
         warnings.warn(
-            f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (periods too "
-            f"{periods}); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
+            f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (period "
+            f"elongation); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
             stacklevel=3,
         )
 

@@ -106,9 +106,8 @@ class History(Animated):
     resumed
         Time at which the run continued from a checkpoint, or None.
     time_error
-        The error of the displacement, relative to the largest so far, that steps make
-        (`isorod.dynamics.implicit.phase`, `isorod.dynamics.explicit.swing`, by what is seen at outputs); None of a
-        single step.
+        Of implicit steps, the error of the displacement, relative to the largest so far, that they make
+        (`isorod.dynamics.implicit.phase`); None of explicit ones, and of a single step.
     seconds, built, solver, ranks
         As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
     ramp

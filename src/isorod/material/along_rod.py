@@ -128,6 +128,11 @@ class Laws:
         return any(piece.law.at(0.5) is not piece.law for piece in self.pieces)
 
     @property
+    def tabled(self) -> bool:
+        """Whether a law grows by a table over time."""
+        return any(piece.law.grows is not None for piece in self.pieces)
+
+    @property
     def objective(self) -> bool:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
         return all(piece.law.objective for piece in self.pieces)

@@ -82,7 +82,7 @@ class Material(Checked, ABC):
     _NAMES: ClassVar[tuple[str, ...]] = ("fibre direction", "fibre direction")
 
     # By what it grows over time, by the load factor.
-    _grows: ClassVar[Any] = None
+    grows: ClassVar[Any] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -191,11 +191,11 @@ class Material(Checked, ABC):
 
         ``over`` returns what a history, or none, is at a load factor (`isorod.model.times.until`).
         """
-        return self if self.at(0.5) is self else self._with(_grows=over(None))
+        return self if self.at(0.5) is self else self._with(grows=over(None))
 
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its table if it has one."""
-        return self.at(factor if self._grows is None else self._grows(factor))
+        return self.at(factor if self.grows is None else self.grows(factor))
 
     def advanced(self, F: Array, factor: float) -> Self:
         """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""

@@ -305,13 +305,13 @@ class Thermal(Material):
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
         """Return the law with a temperature that grows by its own table, or as what has none does."""
-        return self._with(law=self.law.growing(over), _grows=over(self.history))
+        return self._with(law=self.law.growing(over), grows=over(self.history))
 
     def reached(self, factor: float) -> Self:
         """Return the law at a load factor, by its tables if it has some."""
-        if self._grows is None:
+        if self.grows is None:
             return self.at(factor)
-        return self.at(self._grows(factor))._with(law=self.law.reached(factor))
+        return self.at(self.grows(factor))._with(law=self.law.reached(factor))
 
     @property
     def shear_modulus(self) -> float:

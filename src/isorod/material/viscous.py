@@ -59,9 +59,7 @@ class Timed(Memory, Isotropic):
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
         """Return the law as one that knows the time at a load factor."""
-        from isorod.model.history import TimeTable
-
-        return self._with(_grows=over(TimeTable((0.0, _EVER), (0.0, _EVER))))
+        return self._with(grows=over(((0.0, 0.0), (_EVER, _EVER))))
 
     def advanced(self, F: Array, factor: float) -> Self:
         """Return the law with the state at the end of a step, and its time."""

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -104,14 +105,14 @@ def _refuse_timed(model: Model) -> None:
             raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")
 
 
-def in_more_steps(found: Equilibrium) -> Equilibrium:
-    """Return the equilibrium that twice as many load steps reach; collective."""
+def _in_more_steps(asked: int, found: Equilibrium) -> Equilibrium:
+    """Return the equilibrium that twice as many load steps as asked for reach; collective."""
     comm = PETSc.COMM_SELF if found.ranks == 1 else PETSc.COMM_WORLD
     kept = found.model.times is not None, None
     with warnings.catch_warnings():
         # They were said of the first.
         warnings.simplefilter("ignore")
-        return _solve(found.model.after(()), 2 * found.asked, comm, None, kept, False, False)
+        return _solve(found.model.after(()), 2 * asked, comm, None, kept, False, False)
 
 
 def _solve(
@@ -183,7 +184,7 @@ def _solve(
             moments=moments,
             work=work,
             load_steps=len(path.steps),
-            asked=load_steps,
+            in_more_steps=partial(_in_more_steps, load_steps),
             cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,

@@ -1,6 +1,6 @@
 """What statics answers: an equilibrium, the way to it, and estimates of its errors."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -74,8 +74,8 @@ class Equilibrium(State, WithSolids, Animated):
     largest
         Over time, where a state at a kink of a table stored more energy than the last one, that of most: errors are
         those there.
-    asked
-        Number of load steps that were asked for.
+    in_more_steps
+        Returns the equilibrium that twice as many load steps reach; collective.
     """
 
     reactions: Array
@@ -97,7 +97,7 @@ class Equilibrium(State, WithSolids, Animated):
     negative_eigenvalues: int | None = None
     ties: Sequence[TieResult] = ()
     largest: "Equilibrium | None" = None
-    asked: int = 1
+    in_more_steps: "Callable[[Equilibrium], Equilibrium] | None" = None
 
     @property
     def _counted(self) -> str:
@@ -169,11 +169,9 @@ class Equilibrium(State, WithSolids, Animated):
 
         It takes that run once; where steps of a model without contact double, what they err by halves.
         """
-        from isorod.statics import analysis
-
-        if not self.model.remembers:
+        if not self.model.remembers or self.in_more_steps is None:
             return None
-        before, after = self._carried(), analysis.in_more_steps(self)._carried()
+        before, after = self._carried(), self.in_more_steps(self)._carried()
         known = [one for one in before if one in after]
         changes = []
         for k in range(2):

@@ -19,7 +19,6 @@ from isorod.dynamics.explicit.step_kernel import (
     LOST,
     Course,
 )
-from isorod.dynamics.explicit.swing import Swing
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.run import IMBALANCE, Settings, total
 from isorod.errors import InputError, SolveError
@@ -51,9 +50,6 @@ _FIRST_LOOK = 4
 _CHANGED = 0.02
 _WIDER = 1.1
 
-# Share of a step by which forces are differentiated by time.
-_ON = 1e-3
-
 # Seconds that compiled steps keep Python, and with it Ctrl-C, waiting.
 _BLOCK = 0.2
 
@@ -73,7 +69,6 @@ class Run(run.Run):
         self._block = 1
         # Displacement at the last estimate, in the model's order.
         self._estimated_at = np.zeros(system.model.dofs)
-        self._swing = Swing()
 
     def begin(self, displacement: Array, velocity: Array) -> None:
         """Place the bodies, choose the time step, and take the first output."""
@@ -87,40 +82,15 @@ class Run(run.Run):
         """Return the state but for what was recorded."""
         since = 0.0 if self.system.drive is None else self.system.drive.since
         own = {"placed": self.system.mass.at, "estimated_at": self._estimated_at, "since": np.array(since)}
-        own["swing"] = self._swing.sums
         return super()._now() | own
 
     def restore(self, kept: dict[str, Array]) -> None:
         """Continue from what `state` returned; see `isorod.dynamics.run.Run.restore`."""
         self._estimated_at = kept["estimated_at"]
-        self._swing.sums = kept["swing"].copy()
         self.system.mass.place(kept["placed"])
         if self.system.drive is not None:
             self.system.drive.since = float(kept["since"])
         super().restore(kept)
-
-    @property
-    def time_error(self) -> float | None:
-        """See `isorod.dynamics.run.Run`."""
-        return self._swing.error(self.time, self.step)
-
-    def _record(self, seen: dict[str, Any]) -> None:
-        super()._record(seen)
-        system, state, held = self.system, self.system.state, self.system.state.held
-        forces, _ = self._forces(self.time)
-        ahead = self._ahead(forces, self.time)
-        speed, force = 0.5 * (ahead + state.velocity), (ahead - state.velocity) / self.step
-        # A thousandth of a step farther on.
-        further = system.forces(state.displacement + _ON * self.step * speed, self.level(self.time))[0]
-        jerk = system.velocity((forces - further)[: speed.size] / (_ON * self.step))
-        squares = []
-        for one in (speed, force, jerk):
-            # What is prescribed is not early.
-            one[held] = 0.0
-            squares.append(float(one @ system.momenta(one)))
-        moved = state.displacement[system.order] - self.rows["displacement"][0]
-        moved[system.model.held] = 0.0
-        self._swing.add(np.array(squares), float(moved @ system.mass.momenta(moved)))
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
