@@ -116,6 +116,13 @@ def test_means_in_motion_are_refused():
         solve(beam(), None, "dynamics", steps=Steps(1.0, 0.1, integrator="implicit"))
 
 
+def test_means_of_several_laws_are_refused():
+    space = Space(straight(8, height=4.0).with_rings((0.0, 0.5, 1.0)), section_degree=2)
+    body = Body(space, [LAW, LinearElastic(10.0, 0.3)], 1.0)
+    with pytest.raises(InputError, match="support 0: finite elements have mean motions of sections of one law alone"):
+        solve(Model([body], [MeanSupport.end(space, "start", "fixed")]), None, "statics")
+
+
 def test_supports_that_move_by_time_are_refused():
     space = rod()
     held = [Support.end(space, "start", displacement=(1.0, 0.0, 0.0), history=[[0.0, 0.0], [1.0, 1.0]])]

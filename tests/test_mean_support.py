@@ -302,3 +302,20 @@ def test_a_rotational_spring_that_turns_far_is_warned_of(share):
     assert len(told) == (share > 0.0865)
     if told:
         assert f"turns by {np.degrees(angle):.3g} degrees" in told[0]
+
+
+def test_a_face_of_two_laws_is_held_in_the_mean_as_one_of_one_law():
+    """Means are weighed by moduli: by areas alone the first frequency falls by 1.6 and 3.2 % of that of clamped ends."""
+    rod = straight(50.0).sweep(circle(8)).with_rings((0.0, 0.55, 1.0))
+    own = Space(rod, elements=8, degree=4, section_degree=3)
+
+    def softer(ratio):
+        laws, found = [LinearElastic(100.0 * ratio, NU), LinearElastic(100.0, NU)], []
+        for hold in (Support.end, lambda space, end: MeanSupport.end(space, end, mean="fixed")):
+            bar = Model([Body(own, laws, 1.0)], [hold(own, end) for end in ("start", "end")])
+            found.append(modal.solve(bar, 1).frequencies[0])
+        return found[1] / found[0]
+
+    alike = softer(1.0)
+    assert 0.99 < alike < 1.0
+    assert [softer(ratio) for ratio in (0.08, 12.5)] == pytest.approx([alike, alike], abs=1e-3)

@@ -117,6 +117,8 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
                 )
     for k, support in enumerate(model.supports):
         if isinstance(support, MeanSupport):
+            if model.means[k].moduli:
+                raise InputError(f"support {k}: finite elements have mean motions of sections of one law alone")
             if analysis == "dynamics" or model.ties or model.solids:
                 raise InputError(
                     f"support {k}: finite elements have mean motions and springs in statics and modes of rods that are "

@@ -200,7 +200,7 @@ class Part:
 
     def add_activation(self, local: Array, factor: float, step: float, forces: Array) -> None:
         """Add the change of the internal forces when the load factor, and what of the laws goes with it, grows."""
-        # Stress is linear in the activation, and almost so in free thermal strains: over a small step digits would cancel.
+        # Stress is linear in the activation, almost so in free thermal strains: over a small step digits would cancel.
         end, begin, share = (factor + step, factor, 1.0) if self.laws.tabled else (factor + 0.5, factor - 0.5, step)
         after, before = np.zeros((2, local.size))
         self.add_forces(local, end, after)

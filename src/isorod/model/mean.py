@@ -2,19 +2,26 @@
 
 The mean displacement of a section is ``int u dA / A`` and its mean rotation ``J^-1 int r x u dA``, ``r`` the place from
 the section's middle at rest and ``J = int (r.r 1 - r r^T) dA``.  What holds them is spread over the section as bending
-and the torsion of a round bar have it: a distributing coupling.
+and the torsion of a round bar have it: a distributing coupling.  Where rings have laws of their own, areas are times
+Young's moduli, as stresses of bending and tension are.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isorod.arrays import Array, Index, Numbers
 from isorod.errors import InputError, finite
+from isorod.geometry.quadrature import ring_of
+from isorod.material.law import Material
 from isorod.model.history import Clock, InTime, clock_of
 from isorod.model.motion import SupportMotion
 from isorod.space.space import Space
 from isorod.space.trace import Trace, ring_trace, section_trace
+
+if TYPE_CHECKING:
+    from isorod.model.body import Body
 
 # An axis of a hinge is a principal one of the section to this share.
 _PRINCIPAL = 1e-6
@@ -45,6 +52,8 @@ class MeanSupport(InTime):
         Whether it holds rigid motions alone, of a body whose loads balance: it must carry nothing.
     space
         The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
+    moduli
+        Of the section's rings, where they differ (`on`).
     """
 
     u: float
@@ -56,6 +65,7 @@ class MeanSupport(InTime):
     ring: bool = False
     free: bool = False
     space: Space | None = field(default=None, repr=False)
+    moduli: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -233,9 +243,23 @@ class MeanSupport(InTime):
         """What is held, at load factor 1, shape ``(k + m,)``."""
         return np.append(self.ways @ np.array(self.displacement), np.zeros(len(self.axes)))
 
+    def on(self, body: "Body") -> "MeanSupport":
+        """Return the support as one of a body, whose rings may have laws of their own."""
+        axis, rings = body.space.axis, len(body.space.rod.rings) - 1
+        first = rings * int(np.searchsorted(axis.breaks[1:-1], self.u, side="right"))
+        moduli = tuple(map(_stiffness, body.laws[first : first + rings]))
+        alike = self.ring or max(moduli) <= min(moduli) * (1.0 + 1e-9)
+        return replace(self, moduli=() if alike else moduli)
+
     def trace(self, space: Space) -> Trace:
-        """Return the functions of a space on the section, or on the line round it."""
-        return ring_trace(space, self.u) if self.ring else section_trace(space, self.u)
+        """Return the functions of a space on the section, or on the line round it; weights of rings times moduli."""
+        if self.ring:
+            return ring_trace(space, self.u)
+        trace = section_trace(space, self.u)
+        if not self.moduli:
+            return trace
+        xi, _ = space.section_rule(space.rule)
+        return trace._replace(weights=trace.weights * np.array(self.moduli)[ring_of(space.rod.rings, xi)])
 
     def middle(self, space: Space) -> tuple[Index, Array]:
         """Return nodes, and what the middle of the section is of them ``(n,)``."""
@@ -275,6 +299,12 @@ class MeanSupport(InTime):
         """Return the radius of gyration of the section, units of length."""
         trace = section_trace(space, self.u)
         return float(np.sqrt(trace.weights @ np.sum(_arms(trace)[0] ** 2, axis=1) / trace.weights.sum()))
+
+
+def _stiffness(law: Material) -> float:
+    """Return Young's modulus of an isotropic law at rest, of any other what it has for one."""
+    shear, lame = law.shear_modulus, law.lame
+    return 3.0 * shear if lame == np.inf else shear * (3.0 * lame + 2.0 * shear) / (lame + shear)
 
 
 def turns_about(arms: Array, now: Array, weights: Array, axes: Array) -> Array:

@@ -310,7 +310,7 @@ class Model(Checked):
     @cached_property
     def means(self) -> dict[int, MeanSupport]:
         """The supports of mean motions, by their numbers."""
-        return {k: one for k, one in enumerate(self.supports) if isinstance(one, MeanSupport)}
+        return {k: one.on(self.bodies[one.body]) for k, one in enumerate(self.supports) if isinstance(one, MeanSupport)}
 
     @property
     def coupled(self) -> bool:
