@@ -305,7 +305,7 @@ def test_a_rotational_spring_that_turns_far_is_warned_of(share):
 
 
 def test_a_face_of_two_laws_is_held_in_the_mean_as_one_of_one_law():
-    """Means are weighed by moduli: by areas alone the first frequency falls by 1.6 and 3.2 % of that of clamped ends."""
+    """Means are weighed by moduli: by areas alone the first frequency is 1.6 and 3.2 % below that of clamped ends."""
     rod = straight(50.0).sweep(circle(8)).with_rings((0.0, 0.55, 1.0))
     own = Space(rod, elements=8, degree=4, section_degree=3)
 
