@@ -132,6 +132,20 @@ def test_the_estimate_sees_steps_that_are_few() -> None:
     assert four.steps_error < 0.7 * one.steps_error
 
 
+def test_the_estimate_sees_what_few_steps_leave_of_a_load_that_is_gone() -> None:
+    # Forces of supports are those of the loads, however few steps there are.
+    made, body = _bar(Viscoelastic(30.0, NU, [[0.5, 1.0]]))
+    pull = SectionLoad.end(
+        made, "end", force=(0.0, 0.0, 0.3), history=[[0, 0], [0.001, 1], [5, 1], [5.001, 0], [10, 0]]
+    )
+    model = Model([body], [Support.end(made, "start")], loads=[pull])
+    few, many = (statics.solve(model, steps, keep=True, end_time=10.0) for steps in (1, 32))
+    largest = max(np.abs(one.displacement).max() for one in many.path)
+    off = np.abs(few.displacement - many.displacement).max() / largest
+    assert off > 0.01
+    assert 0.5 * off < few.steps_error < 4.0 * off
+
+
 def _loaded(law):
     made, body = _bar(law)
     load = SectionLoad.end(made, "end", force=(1.0, 0.0, 0.0))

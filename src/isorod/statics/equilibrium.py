@@ -165,19 +165,27 @@ class Equilibrium(State, WithSolids, Animated):
 
     @cached_property
     def steps_error(self) -> float | None:
-        """The error of supports' forces by few load steps, by a run in twice as many; None without memory.
+        """The error of supports' forces, and of displacements in the end, by few load steps; None without memory.
 
-        It takes that run once; where steps of a model without contact double, what they err by halves.
+        It takes a run in twice as many once, and is relative to the largest on the way; where steps of a model without
+        contact double, what they err by halves.
         """
         if not self.model.remembers or self.in_more_steps is None:
             return None
-        before, after = self._carried(), self.in_more_steps(self)._carried()
+        finer = self.in_more_steps(self)
+        before, after = self._carried(), finer._carried()
         known = [one for one in before if one in after]
         changes = []
         for k in range(2):
             old, new = (np.array([one[factor][k] for factor in known]) for one in (before, after))
-            size = max(np.abs(new).max(initial=0.0), _LITTLE * max(np.abs(one).max() for one in after[1.0]))
+            # In the end all may be let go.
+            most = max(np.abs(one).max() for pair in after.values() for one in pair)
+            size = max(np.abs(new).max(initial=0.0), _LITTLE * most)
             changes.append(float(np.abs(old - new).max(initial=0.0)) / size if size else 0.0)
+        moved = [finer.displacement, *(one.displacement for one in finer.path if one.displacement is not None)]
+        largest = max(float(np.abs(one).max(initial=0.0)) for one in moved)
+        apart = float(np.abs(finer.displacement - self.displacement).max(initial=0.0))
+        changes.append(apart / largest if largest else 0.0)
         return 2.0 * max(changes)
 
     def _carried(self) -> dict[float, tuple[Array, Array]]:
