@@ -1,6 +1,7 @@
 """Scene files and the error of their results: told, warned of, and refined until it is small enough."""
 
 import json
+import re
 
 import pytest
 
@@ -86,6 +87,20 @@ def test_a_tolerance_is_reached(run):
     assert {name for name, *_ in record["refinements"]} >= {"section_degree", "degree"}
     exact, _ = run(bar("section_degree = 5, degree = 6, elements = 4, continuity = 0"), "--no-estimate")
     assert record["tip"] == pytest.approx(exact["tip"], rel=2e-3, abs=1e-12)
+
+
+def test_a_tolerance_is_that_of_load_steps_too(run, tmp_path, capsys):
+    hung = PULLED.replace("[measure", "history = [[0, 0], [0.1, 1], [3, 1]]\n\n[measure")
+    text = bar("section_degree = 3, degree = 4, elements = 4", "statics", hung).replace(
+        "[analysis.statics]", "[analysis.statics]\nend_time = 3.0"
+    )
+    text = re.sub("law = .*", "law = {Viscoelastic = {E = 100.0, nu = 0.3, prony = [[0.5, 1.0]]}}", text)
+    record, said = run(text, "--tolerance", "1e-2")
+    assert record["error_estimate"] <= 1e-2 and said == ""
+    many, _ = run(text, "--tolerance", "1e-2", "--load-steps", "16")
+    assert record["tip"] == pytest.approx(many["tip"], rel=1e-2, abs=1e-12)
+    assert cli.main(["run", str(tmp_path / "bar.toml"), "--tolerance", "1e-2", "--load-steps", "1"]) == 2
+    assert "most of it by few load steps" in capsys.readouterr().err
 
 
 def test_frequencies_reach_a_tolerance(run):

@@ -132,18 +132,25 @@ def test_the_estimate_sees_steps_that_are_few() -> None:
     assert four.steps_error < 0.7 * one.steps_error
 
 
-def test_the_estimate_sees_what_few_steps_leave_of_a_load_that_is_gone() -> None:
-    # Forces of supports are those of the loads, however few steps there are.
+def _let_go():
+    """A bar whose load is gone in the end: forces of supports are those of the loads, however few steps there are."""
     made, body = _bar(Viscoelastic(30.0, NU, [[0.5, 1.0]]))
     pull = SectionLoad.end(
         made, "end", force=(0.0, 0.0, 0.3), history=[[0, 0], [0.001, 1], [5, 1], [5.001, 0], [10, 0]]
     )
-    model = Model([body], [Support.end(made, "start")], loads=[pull])
-    few, many = (statics.solve(model, steps, keep=True, end_time=10.0) for steps in (1, 32))
+    return Model([body], [Support.end(made, "start")], loads=[pull])
+
+
+def test_steps_are_as_many_as_their_error_asks_for() -> None:
+    few, default, many = (statics.solve(_let_go(), steps, keep=True, end_time=10.0) for steps in (1, None, 32))
     largest = max(np.abs(one.displacement).max() for one in many.path)
-    off = np.abs(few.displacement - many.displacement).max() / largest
+    off, left = (np.abs(one.displacement - many.displacement).max() / largest for one in (few, default))
     assert off > 0.01
     assert 0.5 * off < few.steps_error < 4.0 * off
+    assert 0.5 * left < default.steps_error < 2.5e-3
+    rough = statics.solve(_let_go(), end_time=10.0, steps_tolerance=0.02)
+    assert rough.steps_error < 0.02
+    assert rough.load_steps < default.load_steps
 
 
 def _loaded(law):

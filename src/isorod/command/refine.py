@@ -67,9 +67,12 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
                 f"quadrature: got {space.quadrature!r}, refinement needs a rule that follows the space: auto or full"
             )
     solved: dict[int, tuple[Any, dict[str, float]]] = {}
-    begin = None
+    begin, remembers = None, model.remembers and scene.analysis == "statics"
+    # A half is for the spaces, the other for the load steps: of these there are few while spaces are refined.
+    share = 0.5 * tolerance if remembers else tolerance
+    few = {"load_steps": 1, **settings} if remembers else settings
 
-    def solve(spaces: Sequence[Space]) -> Any:
+    def solve(spaces: Sequence[Space], settings: Mapping[str, Any] = few) -> Any:
         nonlocal begin
         refined = scene.on(spaces)
         solution, seconds = solving.solve(refined, settings, begin)
@@ -78,8 +81,8 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         begin = partial(solving.start_at, solution) if model.contacts else None
         return solution
 
-    first = [_start(space, tolerance) for space in spaces]
-    solution, _, steps, short = adapt.reach(solve, first, tolerance, bool(scene.stresses))
+    first = [_start(space, share) for space in spaces]
+    solution, spaces, steps, short = adapt.reach(solve, first, share, bool(scene.stresses))
     history = [(name, value, before.error) for before, step in pairwise(steps) for name, value in step.changed.items()]
     refined, seconds = solved[id(solution)]
     if scene.analysis == "modal" and (bound := solution.contact_error()) > tolerance:
@@ -88,7 +91,16 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
             f"by up to {100.0 * bound:.2g} % more",
             stacklevel=2,
         )
-    return Refined(refined, solution, seconds, steps[-1].error, history, short)
+    error = steps[-1].error
+    if remembers:
+        solution = solve(spaces, {"steps_tolerance": share, **settings})
+        refined, seconds = solved[id(solution)]
+        error += solution.steps_error
+        if error > tolerance:
+            short = adapt.short(tolerance, error, len(steps) - 1, "" if short else "; most of it by few load steps")
+        else:
+            short = ""
+    return Refined(refined, solution, seconds, error, history, short)
 
 
 def _start(space: Space, tolerance: float) -> Space:

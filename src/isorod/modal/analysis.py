@@ -30,7 +30,7 @@ def solve(
     state: Equilibrium | None = None,
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
-    load_steps: int = 1,
+    load_steps: int | None = None,
     at_rest: bool = False,
     start: Array | None = None,
     progress: bool = False,
@@ -55,7 +55,7 @@ def solve(
     petsc
         PETSc and SLEPc options for this solve alone, such as ``{"eps_tol": 1e-10}`` (`isorod.petsc.options.in_force`).
     load_steps
-        Number of equal steps to the equilibrium to start with.
+        Number of equal steps to the equilibrium to start with, as for `isorod.statics.solve`.
     at_rest
         Leave out loads, motions of supports, spin and contact: modes about the state of rest.
     start
@@ -78,7 +78,7 @@ def solve(
     unmoved(model, "modal analysis", timed=end_time is not None or at_rest or state is not None)
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
-    expect("load steps", load_steps, int)
+    expect("load steps", load_steps, int | None)
     if state is not None and at_rest:
         raise InputError("modes: got a state and at_rest, need one of them")
     with in_force(petsc):

@@ -58,7 +58,7 @@ def _count(number: int, what: str) -> str:
 
 def find(
     model: Model,
-    load_steps: int,
+    load_steps: int | None,
     comm: PETSc.Comm | None = None,
     start: Array | None = None,
     end_time: float | None = None,

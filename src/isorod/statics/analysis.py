@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
@@ -27,10 +28,13 @@ from isorod.statics.equilibrium import Equilibrium
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 
+# Laws with memory take at most so many load steps from one kink of a table to the next where nobody asks for more.
+_MOST_STEPS = 256
+
 
 def solve(
     model: Model,
-    load_steps: int = 1,
+    load_steps: int | None = None,
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
     start: Array | None = None,
@@ -39,6 +43,7 @@ def solve(
     progress: bool = False,
     outputs: int | None = None,
     end_time: float | None = None,
+    steps_tolerance: float = 2.5e-3,
 ) -> Equilibrium:
     """Bring supports and loads to their full values, or follow their histories, and return the equilibrium.
 
@@ -57,7 +62,8 @@ def solve(
         Bodies and supports; a rigid motion that these leave free must be held by contact in the end
         (`isorod.statics.stabilisation`).
     load_steps
-        Number of equal steps to start with; over time, from each kink of a table to the next.
+        Number of equal steps to start with; over time, from each kink of a table to the next.  By default one, and for
+        laws with memory as many as ``steps_tolerance`` asks for.
     petsc
         PETSc options for this solve alone, such as ``{"snes_rtol": 1e-10}`` (`isorod.petsc.options.in_force`).
     start
@@ -77,6 +83,9 @@ def solve(
     end_time
         Time to which histories are followed (`isorod.model.times.until`): load steps end at each kink of a table, and
         contact settles in each.
+    steps_tolerance
+        Of laws with memory, where ``load_steps`` is not given, the relative error by few load steps
+        (`Equilibrium.steps_error`) from which on these are doubled, up to 256 times as many.
 
     Raises
     ------
@@ -92,9 +101,12 @@ def solve(
     if end_time is None:
         _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
-    load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
+    asked = 1 if load_steps is None else whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start, (keep, outputs), stable, progress)
+        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress)
+        if load_steps is None and model.remembers:
+            return _in_enough_steps(found, (keep, outputs), stable, steps_tolerance)
+    return found
 
 
 def _refuse_timed(model: Model) -> None:
@@ -105,14 +117,23 @@ def _refuse_timed(model: Model) -> None:
             raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")
 
 
-def _in_more_steps(asked: int, found: Equilibrium) -> Equilibrium:
+def _in_more_steps(asked: int, kept: tuple[bool, int | None], stable: bool, found: Equilibrium) -> Equilibrium:
     """Return the equilibrium that twice as many load steps as asked for reach; collective."""
     comm = PETSc.COMM_SELF if found.ranks == 1 else PETSc.COMM_WORLD
-    kept = found.model.times is not None, None
     with warnings.catch_warnings():
         # They were said of the first.
         warnings.simplefilter("ignore")
-        return _solve(found.model.after(()), 2 * asked, comm, None, kept, False, False)
+        return _solve(found.model.after(()), 2 * asked, comm, None, kept, stable, False)
+
+
+def _in_enough_steps(found: Equilibrium, kept: tuple[bool, int | None], stable: bool, tolerance: float) -> Equilibrium:
+    """Return the equilibrium of as many load steps as a tolerance asks for; collective."""
+    steps, seconds = 1, found.seconds
+    while steps < _MOST_STEPS and (steps == 1 or (found.steps_error or 0.0) > tolerance):
+        finer = _in_more_steps(steps, kept, stable, found)
+        seconds = {name: value + finer.seconds[name] for name, value in seconds.items()}
+        found, steps = replace(finer, coarser=replace(found, coarser=None)), 2 * steps
+    return replace(found, seconds=seconds)
 
 
 def _solve(
@@ -184,7 +205,7 @@ def _solve(
             moments=moments,
             work=work,
             load_steps=len(path.steps),
-            in_more_steps=partial(_in_more_steps, load_steps),
+            in_more_steps=partial(_in_more_steps, load_steps, (False, None), False),
             cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,

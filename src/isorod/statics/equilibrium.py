@@ -76,6 +76,8 @@ class Equilibrium(State, WithSolids, Animated):
         those there.
     in_more_steps
         Returns the equilibrium that twice as many load steps reach; collective.
+    coarser
+        That of half as many load steps, where these were doubled.
     """
 
     reactions: Array
@@ -98,6 +100,7 @@ class Equilibrium(State, WithSolids, Animated):
     ties: Sequence[TieResult] = ()
     largest: "Equilibrium | None" = None
     in_more_steps: "Callable[[Equilibrium], Equilibrium] | None" = None
+    coarser: "Equilibrium | None" = None
 
     @property
     def _counted(self) -> str:
@@ -167,12 +170,18 @@ class Equilibrium(State, WithSolids, Animated):
     def steps_error(self) -> float | None:
         """The error of supports' forces, and of displacements in the end, by few load steps; None without memory.
 
-        It takes a run in twice as many once, and is relative to the largest on the way; where steps of a model without
-        contact double, what they err by halves.
+        It is relative to the largest on the way, and that of twice or half as many load steps apart, where what they
+        err by halves as they double.
         """
+        if self.coarser is not None:
+            return self.coarser._apart(self)
         if not self.model.remembers or self.in_more_steps is None:
             return None
-        finer = self.in_more_steps(self)
+        # It takes a run in twice as many once.
+        return 2.0 * self._apart(self.in_more_steps(self))
+
+    def _apart(self, finer: "Equilibrium") -> float:
+        """Return how far another is, of supports' forces and of displacements, relative to the largest on its way."""
         before, after = self._carried(), finer._carried()
         known = [one for one in before if one in after]
         changes = []
@@ -182,11 +191,11 @@ class Equilibrium(State, WithSolids, Animated):
             most = max(np.abs(one).max() for pair in after.values() for one in pair)
             size = max(np.abs(new).max(initial=0.0), _LITTLE * most)
             changes.append(float(np.abs(old - new).max(initial=0.0)) / size if size else 0.0)
-        moved = [finer.displacement, *(one.displacement for one in finer.path if one.displacement is not None)]
-        largest = max(float(np.abs(one).max(initial=0.0)) for one in moved)
+        moved = finer.displacement if finer.largest is None else finer.largest.displacement
+        largest = float(np.abs(moved).max(initial=0.0))
         apart = float(np.abs(finer.displacement - self.displacement).max(initial=0.0))
         changes.append(apart / largest if largest else 0.0)
-        return 2.0 * max(changes)
+        return max(changes)
 
     def _carried(self) -> dict[float, tuple[Array, Array]]:
         """Return forces and moments of the supports at load factors at which these are known."""
