@@ -82,7 +82,7 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         return solution
 
     first = [_start(space, share) for space in spaces]
-    solution, spaces, steps, short = adapt.reach(solve, first, share, bool(scene.stresses))
+    solution, reached, steps, short = adapt.reach(solve, first, share, bool(scene.stresses))
     history = [(name, value, before.error) for before, step in pairwise(steps) for name, value in step.changed.items()]
     refined, seconds = solved[id(solution)]
     if scene.analysis == "modal" and (bound := solution.contact_error()) > tolerance:
@@ -93,7 +93,7 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         )
     error = steps[-1].error
     if remembers:
-        solution = solve(spaces, {"steps_tolerance": share, **settings})
+        solution = solve(reached, {"steps_tolerance": share, **settings})
         refined, seconds = solved[id(solution)]
         error += solution.steps_error
         if error > tolerance:
