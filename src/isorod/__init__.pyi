@@ -43,6 +43,7 @@ from isorod.material.orthotropic import Orthotropic as Orthotropic
 from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
 from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff as OrthotropicKirchhoff
 from isorod.material.plastic import Plastic as Plastic
+from isorod.material.plastic import Viscoplastic as Viscoplastic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
 from isorod.material.thermal import Thermal as Thermal
 from isorod.material.viscous import Creep as Creep

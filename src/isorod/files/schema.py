@@ -60,6 +60,7 @@ LAWS = {
         "isorod.files.material:hyperelastic", kinds={"constants": CONSTANTS, "bulk": BULK, "fibre": FIBRE}
     ),
     "Plastic": Form("isorod.material.plastic:Plastic"),
+    "Viscoplastic": Form("isorod.material.plastic:Viscoplastic"),
     "Creep": Form("isorod.material.viscous:Creep"),
     "Viscoelastic": Form("isorod.material.viscous:Viscoelastic"),
     "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),

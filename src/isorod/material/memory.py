@@ -5,6 +5,7 @@ deformation gradient at its end alone: residuals and tangents, however often and
 nothing.  Where the step has been accepted, `Memory.advanced` returns the law with the state of its end.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -17,6 +18,10 @@ from isorod.material.points import Compiled, next_states
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
+
+
+# A time that no run reaches.
+_EVER = 1e300
 
 
 class Memory(Material):
@@ -77,3 +82,26 @@ class Memory(Material):
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
         """Raise: there is no energy of which it could be the gradient."""
         raise InputError(f"{type(self).__name__}: a law with memory, which motions do not take; use statics")
+
+
+class Timed(Memory):
+    """A law with memory whose stress depends on the time that goes by."""
+
+    timed: ClassVar[bool] = True
+
+    # Time of the state, and from there to where the law is asked.
+    since: float = 0.0
+    step: float = 0.0
+
+    def at(self, factor: float) -> Self:
+        """Return the law at a time."""
+        return self._with(step=max(factor - self.since, 0.0))
+
+    def growing(self, over: Callable[[Any], Callable[[float], float]]) -> Self:
+        """Return the law as one that knows the time at a load factor."""
+        return self._with(grows=over(((0.0, 0.0), (_EVER, _EVER))))
+
+    def advanced(self, F: Array, factor: float) -> Self:
+        """Return the law with the state at the end of a step, and its time."""
+        law = super().advanced(F, factor)
+        return law._with(since=self.since + self.reached(factor).step)

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from isorod.arrays import Numbers
-from isorod.errors import InputError, finite, numbers
+from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
-from isorod.material.memory import Memory
+from isorod.material.memory import Memory, Timed
 from isorod.material.points import Compiled
 
 
@@ -35,14 +35,18 @@ class Plastic(Memory, Isotropic):
         Points (accumulated plastic strain, yield stress), the first at 0, linear between them; from the last one on
         the yield stress is constant.  Stresses are Kirchhoff's, force / area.
     kinematic
-        Modulus by which the yield surface moves along with plastic strain, force / area (Prager).
+        Modulus ``H`` by which the yield surface moves along with plastic strain, force / area (Prager).
+    recovery
+        How fast its centre, the back stress, goes back while it flows, by plastic strain (Armstrong and Frederick): in
+        tension it is ``kinematic/recovery (1 - exp(-recovery p))``.
     """
 
     hardening: Numbers
     kinematic: float = 0.0
+    recovery: float = 0.0
 
     kinks: ClassVar[bool] = True
-    states: ClassVar = {"plastic_strain": 6, "p": 1}
+    states: ClassVar = {"plastic_strain": 6, "p": 1, "back_stress": 6}
 
     def _check(self) -> None:
         super()._check()
@@ -60,14 +64,52 @@ class Plastic(Memory, Isotropic):
             )
         if not (np.isfinite(self.kinematic) and self.kinematic >= 0.0):
             raise InputError(f"kinematic: got {self.kinematic:g}, need a modulus, not negative")
+        if not (np.isfinite(self.recovery) and self.recovery >= 0.0):
+            raise InputError(f"recovery: got {self.recovery:g}, need a number, not negative")
+        if self.recovery > 0.0 and self.kinematic == 0.0:
+            raise InputError("recovery: there is no back stress to recover from; give a modulus kinematic")
 
     @property
     def values(self) -> tuple[float, ...]:
-        """``mu``, the kinematic modulus, and the table with the number of its points ahead."""
+        """``mu``, the kinematic modulus and recovery, three of time, and the table with the number of its points."""
         table = np.asarray(self.hardening, dtype=float)
-        return self.mu, self.kinematic, float(len(table)), *table.ravel().tolist()
+        return self.mu, self.kinematic, self.recovery, *self._rate, float(len(table)), *table.ravel().tolist()
+
+    @property
+    def _rate(self) -> tuple[float, float, float]:
+        """Time of the step, rate ``A``, and ``1/n``."""
+        return 0.0, 0.0, 1.0
 
     @property
     def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
         return _compiled()
+
+
+@dataclass(frozen=True, eq=False)
+class Viscoplastic(Timed, Plastic):
+    """Metal that flows the faster the farther its stress is beyond the yield stress (Perzyna).
+
+    Accumulated plastic strain grows by ``A (q / yield stress - 1)^n``, ``q`` von Mises' stress about the back stress.
+
+    Parameters
+    ----------
+    E, nu, hardening, kinematic, recovery
+        Those of `Plastic`.
+    A, n
+        Rate of strain at twice the yield stress, per time, and exponent, at least 1.
+    """
+
+    A: float = 0.0
+    n: float = 1.0
+
+    def _check(self) -> None:
+        super()._check()
+        positive("A", self.A, "a positive rate")
+        if not 1.0 <= self.n <= 50.0:
+            raise InputError(f"n: got {self.n:g}, need an exponent from 1 to 50")
+
+    @property
+    def _rate(self) -> tuple[float, float, float]:
+        """Time of the step, rate ``A``, and ``1/n``."""
+        return self.step, self.A, 1.0 / self.n

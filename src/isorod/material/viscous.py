@@ -1,20 +1,19 @@
 """What flows with time: viscoelasticity by a Prony series, and Norton's creep."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from isorod.arrays import Array, Numbers
 from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
-from isorod.material.memory import Memory
+from isorod.material.memory import Timed
 from isorod.material.points import Compiled
 
-# Branches at most, and a time that no run reaches.
-_MOST, _EVER = 3, 1e300
+# Branches at most.
+_MOST = 3
 
 
 @cache
@@ -24,14 +23,8 @@ def _compiled() -> Compiled:
     return Compiled(block, tangent, update)
 
 
-class Timed(Memory, Isotropic):
+class Relaxing(Timed, Isotropic):
     """A law whose stress relaxes with time (`isorod.material.viscous_kernel`): of the volume it never does."""
-
-    timed: ClassVar[bool] = True
-
-    # Time of the state, and from there to where the law is asked.
-    since: float = 0.0
-    step: float = 0.0
 
     @property
     def branches(self) -> Array:
@@ -53,22 +46,9 @@ class Timed(Memory, Isotropic):
         """The addresses of its compiled functions."""
         return _compiled()
 
-    def at(self, factor: float) -> Self:
-        """Return the law at a time."""
-        return self._with(step=max(factor - self.since, 0.0))
-
-    def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
-        """Return the law as one that knows the time at a load factor."""
-        return self._with(grows=over(((0.0, 0.0), (_EVER, _EVER))))
-
-    def advanced(self, F: Array, factor: float) -> Self:
-        """Return the law with the state at the end of a step, and its time."""
-        law = super().advanced(F, factor)
-        return law._with(since=self.since + self.reached(factor).step)
-
 
 @dataclass(frozen=True, eq=False)
-class Viscoelastic(Timed):
+class Viscoelastic(Relaxing):
     """A solid whose shear stress relaxes in part, linear in the logarithmic strain at large strains too.
 
     In shear held from time 0 on the stress falls by ``1 - sum g (1 - exp(-t / tau))``.
@@ -103,7 +83,7 @@ class Viscoelastic(Timed):
 
 
 @dataclass(frozen=True, eq=False)
-class Creep(Timed):
+class Creep(Relaxing):
     """Metal that creeps, by Norton: the strain grows by ``A q^n``, ``q`` von Mises' stress.
 
     Parameters
