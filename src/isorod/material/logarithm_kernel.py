@@ -125,9 +125,16 @@ def _second_stress(c: Array, stress: Array, second: Array) -> None:
 @njit(**FAST)
 def put_stress(work: Array, k: Any, c: Array, frame: Array, stress: Array) -> None:
     """Fill the rows of ``P`` at a point from the stress that belongs to ``E`` in the principal frame."""
-    carried, second = np.empty((3, 3)), np.empty(6)
-    _carried(work, k, frame, carried)
+    second = np.empty(6)
     _second_stress(c, stress, second)
+    put_second(work, k, frame, second)
+
+
+@njit(**FAST)
+def put_second(work: Array, k: Any, frame: Array, second: Array) -> None:
+    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress in a frame."""
+    carried = np.empty((3, 3))
+    _carried(work, k, frame, carried)
     valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
     for a in range(3):
         for A in range(3):
@@ -141,8 +148,7 @@ def put_stress(work: Array, k: Any, c: Array, frame: Array, stress: Array) -> No
 @njit(**FAST)
 def add_moduli(work: Array, k: Any, c: Array, frame: Array, stress: Array, moduli: Array) -> None:
     """Add to the moduli at a point from stress and moduli ``dT/dE`` ``(6, 6)``, not to be used again, in that frame."""
-    carried, second, back = np.empty((3, 3)), np.empty(6), np.empty(6)
-    _carried(work, k, frame, carried)
+    second = np.empty(6)
     _second_stress(c, stress, second)
     for m in range(6):
         f = _first_difference(c[FIRST[m]], c[SECOND[m]])
@@ -166,6 +172,14 @@ def add_moduli(work: Array, k: Any, c: Array, frame: Array, stress: Array, modul
             if p == i:
                 total += other * stress[PLACE[q, j]]
             moduli[m, n] += total
+    add_second(work, k, frame, second, moduli)
+
+
+@njit(**FAST)
+def add_second(work: Array, k: Any, frame: Array, second: Array, moduli: Array) -> None:
+    """Add to the moduli at a point from ``S`` and ``dS_ij/dG_kl`` ``(6, 6)``, ``G`` Green's strain, in a frame."""
+    carried, back = np.empty((3, 3)), np.empty(6)
+    _carried(work, k, frame, carried)
     # dP/dF = d_ab S_AB + sum M_mn G_m G_n, G what a change of F makes of Green's strain.
     slopes, products = np.empty((6, 9)), np.empty((6, 9))
     for m in range(6):

@@ -42,7 +42,7 @@ _STEPS, _NEAR = 100, 1e-15
 
 @njit(**FAST)
 def _yield_stress(p: float, constants: Array) -> tuple[float, float]:
-    """Return yield stress and slope at an accumulated plastic strain: behind the last point they are this one's and 0."""
+    """Return yield stress and slope at an accumulated plastic strain: behind the last point its stress, and 0."""
     count = int(constants[_COUNT])
     for k in range(1, count):
         i = _COUNT - 1 + 2 * k

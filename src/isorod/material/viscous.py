@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from isorod.arrays import Array, Numbers
+from isorod.arrays import Numbers
 from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Timed
@@ -17,41 +17,26 @@ _MOST = 3
 
 
 @cache
-def _compiled() -> Compiled:
+def _relaxing() -> Compiled:
+    from isorod.material.relaxing_kernel import block, tangent, update
+
+    return Compiled(block, tangent, update)
+
+
+@cache
+def _creeping() -> Compiled:
     from isorod.material.viscous_kernel import block, tangent, update
 
     return Compiled(block, tangent, update)
 
 
-class Relaxing(Timed, Isotropic):
-    """A law whose stress relaxes with time (`isorod.material.viscous_kernel`): of the volume it never does."""
-
-    @property
-    def branches(self) -> Array:
-        """Share of the shear modulus, ``c`` and ``n`` of each branch, shape ``(count, 3)``."""
-        raise NotImplementedError
-
-    @property
-    def states(self) -> dict[str, int]:  # type: ignore[override]
-        """What its state is: the strain, and the viscous strain of each branch."""
-        return {"strain": 6, "viscous_strain": 6 * len(self.branches)}
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """``mu``, the time of the step, and the branches with their number ahead."""
-        return self.mu, self.step, float(len(self.branches)), *self.branches.ravel().tolist()
-
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _compiled()
-
-
 @dataclass(frozen=True, eq=False)
-class Viscoelastic(Relaxing):
-    """A solid whose shear stress relaxes in part, linear in the logarithmic strain at large strains too.
+class Viscoelastic(Timed, Isotropic):
+    """A solid whose shear stress relaxes in part, at strains of any size.
 
-    In shear held from time 0 on the stress falls by ``1 - sum g (1 - exp(-t / tau))``.
+    In small shear held from time 0 on the stress falls by ``1 - sum g (1 - exp(-t / tau))``.  A spring of neo-Hooke
+    stands beside branches of a spring and a damper (S. Reese & S. Govindjee, Int. J. Solids Struct. 35 (1998)
+    3455-3482), ``W = mu/2 (I1bar - 3)`` each, its share of ``mu``; the volume is elastic, ``(lame/2 + mu/3) (ln J)^2``.
 
     Parameters
     ----------
@@ -76,14 +61,24 @@ class Viscoelastic(Relaxing):
             positive("prony", float(time), "a positive time")
 
     @property
-    def branches(self) -> Array:
-        """Of each row of the series one with ``q' = -q / tau``."""
-        shares, times = np.asarray(self.prony, dtype=float).T
-        return np.column_stack([shares, 1.0 / times, np.ones(len(times))])
+    def states(self) -> dict[str, int]:  # type: ignore[override]
+        """What its state is: ``C`` and the strain of each damper, less the identity and free of volume."""
+        return {"strain": 6, "viscous_strain": 6 * len(np.asarray(self.prony))}
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """``mu``, the time of the step, and the rows of the series with their number ahead."""
+        rows = np.asarray(self.prony, dtype=float)
+        return self.mu, self.step, float(len(rows)), *rows.ravel().tolist()
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        return _relaxing()
 
 
 @dataclass(frozen=True, eq=False)
-class Creep(Relaxing):
+class Creep(Timed, Isotropic):
     """Metal that creeps, by Norton: the strain grows by ``A q^n``, ``q`` von Mises' stress.
 
     Parameters
@@ -98,6 +93,7 @@ class Creep(Relaxing):
     n: float
 
     kinks: ClassVar[bool] = True
+    states: ClassVar = {"strain": 6, "viscous_strain": 6}
 
     def _check(self) -> None:
         super()._check()
@@ -106,6 +102,11 @@ class Creep(Relaxing):
             raise InputError(f"n: got {self.n:g}, need an exponent from 1 to 50")
 
     @property
-    def branches(self) -> Array:
-        """The one of all of the shear modulus: held in shear, ``q' = -3 mu A q^n``."""
-        return np.array([[1.0, 3.0 * self.mu * self.A, self.n]])
+    def values(self) -> tuple[float, ...]:
+        """``mu``, the time of the step, and ``c`` and ``n``: held in shear, ``q' = -c q^n``."""
+        return self.mu, self.step, 3.0 * self.mu * self.A, self.n
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        return _creeping()

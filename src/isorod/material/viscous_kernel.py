@@ -1,11 +1,10 @@
-"""Laws that flow with time, by logarithmic strain, compiled: elastic beside branches whose stress relaxes.
+"""Norton's creep by logarithmic strain, compiled: all of the shear stress relaxes.
 
-Von Mises' stress of a branch falls as ``q' = -c q^n`` while it is not strained.  A step relaxes for half of its time,
-is strained, and relaxes for the other half, each exactly: an error of second order in the time, and none where nothing
-moves.  Where ``n = 1`` the strain grows straight in time, without error.
+Von Mises' stress falls as ``q' = -c q^n`` while nothing moves.  A step relaxes for half of its time, is strained, and
+relaxes for the other half, each exactly: an error of second order in the time, and none where nothing moves.
 
-Constants: shear modulus, time of the step, number of branches, of each its share of that modulus, ``c`` and ``n``,
-Lame's first parameter.  State: the strain at the start of the step, then the viscous strain of each branch.
+Constants: shear modulus, time of the step, ``c``, ``n``, Lame's first parameter.  State: the strain at the start of the
+step, then the viscous strain.
 """
 
 from typing import Any
@@ -27,9 +26,6 @@ from isorod.material.logarithm_kernel import (
 )
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, POINTS, ROWS, TANGENT
 
-# Branches at most: their states have no more room.
-MOST = 3
-
 
 @njit(**FAST)
 def _left(q: float, c: float, n: float, time: float) -> float:
@@ -46,17 +42,10 @@ def _tensor(work: Array, k: Any, first: int, tensor: Array) -> None:
 
 
 @njit(**FAST)
-def _branch(
-    work: Array,
-    k: Any,
-    constants: Array,
-    which: int,
-    frame: Array,
-    deviator: Array,
-    before: Array,
-    elastic: Array,
+def _relax(
+    work: Array, k: Any, constants: Array, frame: Array, deviator: Array, before: Array, elastic: Array
 ) -> tuple[float, float]:
-    """Fill in the elastic strain of a branch at the end of the step, in the principal frame.
+    """Fill in the elastic strain at the end of the step, in the principal frame.
 
     Parameters
     ----------
@@ -68,22 +57,15 @@ def _branch(
     across, along
         By how much it grows with the strain, across it and along it.
     """
-    mu, time = constants[3 + 3 * which] * constants[0], constants[1]
-    c, n = constants[4 + 3 * which], constants[5 + 3 * which]
+    time, c, n = constants[1], constants[2], constants[3]
     flown, turned = np.empty(6), np.empty(6)
-    _tensor(work, k, 6 + 6 * which, flown)
+    _tensor(work, k, 6, flown)
     turn(flown, frame, turned)
     size = 0.0
     for m in range(6):
         elastic[m] = before[m] - turned[m]
         size += TWICE[m] * elastic[m] ** 2
-    if n == 1.0:
-        x = c * time
-        kept, share = np.exp(-x), -np.expm1(-x) / x if x > 1e-8 else 1.0 - 0.5 * x
-        for m in range(6):
-            elastic[m] = kept * elastic[m] + share * (deviator[m] - before[m])
-        return share, share
-    stress = 2.0 * mu * np.sqrt(1.5)
+    stress = 2.0 * constants[0] * np.sqrt(1.5)
     kept = _left(stress * np.sqrt(size), c, n, 0.5 * time)
     size = 0.0
     for m in range(6):
@@ -111,27 +93,19 @@ def _deviators(work: Array, k: Any, frame: Array, strain: Array, deviator: Array
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the energy, that of the elastic strains."""
+    """Fill in the stress, and if wanted the energy, that of the elastic strain."""
     spectral = principal_strains(work)
     c, strain, stress, frame = np.empty(3), np.empty(3), np.empty(6), np.empty((3, 3))
     deviator, before, elastic = np.empty(6), np.empty(6), np.empty(6)
-    mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
+    mu, lame = constants[0], constants[constants.size - 1]
     for k in range(np.uint64(POINTS)):
         take_frame(spectral, k, c, frame, strain)
         trace = _deviators(work, k, frame, strain, deviator, before)
-        rest = 1.0
-        for i in range(count):
-            rest -= constants[3 + 3 * i]
-        energy = 0.5 * (lame + 2.0 / 3.0 * mu) * trace * trace
+        _relax(work, k, constants, frame, deviator, before, elastic)
+        energy = 0.5 * (lame + 2.0 / 3.0 * mu) * trace**2
         for m in range(6):
-            pressed = (lame + 2.0 / 3.0 * mu) * trace if FIRST[m] == SECOND[m] else 0.0
-            stress[m] = 2.0 * rest * mu * deviator[m] + pressed
-            energy += rest * mu * TWICE[m] * deviator[m] ** 2
-        for i in range(count):
-            _branch(work, k, constants, i, frame, deviator, before, elastic)
-            for m in range(6):
-                stress[m] += 2.0 * constants[3 + 3 * i] * mu * elastic[m]
-                energy += constants[3 + 3 * i] * mu * TWICE[m] * elastic[m] ** 2
+            stress[m] = 2.0 * mu * elastic[m] + ((lame + 2.0 / 3.0 * mu) * trace if FIRST[m] == SECOND[m] else 0.0)
+            energy += mu * TWICE[m] * elastic[m] ** 2
         put_stress(work, k, c, frame, stress)
         if wanted:
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = energy, 0.0
@@ -143,35 +117,22 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
     spectral = principal_strains(work)
     c, strain, stress, frame = np.empty(3), np.empty(3), np.empty(6), np.empty((3, 3))
     deviator, before, elastic, moduli = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))
-    mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
+    mu, lame = constants[0], constants[constants.size - 1]
+    bulk = lame + 2.0 / 3.0 * mu
     for k in range(np.uint64(POINTS)):
         take_frame(spectral, k, c, frame, strain)
         trace = _deviators(work, k, frame, strain, deviator, before)
-        bulk = lame + 2.0 / 3.0 * mu
-        sheared = 1.0
-        for i in range(count):
-            sheared -= constants[3 + 3 * i]
+        across, along = _relax(work, k, constants, frame, deviator, before, elastic)
+        size = 0.0
         for m in range(6):
-            stress[m] = 2.0 * sheared * mu * deviator[m] + (bulk * trace if FIRST[m] == SECOND[m] else 0.0)
-            for n in range(6):
-                moduli[m, n] = 0.0
-        for i in range(count):
-            share = constants[3 + 3 * i]
-            across, along = _branch(work, k, constants, i, frame, deviator, before, elastic)
-            sheared += share * across
-            size = 0.0
-            for m in range(6):
-                stress[m] += 2.0 * share * mu * elastic[m]
-                size += TWICE[m] * elastic[m] ** 2
-            if size > 0.0 and along != across:
-                for m in range(6):
-                    for n in range(6):
-                        moduli[m, n] += 2.0 * share * mu * (along - across) * elastic[m] * elastic[n] / size
+            stress[m] = 2.0 * mu * elastic[m] + (bulk * trace if FIRST[m] == SECOND[m] else 0.0)
+            size += TWICE[m] * elastic[m] ** 2
+        bent = 2.0 * mu * (along - across) / size if size > 0.0 else 0.0
         for m in range(6):
             for n in range(6):
                 own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
                 both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
-                moduli[m, n] += 2.0 * mu * sheared * (own - both / 3.0) + bulk * both
+                moduli[m, n] = 2.0 * mu * across * (own - both / 3.0) + bulk * both + bent * elastic[m] * elastic[n]
         add_moduli(work, k, c, frame, stress, moduli)
 
 
@@ -184,14 +145,12 @@ def update(work: Array, constants: Array, activation: float, wanted: bool) -> No
     for k in range(np.uint64(POINTS)):
         take_frame(spectral, k, c, frame, strain)
         _deviators(work, k, frame, strain, deviator, before)
-        for i in range(int(constants[2])):
-            _branch(work, k, constants, i, frame, deviator, before, elastic)
-            for m in range(6):
-                turned[m] = deviator[m] - elastic[m]
-            turn_back(turned, frame, after)
-            for m in range(6):
-                work[np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)) + k] = after[m]
+        _relax(work, k, constants, frame, deviator, before, elastic)
         for m in range(6):
+            turned[m] = deviator[m] - elastic[m]
+        turn_back(turned, frame, after)
+        for m in range(6):
+            work[np.uint64(POINTS * (FIBRE + 6 + m)) + k] = after[m]
             turned[m] = strain[FIRST[m]] if FIRST[m] == SECOND[m] else 0.0
         turn_back(turned, frame, after)
         for m in range(6):
