@@ -33,6 +33,7 @@ from isorod.material import LinearElastic as LinearElastic
 from isorod.material import Material as Material
 from isorod.material import NeoHookean as NeoHookean
 from isorod.material.active_muscle import ActiveMuscle as ActiveMuscle
+from isorod.material.dissipative import Dissipative as Dissipative
 from isorod.material.gent import Gent as Gent
 from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden as HolzapfelGasserOgden
 from isorod.material.hyperelastic import Hyperelastic as Hyperelastic

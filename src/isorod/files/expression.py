@@ -29,6 +29,9 @@ _OPERATIONS: dict[type[ast.operator], Any] = {
 
 _FUNCTIONS = ("log", "exp", "sqrt", "sin", "cos", "tanh", "Max", "Min")
 
+# Of tensors: the trace, what is left without it, and the sum of the products of components.
+_TENSORS = ("tr", "dev", "dot")
+
 
 def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
     """Return an energy as an expression of `isorod.material.symbols` and constants.
@@ -89,6 +92,8 @@ def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.E
         found = _read(tree, names, known, 0)
     except InputError as problem:
         raise InputError(f"{what}: {problem}") from None
+    if isinstance(found, sp.MatrixBase):
+        raise InputError(f"{what}: got {text!r:.60}, which is a tensor, need a number")
     if found.has(sp.zoo, sp.nan, sp.oo):
         raise InputError(f"{what}: got {text!r:.60}, which divides by zero or is not finite")
     if found.has(sp.I):
@@ -148,9 +153,14 @@ def _read(node: ast.AST, names: Mapping[str, Any], known: str, depth: int) -> An
             found = _combined(one, found, _read(one.right, names, known, depth + 1))
         return found
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        if node.func.id not in _FUNCTIONS:
-            raise _unknown(node, node.func.id, _FUNCTIONS, known)
+        tensors = _TENSORS if any(isinstance(one, sp.MatrixBase) for one in names.values()) else ()
+        if node.func.id not in (*_FUNCTIONS, *tensors):
+            raise _unknown(node, node.func.id, (*_FUNCTIONS, *tensors), known)
         given = [_read(one, names, known, depth + 1) for one in node.args]
+        if node.func.id in tensors:
+            return _of_tensors(node, given)
+        if any(isinstance(one, sp.MatrixBase) for one in given):
+            raise InputError(f"column {node.col_offset + 1}: {node.func.id} of a tensor, need a number")
         if (len(given) == 1) == (node.func.id in ("Max", "Min")):
             raise InputError(f"column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
         return getattr(sp, node.func.id)(*given)
@@ -160,7 +170,26 @@ def _read(node: ast.AST, names: Mapping[str, Any], known: str, depth: int) -> An
     )
 
 
+def _of_tensors(node: ast.Call, given: list[Any]) -> Any:
+    """Return the trace, the deviator, or the product of tensors."""
+    import sympy as sp
+
+    name = ast.unparse(node.func)
+    if len(given) != 1 + (name == "dot") or not all(isinstance(one, sp.MatrixBase) for one in given):
+        raise InputError(f"column {node.col_offset + 1}: need tr(tensor), dev(tensor) or dot(tensor, tensor)")
+    if name == "dot":
+        return sum(one * other for one, other in zip(*given, strict=True))
+    return given[0].trace() if name == "tr" else given[0] - given[0].trace() / 3 * sp.eye(3)
+
+
 def _combined(node: ast.BinOp, left: Any, right: Any) -> Any:
+    import sympy as sp
+
+    tensors = [isinstance(one, sp.MatrixBase) for one in (left, right)]
+    if any(tensors):
+        sums, factors = isinstance(node.op, ast.Add | ast.Sub), isinstance(node.op, ast.Mult)
+        if not (sums and all(tensors)) and not (factors and not all(tensors)):
+            raise InputError(f"column {node.col_offset + 1}: tensors take + and - with tensors, and * with numbers")
     if isinstance(node.op, ast.Pow) and right.is_number and abs(right) > _HIGHEST:
         raise InputError(f"column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}")
     return _OPERATIONS[type(node.op)](left, right)

@@ -4,11 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from isorod.errors import InputError
 from isorod.files import values
 from isorod.files.document import Place, shown
 
 if TYPE_CHECKING:
     from isorod.material.active_muscle import ActiveMuscle
+    from isorod.material.dissipative import Dissipative
     from isorod.material.fibre import Fibre
     from isorod.material.hyperelastic import Hyperelastic
 
@@ -50,9 +52,15 @@ def constants(place: Place, value: Any) -> dict[str, float]:
     return {key: float(values.value_of(place / key, one, float)) for key, one in place.table(value).items()}
 
 
+def kinds(place: Place, value: Any) -> dict[str, str]:
+    """Return a table of texts."""
+    return {key: str(values.value_of(place / key, one, str)) for key, one in place.table(value).items()}
+
+
 BULK = values.Kind(bulk, "a number, or inf")
 FIBRE = values.Kind(fibre, f"{_DIRECTION}, or a list of two of these")
 CONSTANTS = values.Kind(constants, "a table of numbers")
+VARIABLES = values.Kind(kinds, "a table of texts")
 
 
 def hyperelastic(
@@ -85,6 +93,57 @@ def hyperelastic(
 
     given = dict(constants or {})
     return Hyperelastic(parsed(energy, given), given, bulk, prestressed, fibre)
+
+
+def _with_components(names: dict[str, Any]) -> dict[str, Any]:
+    """Return names with those of the components of tensors."""
+    each = [(name, one) for name, one in names.items() if hasattr(one, "shape")]
+    return names | {f"{name}{i}{j}": one[i, j] for name, one in each for i in range(3) for j in range(3)}
+
+
+def dissipative(
+    energy: str,
+    dissipation: str,
+    state: Mapping[str, str],
+    constants: Mapping[str, float] | None = None,
+    bulk: float | None = None,
+) -> "Dissipative":
+    """Return the law of a stored energy and a dissipation potential of the rates of internal variables.
+
+    Parameters
+    ----------
+    energy
+        An expression such as `"mu*dot(dev(strain) - v, dev(strain) - v)"` of the tensor `strain`, ln(C)/2, the internal
+        variables and constants, per reference volume; with `tr`, `dev` and `dot` of tensors, and what is known in the
+        energy of `Hyperelastic`.
+    dissipation
+        One such as `"eta*dot(v_rate, v_rate)"` of their rates and constants.
+    state
+        The internal variables: name and `"scalar"`, `"symmetric"` or `"deviatoric"`, a tensor without trace.
+    constants
+        The value of each constant.
+    bulk
+        Adds `bulk/2 log(J)**2`; force / area, `inf` for an incompressible law.
+    """
+    from sympy import Symbol
+
+    from isorod.files.expression import formula
+    from isorod.material.dissipative import KINDS, Dissipative
+    from isorod.material.symbols import internal, strain
+
+    names, lost = dict[str, Any](), dict[str, Any]()
+    for name, kind in state.items():
+        if kind in KINDS:
+            names[name], lost[f"{name}_rate"] = internal(name, kind)
+    names, lost = _with_components(names | {"strain": strain}), _with_components(lost)
+    given = dict(constants or {})
+    for one in given:
+        if one in names or one in lost or not one.isidentifier():
+            raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
+    known = {one: Symbol(one, real=True) for one in given}
+    stored = formula(energy, names | known, "energy", "a constant, strain, or one of state")
+    rates = formula(dissipation, lost | known, "dissipation", "a constant, or a rate such as v_rate")
+    return Dissipative(stored, rates, state, given, bulk)
 
 
 def active_muscle(

@@ -12,7 +12,7 @@ from isorod.files.angles import ANGLES, DEGREES, RADIANS
 from isorod.files.data import BOND, HISTORY, POINTS, VARYING
 from isorod.files.document import Place
 from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several, table
-from isorod.files.material import BULK, CONSTANTS, FIBRE
+from isorod.files.material import BULK, CONSTANTS, FIBRE, VARIABLES
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
 from isorod.files.warmth import EXPANSION, TEMPERATURE
@@ -63,6 +63,9 @@ LAWS = {
     "Viscoplastic": Form("isorod.material.plastic:Viscoplastic"),
     "Creep": Form("isorod.material.viscous:Creep"),
     "Viscoelastic": Form("isorod.material.viscous:Viscoelastic"),
+    "Dissipative": Form(
+        "isorod.files.material:dissipative", kinds={"constants": CONSTANTS, "bulk": BULK, "state": VARIABLES}
+    ),
     "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),
     "ActiveMuscle": Form("isorod.files.material:active_muscle", kinds={"curve": POINTS, "fibre": FIBRE}),
 }

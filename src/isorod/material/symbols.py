@@ -8,6 +8,8 @@ squares of the stretches of these, and ``I8 = a.C b``.  ``I1bar`` and ``I2bar`` 
 that of the point, ``heat`` that of the whole body or the share of it that is there (`isorod.material.thermal`).
 """
 
+from typing import Any
+
 from sympy import Matrix, Rational, Symbol, symbols
 
 F = Matrix(3, 3, lambda a, A: Symbol(f"F{a}{A}", real=True))
@@ -30,3 +32,29 @@ STRAINS = tuple(C[A, B] for A in range(3) for B in range(A, 3))
 
 INVARIANTS = (I1, I2, J, I4a, I4b, I8, *stretches)
 """What an energy without components of tensors may depend on, and in what order derivatives by these stand."""
+
+strain = Matrix(3, 3, lambda A, B: Symbol(f"strain{min(A, B)}{max(A, B)}", real=True))
+"""The logarithmic strain ``ln(C)/2``, of laws of two potentials (`isorod.material.dissipative`)."""
+
+ENTRIES = tuple(strain[A, B] for A in range(3) for B in range(A, 3))
+"""Its components: 00, 01, 02, 11, 12, 22."""
+
+trace = strain.trace()
+
+
+def internal(name: str, kind: str) -> tuple[Any, Any]:
+    """Return the symbols of an internal variable and of its rate, matrices ``(3, 3)`` of those that are tensors.
+
+    Parameters
+    ----------
+    name, kind
+        What it is called, and ``"scalar"``, ``"symmetric"`` or ``"deviatoric"``: without trace.
+    """
+    words = name, f"{name}_rate"
+    if kind == "scalar":
+        return Symbol(words[0], real=True), Symbol(words[1], real=True)
+    pair = [Matrix(3, 3, lambda A, B, one=one: Symbol(f"{one}{min(A, B)}{max(A, B)}", real=True)) for one in words]
+    if kind == "deviatoric":
+        for one in pair:
+            one[2, 2] = -one[0, 0] - one[1, 1]
+    return pair[0], pair[1]

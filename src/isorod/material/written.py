@@ -29,7 +29,11 @@ def compiled(energy: "Energy") -> Compiled:
     """Return the compiled functions of an energy."""
     from isorod.material.generate import source
 
-    text = source(energy)
+    return of_text(source(energy))
+
+
+def of_text(text: str) -> Compiled:
+    """Return the compiled functions of the source of a module."""
     return _functions(_name(text), lambda: text)
 
 
@@ -77,7 +81,7 @@ def _functions(name: str, text: Callable[[], str]) -> Compiled:
     module = module_from_spec(spec)
     sys.modules[loader.name] = module
     loader.exec_module(module)
-    return Compiled(module.block, module.tangent)
+    return Compiled(module.block, module.tangent, getattr(module, "update", None))
 
 
 def _write(path: Path, text: str) -> Path:

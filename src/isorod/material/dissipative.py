@@ -1,0 +1,212 @@
+"""A law from two potentials, which its user writes down: what is stored, and what is lost."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.material.isochoric import Isochoric
+from isorod.material.law import Material, plane_waves
+from isorod.material.memory import Timed
+from isorod.material.points import STATES, Compiled
+
+# How many numbers each kind of a variable is in the state.
+KINDS = {"scalar": 1, "symmetric": 6, "deviatoric": 6}
+
+# Strains and times of the steps in which a law is checked.
+_STRAIN, _TIMES = 0.02, (1e-3, 1.0, 1e3)
+
+_CHECKED: set[Any] = set()
+
+
+@dataclass(frozen=True, eq=False)
+class Dissipative(Timed, Isochoric):
+    """A law from its stored energy and a dissipation potential of the rates of internal variables.
+
+    The energy is one of the logarithmic strain ``ln(C)/2``, so that rotations change nothing.  A step minimises
+    ``W(strain, a) + t phi((a - a_n)/t)``: an error of first order in its time ``t``.  Stress, the symmetric moduli and
+    the step's own Newton iterations are made from the two potentials, and checked when the law is made.
+
+    Parameters
+    ----------
+    definition
+        The stored energy, a SymPy expression of `isorod.material.symbols.strain`, internal variables and
+        constants, per reference volume.
+    dissipation
+        One of rates and constants, convex and least, zero, where nothing flows; with a second derivative there, which
+        a yield stress or Norton's power does not have (`isorod.material.plastic`, `isorod.material.viscous`).
+    variables
+        Kind of each variable by its name: ``"scalar"``, ``"symmetric"`` or ``"deviatoric"``, a tensor without trace.
+        Its symbols and those of its rate are `isorod.material.symbols.internal`.  All are zero at rest.
+    parameters
+        Value of each constant, by its symbol or name.
+    bulk
+        Where it is given, ``bulk/2 (ln J)^2`` is added to the energy; force / area, infinite for an incompressible law.
+
+    Raises
+    ------
+    InputError
+        If a symbol is not known, a constant has no value, or a check fails.
+    """
+
+    definition: Any
+    dissipation: Any
+    variables: Mapping[str, str]
+    parameters: Mapping[Any, float] = field(default_factory=dict)
+    bulk: float | None = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        for name, value in self.parameters.items():
+            if not np.isfinite(value):
+                raise InputError(f"constant {name}: got {value:g}, need a finite number")
+        if self.bulk is not None and not self.bulk > 0.0:
+            raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
+        for name, kind in self.variables.items():
+            if kind not in KINDS:
+                raise InputError(f"state {name}: got {kind!r}, need one of {', '.join(KINDS)}")
+        if not self.variables or self.width > STATES:
+            raise InputError(f"state: need 1 to {STATES} numbers, 6 for each tensor; got {self.width}")
+        Material.__post_init__(self)
+        self._prove()
+
+    def _check(self) -> None:
+        """Raise nothing: constants are what the energy takes."""
+
+    @cached_property
+    def _text(self) -> str:
+        from isorod.material.dissipative_source import free_of, source
+        from isorod.material.symbols import bulk, internal, trace
+
+        pairs, places, traces, first = list[Any](), list[int](), list[tuple[int, int, int]](), 0
+        for name, kind in self.variables.items():
+            own, rate = internal(name, kind)
+            if kind == "scalar":
+                pairs, places = [*pairs, (own, rate)], [*places, first]
+            else:
+                kept = range(5 if kind == "deviatoric" else 6)
+                at = [(i, j) for i in range(3) for j in range(i, 3)]
+                pairs += [(own[at[k]], rate[at[k]]) for k in kept]
+                places += [first + k for k in kept]
+                traces += [(first + 5, first, first + 3)] if kind == "deviatoric" else []
+            first += KINDS[kind]
+        symbols = self._symbols
+        energy, lost = self.definition, self.dissipation
+        for what, one, known in (
+            ("energy", energy, [own for own, _ in pairs]),
+            ("dissipation", lost, [rate for _, rate in pairs]),
+        ):
+            if unknown := free_of(one, [*known, *symbols]):
+                raise InputError(f"{what}: {', '.join(unknown)} is neither a constant that is given nor known there")
+        if set(trace.free_symbols) & lost.free_symbols:
+            raise InputError("dissipation: it depends on rates and constants alone; got the strain")
+        if self.splits:
+            energy, symbols = energy + bulk / 2 * trace**2, (*symbols, bulk)
+        return source(energy, lost, pairs, places, traces, symbols)
+
+    @cached_property
+    def _symbols(self) -> tuple[Any, ...]:
+        from sympy import Symbol
+
+        free = {*self.definition.free_symbols, *self.dissipation.free_symbols}
+        named = {str(one): one for one in free}
+        return tuple(named.get(str(one), Symbol(str(one))) for one in self.parameters)
+
+    @property
+    def states(self) -> dict[str, int]:  # type: ignore[override]
+        """How many numbers of each variable the state has; of tensors 00, 01, 02, 11, 12, 22."""
+        return {name: KINDS[kind] for name, kind in self.variables.items()}
+
+    @property
+    def splits(self) -> bool:  # type: ignore[override]
+        """Whether it has a volumetric energy."""
+        return self.bulk is not None
+
+    @cached_property
+    def lame(self) -> float:
+        """Factor of the volumetric energy, force / area."""
+        return 0.0 if self.bulk is None else self.bulk
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The time of the step, and the constants."""
+        return self.step, *(float(value) for value in self.parameters.values())
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        from isorod.material.written import of_text
+
+        return of_text(self._text)
+
+    @property
+    def identity(self) -> str:
+        """Its name and potentials."""
+        return f"{type(self).__name__} {self.definition} {self.dissipation} {self.variables}"
+
+    def _prove(self) -> None:
+        """Check the potentials at rest, at random rates, and in random steps.
+
+        Raises
+        ------
+        InputError
+            If there is a stress or a flow at rest; a rate gains energy; a step has no least; moduli are not the
+            derivative of the stress; a plane wave at rest has no positive modulus.
+        """
+        key = self._text, self.constants.tobytes()
+        if key in _CHECKED:
+            return
+        self._at_rates()
+        law = self.shear
+        rest = np.eye(3)[None]
+        scale = float(np.abs(law.tangent(rest)).max())
+        waves = float(plane_waves(law).min()) if 0.0 < scale < np.inf else np.nan
+        if not waves > 1e-12 * scale:
+            raise InputError(f"energy: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+        for time in _TIMES:
+            if not np.abs(law.at(time).stress(rest)).max() <= 1e-10 * scale:
+                raise InputError("energy: at rest there is a stress, or what flows: need both zero where all is zero")
+            self._in_steps(law, time, scale)
+        _CHECKED.add(key)
+
+    def _at_rates(self) -> None:
+        """Check that no rate gains energy."""
+        import sympy as sp
+
+        lost = self.dissipation.subs(dict(zip(self._symbols, self.parameters.values(), strict=True)))
+        rates = sorted(lost.free_symbols, key=str)
+        if not rates or lost.subs(dict.fromkeys(rates, 0)) != 0:
+            raise InputError("dissipation: need one of rates, zero where nothing flows")
+        bends = [sp.diff(lost, one, two).subs(dict.fromkeys(rates, 0)) for one in rates for two in rates]
+        if any(one.has(sp.nan, sp.zoo, sp.oo) for one in bends):
+            raise InputError(
+                "dissipation: it has no second derivative where nothing flows; for a yield stress, or a power of "
+                "stress, take Plastic, Viscoplastic or Creep"
+            )
+        power = sp.lambdify(rates, sum(one * sp.diff(lost, one) for one in rates), "numpy")
+        rng = np.random.default_rng(0)
+        for size in (1e-6, 1e-3, 1.0, 1e3):
+            with np.errstate(all="ignore"):
+                found = np.broadcast_to(power(*(size * rng.normal(size=(len(rates), 2500)))), 2500)
+            if not (found >= 0.0).all():
+                raise InputError("dissipation: some rates gain energy")
+
+    @staticmethod
+    def _in_steps(law: "Dissipative", time: float, scale: float) -> None:
+        """Check moduli on the way of random steps of some time."""
+        rng, now = np.random.default_rng(1), time
+        F = np.tile(np.eye(3), (6, 1, 1))
+        for _ in range(2):
+            F = F + _STRAIN * rng.uniform(-1.0, 1.0, F.shape)
+            one = law.at(now)
+            moduli, way = one.tangent(F), rng.uniform(-1.0, 1.0, F.shape)
+            linear = np.einsum("naAbB,nbB->naA", moduli, way)
+            found = (one.stress(F + 1e-6 * way) - one.stress(F - 1e-6 * way)) / 2e-6
+            if not np.isfinite(found).all():
+                raise InputError(f"dissipation: in a step of time {time:g} what it minimises has no least, or no bend")
+            error = float(np.abs(found - linear).max() / scale)
+            if not error < 1e-5:
+                raise InputError(f"energy: in a step of time {time:g} its moduli are off by {100.0 * error:.3g} %")
+            law, now = law.advanced(F, now), now + time

@@ -1,0 +1,114 @@
+"""What the compiled functions of laws of two potentials have in common (`isorod.material.dissipative_source`)."""
+
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.compiled import FAST, njit
+from isorod.material.logarithm_kernel import FIRST, SECOND, turn
+from isorod.material.points import FIBRE, POINTS
+
+
+@njit(**FAST)
+def whole(principal: Array, frame: Array, e: Array) -> None:
+    """Fill in a symmetric tensor ``(6,)`` from its principal values and directions, a row each."""
+    for m in range(6):
+        total = 0.0
+        for i in range(3):
+            total += principal[i] * frame[i, FIRST[m]] * frame[i, SECOND[m]]
+        e[m] = total
+
+
+@njit(**FAST)
+def told(work: Array, k: Any, places: Index, old: Array) -> None:
+    """Fill in the internal variables at the start of the step."""
+    for i in range(old.size):
+        old[i] = work[np.uint64(POINTS * (FIBRE + places[i])) + k]
+
+
+@njit(**FAST)
+def written(work: Array, k: Any, places: Index, traces: Index, a: Array) -> None:
+    """Put internal variables into the state, and the last component of those without a trace."""
+    for i in range(a.size):
+        work[np.uint64(POINTS * (FIBRE + places[i])) + k] = a[i]
+    for i in range(traces.shape[0]):
+        if traces[i, 0] >= 0:
+            one = work[np.uint64(POINTS * (FIBRE + traces[i, 1])) + k]
+            one += work[np.uint64(POINTS * (FIBRE + traces[i, 2])) + k]
+            work[np.uint64(POINTS * (FIBRE + traces[i, 0])) + k] = -one
+
+
+@njit(**FAST)
+def turn_moduli(moduli: Array, frame: Array) -> None:
+    """Replace moduli ``(6, 6)`` by their components in a frame."""
+    one, turned = np.empty(6), np.empty(6)
+    for m in range(6):
+        one[:] = moduli[m]
+        turn(one, frame, turned)
+        moduli[m] = turned
+    for m in range(6):
+        one[:] = moduli[:, m]
+        turn(one, frame, turned)
+        moduli[:, m] = turned
+
+
+@njit(**FAST)
+def squared(a: Array) -> float:
+    """Return the sum of squares."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * a[i]
+    return total
+
+
+@njit(**FAST)
+def factor(a: Array) -> bool:
+    """Replace the lower triangle of a matrix by its Cholesky factor; return whether it is positive definite."""
+    for j in range(a.shape[0]):
+        for i in range(j, a.shape[0]):
+            total = a[i, j]
+            for k in range(j):
+                total -= a[i, k] * a[j, k]
+            if i > j:
+                a[i, j] = total / a[j, j]
+            elif total > 0.0 and total < np.inf:
+                a[j, j] = np.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@njit(**FAST)
+def solved(lower: Array, right: Array, found: Array) -> None:
+    """Fill in the solution of a system whose matrix has a Cholesky factor."""
+    count = right.size
+    for i in range(count):
+        total = right[i]
+        for k in range(i):
+            total -= lower[i, k] * found[k]
+        found[i] = total / lower[i, i]
+    for i in range(count - 1, -1, -1):
+        total = found[i]
+        for k in range(i + 1, count):
+            total -= lower[k, i] * found[k]
+        found[i] = total / lower[i, i]
+
+
+@njit(**FAST)
+def condensed(stiff: Array, crossed: Array, lower: Array) -> None:
+    """Take from ``stiff`` (6, 6) the product ``crossed K^-1 crossed^T``, ``K`` of a Cholesky factor."""
+    count = crossed.shape[1]
+    half = np.empty((6, count))
+    for m in range(6):
+        for i in range(count):
+            total = crossed[m, i]
+            for k in range(i):
+                total -= lower[i, k] * half[m, k]
+            half[m, i] = total / lower[i, i]
+    for m in range(6):
+        for n in range(6):
+            total = 0.0
+            for i in range(count):
+                total += half[m, i] * half[n, i]
+            stiff[m, n] -= total
