@@ -87,14 +87,14 @@ def test_random_paths_lose_energy() -> None:
     rng, law = np.random.default_rng(5), _law()
     F, stored, P = np.tile(np.eye(3), (60, 1, 1)), np.zeros(60), np.zeros((60, 3, 3))
     lost = np.zeros(60)
-    for leg in range(3):
+    for leg in range(2):
         way = 0.02 * rng.normal(size=F.shape)
-        for k in range(30):
-            time, before = 0.01 * (30 * leg + k + 1), P
-            F = F + way / 30.0
+        for k in range(15):
+            time, before = 0.01 * (15 * leg + k + 1), P
+            F = F + way / 15.0
             P, law = law.at(time).stress(F), law.advanced(F, time)
             now = law.energy(F)
-            work = 0.5 * np.sum((before + P) * way / 30.0, axis=(1, 2))
+            work = 0.5 * np.sum((before + P) * way / 15.0, axis=(1, 2))
             assert (work - (now - stored) > -2e-3 * np.abs(work).max()).all()
             lost, stored = lost + work - (now - stored), now
     assert lost.min() > 0.0
@@ -118,7 +118,7 @@ def test_a_step_to_where_there_is_no_least_is_cut() -> None:
 test_bad_potentials = refused(
     (lambda: _law(energy=ENERGY + " + strain00"), "energy: at rest there is a stress, or what flows"),
     (lambda: _law(energy=ENERGY + " + s"), "energy: at rest there is a stress, or what flows"),
-    (lambda: _law(energy="0*mu*tau*c*eta*s"), "energy: not elliptic at rest"),
+    (lambda: _law(constants=CONSTANTS | {"mu": 0.0}), "energy: not elliptic at rest"),
     (lambda: _law(energy=ENERGY + " + q"), "'q' is not known; need a constant, strain, or one of state"),
     (lambda: _law(energy="dev(strain)"), "which is a tensor, need a number"),
     (lambda: _law(energy="strain + 1"), "column 1: tensors take + and - with tensors, and * with numbers"),
@@ -130,6 +130,11 @@ test_bad_potentials = refused(
     (lambda: _law(dissipation=LOST + " + s"), "'s' is not known"),
     (lambda: _law(dissipation="mu*sqrt(dot(v_rate, v_rate)) + s_rate**2"), "no second derivative where nothing flows"),
     (lambda: _law(state={"v": "tensor"}), "state v: got 'tensor', need one of scalar, symmetric, deviatoric"),
+    (lambda: _law(state={"v v": "scalar"}), "state: got the name 'v v', need one of letters and digits"),
+    (
+        lambda: _law(energy="*".join(f"(s + {k}*strain00)" for k in range(1, 40))),
+        "energy: its second derivatives take about",
+    ),
     (lambda: _law(state={}), "need 1 to 24 numbers"),
     (lambda: _law(constants=CONSTANTS | {"mu": float("nan")}), "constant mu: got nan, need a finite number"),
     (lambda: _law(constants=CONSTANTS | {"v": 1.0}), "constants: got the name 'v', need one that is not taken"),

@@ -52,14 +52,24 @@ def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
         if one in taken or not one.isidentifier():
             raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
     known = names | {one: sp.Symbol(one, real=True) for one in constants}
-    found = formula(text, known, "energy", "a constant that is given or a symbol of energies")
-    _, _, operations = _operations(found)
+    return bounded(formula(text, known, "energy", "a constant that is given or a symbol of energies"), "energy")
+
+
+def bounded(expression: "sp.Expr", what: str) -> "sp.Expr":
+    """Return an expression whose second derivatives take no more operations than can be compiled.
+
+    Raises
+    ------
+    InputError
+        If they take more.
+    """
+    _, _, operations = _operations(expression)
     if operations > _MOST:
         raise InputError(
-            f"energy: its second derivatives take about {operations:,} operations, need at most {_MOST:,}: products of "
+            f"{what}: its second derivatives take about {operations:,} operations, need at most {_MOST:,}: products of "
             "many factors, as powers of one where they are alike, take fewer"
         )
-    return found
+    return expression
 
 
 def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.Expr":

@@ -127,14 +127,14 @@ def dissipative(
     """
     from sympy import Symbol
 
-    from isorod.files.expression import formula
-    from isorod.material.dissipative import KINDS, Dissipative
+    from isorod.files.expression import bounded, formula
+    from isorod.material.dissipative import Dissipative, check_variables
     from isorod.material.symbols import internal, strain
 
+    check_variables(state)
     names, lost = dict[str, Any](), dict[str, Any]()
     for name, kind in state.items():
-        if kind in KINDS:
-            names[name], lost[f"{name}_rate"] = internal(name, kind)
+        names[name], lost[f"{name}_rate"] = internal(name, kind)
     names, lost = _with_components(names | {"strain": strain}), _with_components(lost)
     given = dict(constants or {})
     for one in given:
@@ -143,7 +143,7 @@ def dissipative(
     known = {one: Symbol(one, real=True) for one in given}
     stored = formula(energy, names | known, "energy", "a constant, strain, or one of state")
     rates = formula(dissipation, lost | known, "dissipation", "a constant, or a rate such as v_rate")
-    return Dissipative(stored, rates, state, given, bulk)
+    return Dissipative(bounded(stored, "energy"), bounded(rates, "dissipation"), state, given, bulk)
 
 
 def active_muscle(
