@@ -16,7 +16,7 @@ def test_a_tube_yields_from_within(until: float, pressure: float) -> None:
     exact = 2.0 / np.sqrt(3.0) * (np.log(until / INNER) + 0.5 * (1.0 - (until / OUTER) ** 2))
     assert pressure == pytest.approx(exact, rel=1e-9)
     rod = straight(1.0).sweep(circle(8, OUTER)).with_rings((INNER / OUTER, 1.0))
-    space = Space(rod, section_degree=5, elements=1, degree=1, quadrature="12x4x2")
+    space = Space(rod, section_degree=5, elements=1, degree=2, quadrature="12x4x3")
     held = [Support.end(space, which, "z") for which in ("start", "end")]
     held += [Support(np.array([0]), "xy"), Support(np.array([1]), "y")]
     law = Plastic(3.0 * G, 0.5, [[0.0, YIELD]])
