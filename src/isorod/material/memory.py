@@ -5,7 +5,7 @@ deformation gradient at its end alone: residuals and tangents, however often and
 nothing.  Where the step has been accepted, `Memory.advanced` returns the law with the state of its end.
 """
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -70,10 +70,10 @@ class Memory(Material):
         next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
         return self._with(state=states.reshape(*F.shape[:-2], -1))
 
+    def lasting(self, step: float) -> Self:
+        """Return the law in a step of a motion that takes so long: itself where no time counts."""
+        return self
+
     def some(self, places: Index) -> Self:
         """Return the law at some of the places, along the first axis, of its state."""
         return self if self.state is None else self._with(state=self.state[places])
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
-        """Raise: there is no energy of which it could be the gradient."""
-        raise InputError(f"{type(self).__name__}: a law with memory, which motions do not take; use statics")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -11,6 +11,10 @@ from isorod.errors import InputError, finite, numbers
 from isorod.material.law import Isotropic
 from isorod.material.memory import Memory
 from isorod.material.points import Compiled
+
+
+# A stress that nothing reaches.
+_NEVER = 1e200
 
 
 @cache
@@ -42,7 +46,7 @@ class Plastic(Memory, Isotropic):
     kinematic: float = 0.0
 
     kinks: ClassVar[bool] = True
-    states: ClassVar = {"plastic_strain": 6, "p": 1}
+    states: ClassVar = {"plastic_strain": 6, "p": 1, "dissipated": 1}
 
     def _check(self) -> None:
         super()._check()
@@ -66,6 +70,11 @@ class Plastic(Memory, Isotropic):
         """``mu``, the kinematic modulus, and the table with the number of its points ahead."""
         table = np.asarray(self.hardening, dtype=float)
         return self.mu, self.kinematic, float(len(table)), *table.ravel().tolist()
+
+    @property
+    def frozen(self) -> Self:
+        """The law with a yield stress that is never reached."""
+        return self._with(hardening=[[strain, _NEVER] for strain, _ in np.asarray(self.hardening).tolist()])
 
     @property
     def compiled(self) -> Compiled:

@@ -28,10 +28,12 @@ class Timed(Memory, Isotropic):
     """A law whose stress relaxes with time (`isorod.material.viscous_kernel`): of the volume it never does."""
 
     timed: ClassVar[bool] = True
+    clock: ClassVar[int] = 1
 
-    # Time of the state, and from there to where the law is asked.
+    # Time of the state, and from there to where the law is asked; that where it is the same whatever the load factor.
     since: float = 0.0
     step: float = 0.0
+    during: float | None = None
 
     @property
     def branches(self) -> Array:
@@ -40,8 +42,8 @@ class Timed(Memory, Isotropic):
 
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
-        """What its state is: the strain, and the viscous strain of each branch."""
-        return {"strain": 6, "viscous_strain": 6 * len(self.branches)}
+        """What its state is: the strain, the viscous strain of each branch, and what was dissipated."""
+        return {"strain": 6, "viscous_strain": 6 * len(self.branches), "dissipated": 1}
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -55,7 +57,16 @@ class Timed(Memory, Isotropic):
 
     def at(self, factor: float) -> Self:
         """Return the law at a time."""
-        return self._with(step=max(factor - self.since, 0.0))
+        return self._with(step=max(factor - self.since, 0.0) if self.during is None else self.during)
+
+    def lasting(self, step: float) -> Self:
+        """Return the law in a step that takes so long."""
+        return self._with(step=step, during=step)
+
+    @property
+    def frozen(self) -> Self:
+        """The law in no time."""
+        return self.lasting(0.0)
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
         """Return the law as one that knows the time at a load factor."""

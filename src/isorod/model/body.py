@@ -243,8 +243,6 @@ class Body(Checked):
             If explicit steps cannot take the formulation that was asked for, or the law.
         """
         body = self
-        if self.remembers:
-            raise InputError("material: a law has a memory, which motions do not take; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(

@@ -56,6 +56,10 @@ class StepPart(Part):
         """Set the state a step starts from, of this rank's degrees of freedom."""
         self.start = self.gradients(displacement)
 
+    def know(self, states: Array) -> None:
+        """Let laws with memory have these states of the body's points, ``(E, t, q, m)``."""
+        self.laws = self.laws.knowing(states[self.table.first : self.table.first + self.table.elements])
+
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change ``local`` of the displacement."""
         self._add_stress(self.laws.at(factor).discrete(self.start, self.changes(local), False)[0], forces)
@@ -165,6 +169,8 @@ class StepAssembler(Assembler):
         self._elements = None
         for part in self.parts:
             part.begin(self._start)
+            if part.laws.remember:
+                part.laws = part.laws.lasting(step)
             part.inertia = self._rates[0]
         if self.coupling is not None:
             self.coupling.begin(step, damping, displacement, velocity, self.moved)
