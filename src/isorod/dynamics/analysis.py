@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -159,7 +160,7 @@ def solve(
             model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
         )
     return History(
-        model=model,
+        model=_untold(model),
         **{name: np.array(values) for name, values in run.rows.items()},
         steps=run.taken,
         time_step=run.step,
@@ -176,6 +177,14 @@ def solve(
         ranks=ranks.getSize(),
         ramp=settings.ramp,
     )
+
+
+def _untold(model: Model) -> Model:
+    """Return the model of a motion, of which laws with memory tell nothing but at points of quadrature."""
+    if not model.remembers:
+        return model
+    (made := copy(model))._set(bodies=[body.after(None) for body in model.bodies])
+    return made
 
 
 def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[float, dict[str, str]]:
