@@ -60,41 +60,36 @@ def take_frame(spectral: Array, k: Any, c: Array, frame: Array) -> None:
 
 
 @njit(**FAST)
-def take_strains(spectral: Array, strain: Array) -> None:
-    """Fill in the principal strains of a block, ``(3, POINTS)``."""
+def take_strains(spectral: Array, principal: Array, strain: Array, trace: Array) -> None:
+    """Fill in the principal strains of a block, ``(3, POINTS)``, the strains ``(6, POINTS)``, and their traces."""
     for i in range(3):
         row = np.uint64(POINTS * VALUE[i])
         for k in range(_W):
-            strain[i, k] = 0.5 * log(spectral[row + k])
+            principal[i, k] = 0.5 * log(spectral[row + k])
+    for k in range(_W):
+        trace[k] = principal[0, k] + principal[1, k] + principal[2, k]
+    for m in range(6):
+        left, right = np.uint64(POINTS * (6 + FIRST[m])), np.uint64(POINTS * (6 + SECOND[m]))
+        for k in range(_W):
+            strain[m, k] = (
+                principal[0, k] * spectral[left + k] * spectral[right + k]
+                + principal[1, k] * spectral[left + ROWS[3] + k] * spectral[right + ROWS[3] + k]
+                + principal[2, k] * spectral[left + ROWS[6] + k] * spectral[right + ROWS[6] + k]
+            )
 
 
 @njit(**FAST)
-def turn(work: Array, first: int, spectral: Array, turned: Array) -> None:
-    """Fill in what symmetric tensors of a block, from a row on, are in the frames of its points, ``(6, POINTS)``."""
+def turn(tensor: Array, spectral: Array, turned: Array) -> None:
+    """Fill in what symmetric tensors of a block are in the frames of its points, both ``(6, POINTS)``."""
     for m in range(6):
         for k in range(_W):
             turned[m, k] = 0.0
         for A in range(3):
             left = np.uint64(POINTS * (6 + 3 * FIRST[m] + A))
             for B in range(3):
-                right, row = np.uint64(POINTS * (6 + 3 * SECOND[m] + B)), np.uint64(POINTS * (first + PLACE[A, B]))
+                right, row = np.uint64(POINTS * (6 + 3 * SECOND[m] + B)), np.uint64(PLACE[A, B])
                 for k in range(_W):
-                    turned[m, k] += spectral[left + k] * work[row + k] * spectral[right + k]
-
-
-@njit(**FAST)
-def turn_back(turned: Array, spectral: Array, work: Array, first: int) -> None:
-    """Fill rows of a block with symmetric tensors ``(6, POINTS)`` that are given in the frames of its points."""
-    for m in range(6):
-        row = np.uint64(POINTS * (first + m))
-        for k in range(_W):
-            work[row + k] = 0.0
-        for i in range(3):
-            left = np.uint64(POINTS * (6 + 3 * i + FIRST[m]))
-            for j in range(3):
-                right, place = np.uint64(POINTS * (6 + 3 * j + SECOND[m])), np.uint64(PLACE[i, j])
-                for k in range(_W):
-                    work[row + k] += spectral[left + k] * turned[place, k] * spectral[right + k]
+                    turned[m, k] += spectral[left + k] * tensor[row, k] * spectral[right + k]
 
 
 @njit(**FAST)
@@ -153,9 +148,10 @@ def _second_stress(c: Array, stress: Array, second: Array) -> None:
 
 
 @njit(**FAST)
-def put_stress(work: Array, spectral: Array, strain: Array, stress: Array) -> None:
-    """Fill the rows of ``P`` from the stress ``(6, POINTS)`` that belongs to ``E`` in the principal frames."""
+def put_stress(work: Array, spectral: Array, principal: Array, stress: Array) -> None:
+    """Fill the rows of ``P`` from the stress ``(6, POINTS)`` that belongs to ``E``, and principal strains."""
     carried, second, mixed = np.empty((9, POINTS)), np.empty((6, POINTS)), np.empty((9, POINTS))
+    turn(stress, spectral, second)
     for m in range(6):
         i, j = np.uint64(FIRST[m]), np.uint64(SECOND[m])
         one, other = np.uint64(POINTS * VALUE[FIRST[m]]), np.uint64(POINTS * VALUE[SECOND[m]])
@@ -165,9 +161,9 @@ def put_stress(work: Array, spectral: Array, strain: Array, stress: Array) -> No
             apart = (a - b) / total
             s = apart * apart
             far = s > 0.0025
-            quotient = 2.0 * (strain[i, k] - strain[j, k]) / (a - b if far else 1.0)
+            quotient = 2.0 * (principal[i, k] - principal[j, k]) / (a - b if far else 1.0)
             series = 2.0 / total * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s / 13))))))
-            second[m, k] = stress[m, k] * (quotient if far else series)
+            second[m, k] *= quotient if far else series
     for i in range(3):
         for a in range(3):
             row = np.uint64(3 * i + a)

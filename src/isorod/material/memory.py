@@ -24,6 +24,8 @@ class Memory(Material):
 
     Attributes
     ----------
+    states
+        Motions ask that the last of it is ``dissipated``: what was, per volume.
     state
         The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
     """
@@ -69,6 +71,11 @@ class Memory(Material):
         states = self._flat_known(F.shape[:-2])
         next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
         return self._with(state=states.reshape(*F.shape[:-2], -1))
+
+    @property
+    def frozen(self) -> Self:
+        """The law where nothing flows: raises where it does not say."""
+        raise InputError(f"{type(self).__name__}: modes, motions and checkpoints do not take this law; leave them out")
 
     def lasting(self, step: float) -> Self:
         """Return the law in a step of a motion that takes so long: itself where no time counts."""

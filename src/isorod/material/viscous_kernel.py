@@ -25,12 +25,13 @@ from isorod.material.logarithm_kernel import (
     take_frame,
     take_strains,
     turn,
-    turn_back,
 )
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 
 # Branches at most: their states have no more room.
 MOST = 3
+
+_W = np.uint64(POINTS)
 
 # Share of a time of relaxation below which a step is told by a series.
 _SHORT = 1e-3
@@ -45,9 +46,8 @@ def _left(q: float, c: float, n: float, time: float) -> float:
 
 
 @njit(**FAST)
-def _shares(constants: Array, which: int) -> tuple[float, float, float]:
-    """Return what is left of the stress of a branch with ``n = 1``, by how much the strain adds, and a share lost."""
-    x = constants[4 + 3 * which] * constants[1]
+def _shares(x: float) -> tuple[float, float, float]:
+    """Return what a time ``x``, in times of relaxation, leaves, by how much the strain adds, and a share lost."""
     kept, share = np.exp(-x), -np.expm1(-x) / x if x > 1e-8 else 1.0 - 0.5 * x
     # Digits cancel in short steps.
     rest = x / 3.0 - x**2 / 4.0 + 7.0 / 60.0 * x**3 if x < _SHORT else (1.0 - share) / x - 0.5 * share**2
@@ -55,74 +55,105 @@ def _shares(constants: Array, which: int) -> tuple[float, float, float]:
 
 
 @njit(**FAST)
-def _branch(
-    k: Any,
-    constants: Array,
-    which: int,
-    shares: tuple[float, float, float],
-    deviator: Array,
-    before: Array,
-    elastic: Array,
-) -> tuple[float, float, float]:
-    """Fill in the elastic strain of a branch at the end of the step at a point, in the principal frame.
+def _relax(work: Array, constants: Array, which: int, before: Array, change: Array, elastic: Array, lost: Array) -> None:
+    """Let a branch relax: fill in its elastic strain at the end of the step.
 
     Parameters
     ----------
-    shares
-        From `_shares`.
-    deviator, before
-        Of the strain, at the end and at the start of the step; columns of all are points.
+    before, change
+        Deviators of the strain at the start, and what the step adds, ``(6, POINTS)``.
     elastic
-        The viscous strain at the start, to be replaced.
-
-    Returns
-    -------
-    across, along
-        By how much it grows with the strain, across it and along it.
+        To be filled.
     lost
-        What the branch dissipates in the step.
+        What the branch dissipates in the step is added to it, ``(POINTS,)``.
     """
     mu, time = constants[3 + 3 * which] * constants[0], constants[1]
     c, n = constants[4 + 3 * which], constants[5 + 3 * which]
-    size = mixed = square = 0.0
     for m in range(6):
-        change = deviator[m, k] - before[m, k]
-        start = before[m, k] - elastic[m, k]
-        size += TWICE[m] * start * start
-        mixed += TWICE[m] * change * start
-        square += TWICE[m] * change * change
-        elastic[m, k] = start
-    if n == 1.0:
-        kept, share, rest = shares
-        for m in range(6):
-            elastic[m, k] = kept * elastic[m, k] + share * (deviator[m, k] - before[m, k])
-        # The work of the mean stress, less what is stored.
-        x = c * time
-        lost = 0.5 * x * (1.0 + kept) * share * size + share * share * x * mixed + rest * square
-        return share, share, 2.0 * mu * lost
-    stress = 2.0 * mu * np.sqrt(1.5)
-    kept = _left(stress * np.sqrt(size), c, n, 0.5 * time)
-    lost = (1.0 - kept * kept) * size
-    size = 0.0
+        row = np.uint64(POINTS * (FIBRE + 6 + 6 * which + m))
+        for k in range(_W):
+            elastic[m, k] = before[m, k] - work[row + k]
+    if n != 1.0:
+        for k in range(_W):
+            lost[k] += _creep(k, 2.0 * mu, c, n, 0.5 * time, change, elastic)
+        return
+    x = c * time
+    kept, share, rest = _shares(x)
+    # The work of the mean stress, less what is stored.
+    of_start, mixed, of_change = mu * x * (1.0 + kept) * share, 2.0 * mu * share * share * x, 2.0 * mu * rest
     for m in range(6):
-        elastic[m, k] = kept * elastic[m, k] + deviator[m, k] - before[m, k]
-        size += TWICE[m] * elastic[m, k] ** 2
-    kept = _left(stress * np.sqrt(size), c, n, 0.5 * time)
-    for m in range(6):
-        elastic[m, k] *= kept
-    return kept, kept**n, mu * (lost + (1.0 - kept * kept) * size)
+        for k in range(_W):
+            s, d = elastic[m, k], change[m, k]
+            lost[k] += TWICE[m] * (of_start * s * s + mixed * d * s + of_change * d * d)
+        for k in range(_W):
+            elastic[m, k] = kept * elastic[m, k] + share * change[m, k]
 
 
 @njit(**FAST)
-def _deviators(strain: Array, deviator: Array, before: Array, trace: Array) -> None:
-    """Fill in deviator ``(6, POINTS)`` and trace of the strain at the end; make that at the start a deviator."""
-    for k in range(np.uint64(POINTS)):
-        trace[k] = strain[0, k] + strain[1, k] + strain[2, k]
-        past = before[0, k] + before[3, k] + before[5, k]
-        for m in range(6):
-            square = FIRST[m] == SECOND[m]
-            deviator[m, k] = strain[FIRST[m], k] - trace[k] / 3.0 if square else 0.0
-            before[m, k] -= past / 3.0 if square else 0.0
+def _creep(
+    k: Any, stiffness: float, c: float, n: float, half: float, change: Array, elastic: Array
+) -> float:
+    """Let a point of a branch relax for half of a step, be strained, and relax again; return what it dissipates."""
+    stress, size = stiffness * np.sqrt(1.5), 0.0
+    for m in range(6):
+        size += TWICE[m] * elastic[m, k] ** 2
+    kept = _left(stress * np.sqrt(size), c, n, half)
+    lost = (1.0 - kept * kept) * size
+    size = 0.0
+    for m in range(6):
+        elastic[m, k] = kept * elastic[m, k] + change[m, k]
+        size += TWICE[m] * elastic[m, k] ** 2
+    kept = _left(stress * np.sqrt(size), c, n, half)
+    for m in range(6):
+        elastic[m, k] *= kept
+    return 0.5 * stiffness * (lost + (1.0 - kept * kept) * size)
+
+
+@njit(**FAST)
+def _growth(constants: Array, which: int, size: float) -> tuple[float, float]:
+    """Return by how much the elastic strain of a branch, of norm ``size``, grows with the strain, across and along."""
+    mu, time = constants[3 + 3 * which] * constants[0], constants[1]
+    c, n = constants[4 + 3 * which], constants[5 + 3 * which]
+    if n == 1.0:
+        share = _shares(c * time)[1]
+        return share, share
+    # Of what is left at the end: what it was before relaxing.
+    q = 2.0 * mu * np.sqrt(1.5) * size
+    kept = (1.0 - (n - 1.0) * c * 0.5 * time * q ** (n - 1.0)) ** (1.0 / (n - 1.0))
+    return kept, kept**n
+
+
+@njit(**FAST)
+def _deviators(work: Array, strain: Array, trace: Array, before: Array, change: Array) -> None:
+    """Make the strain at the end a deviator; fill in that at the start, and the change, ``(6, POINTS)``."""
+    past = np.empty(POINTS)
+    for k in range(_W):
+        past[k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
+    for m in range(6):
+        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            strain[m, k] -= third * trace[k]
+        for k in range(_W):
+            before[m, k] = work[row + k] - third * past[k]
+        for k in range(_W):
+            change[m, k] = strain[m, k] - before[m, k]
+
+
+@njit(**FAST)
+def _add(factor: float, values: Array, square: float, more: Array, total: Array) -> None:
+    """Add a multiple of symmetric tensors ``(6, POINTS)``, and another one of ``more`` on their diagonals, to others."""
+    for m in range(6):
+        other = square if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            total[m, k] += factor * values[m, k] + other * more[k]
+
+
+@njit(**FAST)
+def _add_energy(factor: float, values: Array, work: Array) -> None:
+    """Add a multiple of the squares of symmetric tensors to the row of the energy."""
+    for m in range(6):
+        for k in range(_W):
+            work[ROWS[ENERGY] + k] += factor * TWICE[m] * values[m, k] * values[m, k]
 
 
 @njit(**FAST)
@@ -134,76 +165,64 @@ def _lost(count: int) -> Any:
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy, that of the elastic strains."""
-    spectral, strain, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
-    stress, deviator, before, elastic = (
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-    )
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    stress, strain, before = np.zeros((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, elastic, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.zeros(POINTS)
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
-    take_strains(spectral, strain)
-    turn(work, FIBRE, spectral, before)
-    _deviators(strain, deviator, before, trace)
-    rest = 1.0
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    rest, bulk = mu, lame + 2.0 / 3.0 * mu
     for i in range(count):
-        rest -= constants[3 + 3 * i]
-    for k in range(np.uint64(POINTS)):
-        pressed = (lame + 2.0 / 3.0 * mu) * trace[k]
-        energy = 0.5 * pressed * trace[k]
-        for m in range(6):
-            stress[m, k] = 2.0 * rest * mu * deviator[m, k] + (pressed if FIRST[m] == SECOND[m] else 0.0)
-            energy += rest * mu * TWICE[m] * deviator[m, k] ** 2
+        rest -= constants[3 + 3 * i] * mu
+    _add(2.0 * rest, strain, bulk, trace, stress)
+    if wanted:
+        for k in range(_W):
+            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * bulk * trace[k] * trace[k], 0.0
+        _add_energy(rest, strain, work)
+    for i in range(count):
+        _relax(work, constants, i, before, change, elastic, lost)
+        _add(2.0 * constants[3 + 3 * i] * mu, elastic, 0.0, trace, stress)
         if wanted:
-            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = energy, 0.0
-            work[ROWS[LOST] + k] = work[_lost(count) + k]
-    for i in range(count):
-        turn(work, FIBRE + 6 + 6 * i, spectral, elastic)
-        shares, stiffness = _shares(constants, i), constants[3 + 3 * i] * mu
-        for k in range(np.uint64(POINTS)):
-            lost = _branch(k, constants, i, shares, deviator, before, elastic)[2]
-            energy = 0.0
-            for m in range(6):
-                stress[m, k] += 2.0 * stiffness * elastic[m, k]
-                energy += stiffness * TWICE[m] * elastic[m, k] ** 2
-            if wanted:
-                work[ROWS[ENERGY] + k] += energy
-                work[ROWS[LOST] + k] += lost
-    put_stress(work, spectral, strain, stress)
+            _add_energy(constants[3 + 3 * i] * mu, elastic, work)
+    if wanted:
+        for k in range(_W):
+            work[ROWS[LOST] + k] = work[_lost(count) + k] + lost[k]
+    put_stress(work, spectral, principal, stress)
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the derivative of the stress at the end of the step, symmetric."""
-    spectral, strain, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
-    deviator, before = np.empty((6, POINTS)), np.empty((6, POINTS))
-    elastic = np.empty((MOST, 6, POINTS))
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    total, strain, before = np.zeros((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, each, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS)
+    turned, elastic = np.empty((6, POINTS)), np.empty((MOST, 6, POINTS))
     c, frame, stress, moduli = np.empty(3), np.empty((3, 3)), np.empty(6), np.empty((6, 6))
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
-    take_strains(spectral, strain)
-    turn(work, FIBRE, spectral, before)
-    _deviators(strain, deviator, before, trace)
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    rest, bulk = 1.0, lame + 2.0 / 3.0 * mu
     for i in range(count):
-        turn(work, FIBRE + 6 + 6 * i, spectral, elastic[i])
-    for k in range(np.uint64(POINTS)):
+        rest -= constants[3 + 3 * i]
+    _add(2.0 * mu * rest, strain, bulk, trace, total)
+    for i in range(count):
+        _relax(work, constants, i, before, change, each, lost)
+        _add(2.0 * constants[3 + 3 * i] * mu, each, 0.0, trace, total)
+        turn(each, spectral, elastic[i])
+    turn(total, spectral, turned)
+    for k in range(_W):
         take_frame(spectral, k, c, frame)
-        bulk = lame + 2.0 / 3.0 * mu
-        sheared = 1.0
-        for i in range(count):
-            sheared -= constants[3 + 3 * i]
+        sheared = rest
         for m in range(6):
-            pressed = bulk * trace[k] if FIRST[m] == SECOND[m] else 0.0
-            stress[m] = 2.0 * mu * sheared * deviator[m, k] + pressed
+            stress[m] = turned[m, k]
             for n in range(6):
                 moduli[m, n] = 0.0
         for i in range(count):
-            share = constants[3 + 3 * i]
-            across, along, _ = _branch(k, constants, i, _shares(constants, i), deviator, before, elastic[i])
-            sheared += share * across
-            size = 0.0
+            share, size = constants[3 + 3 * i], 0.0
             for m in range(6):
-                stress[m] += 2.0 * share * mu * elastic[i, m, k]
                 size += TWICE[m] * elastic[i, m, k] ** 2
+            across, along = _growth(constants, i, np.sqrt(size))
+            sheared += share * across
             if size > 0.0 and along != across:
                 more = 2.0 * share * mu * (along - across) / size
                 for m in range(6):
@@ -220,32 +239,26 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    spectral, strain, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
-    stress, deviator, before, elastic = (
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-        np.empty((6, POINTS)),
-    )
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    stress, strain, before = np.zeros((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, elastic, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.zeros(POINTS)
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
-    take_strains(spectral, strain)
-    turn(work, FIBRE, spectral, before)
-    _deviators(strain, deviator, before, trace)
-    for k in range(np.uint64(POINTS)):
-        pressed = (lame + 2.0 / 3.0 * mu) * trace[k]
-        for m in range(6):
-            stress[m, k] = 2.0 * mu * deviator[m, k] + (pressed if FIRST[m] == SECOND[m] else 0.0)
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    _add(2.0 * mu, strain, lame + 2.0 / 3.0 * mu, trace, stress)
     for i in range(count):
-        turn(work, FIBRE + 6 + 6 * i, spectral, elastic)
-        shares, stiffness = _shares(constants, i), constants[3 + 3 * i] * mu
-        for k in range(np.uint64(POINTS)):
-            work[_lost(count) + k] += _branch(k, constants, i, shares, deviator, before, elastic)[2]
-            for m in range(6):
-                elastic[m, k] = deviator[m, k] - elastic[m, k]
-                stress[m, k] -= 2.0 * stiffness * elastic[m, k]
-        turn_back(elastic, spectral, work, FIBRE + 6 + 6 * i)
-    put_stress(work, spectral, strain, stress)
-    for k in range(np.uint64(POINTS)):
+        _relax(work, constants, i, before, change, elastic, lost)
         for m in range(6):
-            deviator[m, k] = strain[FIRST[m], k] if FIRST[m] == SECOND[m] else 0.0
-    turn_back(deviator, spectral, work, FIBRE)
+            row = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m))
+            for k in range(_W):
+                elastic[m, k] = strain[m, k] - elastic[m, k]
+            for k in range(_W):
+                work[row + k] = elastic[m, k]
+        _add(-2.0 * constants[3 + 3 * i] * mu, elastic, 0.0, trace, stress)
+    for k in range(_W):
+        work[_lost(count) + k] += lost[k]
+    put_stress(work, spectral, principal, stress)
+    for m in range(6):
+        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            work[row + k] = strain[m, k] + third * trace[k]

@@ -247,6 +247,9 @@ class Body(Checked):
             If explicit steps cannot take the formulation that was asked for, or the law.
         """
         body = self
+        dumb = next((law for law in self.laws if law.remembers and "dissipated" not in law.states), None)
+        if dumb is not None:
+            raise InputError(f"material: {type(dumb).__name__} does not tell what it dissipates; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(

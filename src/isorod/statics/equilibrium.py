@@ -250,7 +250,8 @@ class Equilibrium(State, WithSolids, Animated):
         found = {name: getattr(self, name) for name in (*kept, "negative_eigenvalues")}
         if self.model.times is not None:
             found["end_time"] = self.model.times.end
-        if self.model.remembers:
+        laws = [law for body in self.model.bodies for law in body.laws if law.remembers]
+        if laws and all("dissipated" in law.states for law in laws):
             found["dissipated"] = sum(self.dissipated(b) for b in range(len(self.model.bodies)))
         if self.pressures:
             found["pressures"] = sum(one.size for one in self.pressures if one is not None)

@@ -28,6 +28,7 @@ from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
+from isorod.dynamics.explicit import states
 from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
@@ -286,6 +287,13 @@ class StepAssembler(Assembler):
         """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""
         rods = everywhere[: self.model.dofs]
         return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])
+
+    def know(self, known: Array) -> None:
+        """Let laws with memory begin the next step with states (`isorod.dynamics.explicit.system.System.states`)."""
+        if self.model.remembers:
+            each = states.by_bodies(self.model, known)
+            for part in self.parts:
+                part.know(each[part.which])
 
     def accept(self, x: PETSc.Vec) -> None:
         """Keep what the next step begins with beside the state."""

@@ -10,7 +10,6 @@ from isorod.assembly import averages, exerted
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks.tie_result import results
 from isorod.dynamics import run
-from isorod.dynamics.explicit import states
 from isorod.dynamics.explicit.step_kernel import ACTIVATED, DISSIPATED, FOLLOWED, PUSHED
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.assembler import StepAssembler
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 # A step is halved at most so often, and cut into at most so many pieces more: where all of them are as short, the next
 # steps would be too, and a shorter step is what to ask for.
 _HALVINGS, _CUTS = 10, 64
-
 
 # What checkpoints keep of solids.
 _KEPT = ("displacement", "velocity", "work")
@@ -101,7 +99,7 @@ class Run(run.Run):
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
         self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
-        self._tell_states()
+        self.assembler.know(self.system.states)
         self._phase = self._from_start()
 
     def _place_facets(self) -> None:
@@ -139,7 +137,7 @@ class Run(run.Run):
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
-        self._tell_states()
+        self.assembler.know(self.system.states)
         self.assembler.pressure = kept["pressure"]
         for name in _KEPT:
             getattr(self.solids, name)[:] = kept[f"solid_{name}"]
@@ -299,15 +297,8 @@ class Run(run.Run):
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
         self.system.go_on(dt)
-        self._tell_states()
+        self.assembler.know(self.system.states)
         self.taken += 1
-
-    def _tell_states(self) -> None:
-        """Let laws with memory in the assembler know what they do in the state."""
-        if self.system.model.remembers:
-            known = states.by_bodies(self.system.model, self.system.states)
-            for part in self.assembler.parts:
-                part.know(known[part.which])
 
     def _add_impulses(self, time: float, dt: float, level: float, change: Array) -> None:
         """Add impulses and work of a step to the sums: of supports, contact, loads, and on solids."""
