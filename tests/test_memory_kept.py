@@ -1,4 +1,4 @@
-"""States of laws with memory in statics: checkpoints, modes about them, files of fields, measures, what is dissipated."""
+"""States of laws with memory in statics: checkpoints, modes about them, fields, measures, what is dissipated."""
 
 import numpy as np
 import pytest
@@ -159,7 +159,7 @@ def _touching() -> Model:
 test_what_is_refused = refused(
     (
         lambda: statics.solve(_touching(), end_time=1.0, checkpoint="x"),
-        "checkpoint: statics with contact, ties, mean supports or finite element bodies keeps none",
+        "checkpoint: statics keeps none with contact, ties, mean supports or finite element bodies",
     ),
     (lambda: statics.solve(model(), end_time=2.0, resume=True), "resume: got no checkpoint"),
     (lambda: statics.solve(model(), end_time=2.0, checkpoint="x", every=-1.0), "time between checkpoints: got -1"),

@@ -27,7 +27,8 @@ def bar(*laws, rule="6x2x4", **space) -> Model:
     """Return a bar that turns about its axis, held at one end from time 0 on; half of it of each law."""
     given = {"section_degree": 3, "elements": max(2, len(laws)), "degree": 3, "quadrature": rule} | space
     made = Space(straight(LENGTH).sweep(circle(8, 1.0)), **given)
-    return Model([Body(made, list(laws) if len(laws) > 1 else laws[0], 1.0, spin=(0, 0, SPIN))], [Support.end(made, "start")])
+    body = Body(made, list(laws) if len(laws) > 1 else laws[0], 1.0, spin=(0, 0, SPIN))
+    return Model([body], [Support.end(made, "start")])
 
 
 def _first_mode(times, turns, product):
@@ -63,7 +64,7 @@ def test_free_torsional_vibration_of_a_file(command, tmp_path) -> None:
     turns = "".join(f'[measure.a{k}]\nrotation = "bar"\nabout = "z"\nu = {0.2 * k}\n' for k in range(1, 6))
     path = tmp_path / "bar.toml"
     path.write_text(
-        '[rod.bar]\ncurve = {straight = 10.0}\nsection = {circle = 1.0}\ndensity = 1.0\nspin = [0, 0, 0.001]\n'
+        "[rod.bar]\ncurve = {straight = 10.0}\nsection = {circle = 1.0}\ndensity = 1.0\nspin = [0, 0, 0.001]\n"
         f"law = {{Viscoelastic = {{E = 2.6, nu = 0.3, prony = [[0.5, {TAU}]]}}}}\n"
         '[support.wall]\nend = "start"\n[analysis.dynamics]\nend_time = 60.0\noutputs = 120\n' + turns
     )

@@ -113,7 +113,8 @@ class Laws:
     @property
     def frozen(self) -> "Laws":
         """The laws where nothing flows."""
-        return Laws([piece._replace(law=piece.law.frozen) for piece in self.pieces])
+        given = [piece.law.frozen if isinstance(piece.law, Memory) else piece.law for piece in self.pieces]
+        return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
 
     def told(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a part of the state at points, shape ``(*shape, count)``, NaN where a law has none of the name.
@@ -269,7 +270,9 @@ def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[A
             own = np.empty(start.shape)
             bend = np.empty((*start.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
             given = flat(start), flat(change[at]), np.empty(0), np.empty((own.size // 9, 0))
-            discrete_gradient(one.block, one.tangent, False, -1, *given, own.reshape(-1, 3, 3), bend.reshape(-1, 3, 3, 3, 3))
+            discrete_gradient(
+                one.block, one.tangent, False, -1, *given, own.reshape(-1, 3, 3), bend.reshape(-1, 3, 3, 3, 3)
+            )
             gradient[at] = own
             if slope is not None:
                 slope[at] = bend

@@ -205,11 +205,6 @@ class Material(Checked, ABC):
         return self
 
     @property
-    def frozen(self) -> Self:
-        """The law as it is where nothing of its state flows: itself without memory."""
-        return self
-
-    @property
     def follows(self) -> bool:
         """Whether the law depends on the rod's places and has not been told them (`placed`)."""
         return any(directions.follows(one) for one in self._fibres())

@@ -153,7 +153,7 @@ def put_stress(work: Array, spectral: Array, principal: Array, stress: Array) ->
     carried, second, mixed = np.empty((9, POINTS)), np.empty((6, POINTS)), np.empty((9, POINTS))
     turn(stress, spectral, second)
     for m in range(6):
-        i, j = np.uint64(FIRST[m]), np.uint64(SECOND[m])
+        p, q = np.uint64(FIRST[m]), np.uint64(SECOND[m])
         one, other = np.uint64(POINTS * VALUE[FIRST[m]]), np.uint64(POINTS * VALUE[SECOND[m]])
         for k in range(_W):
             a, b = spectral[one + k], spectral[other + k]
@@ -161,22 +161,22 @@ def put_stress(work: Array, spectral: Array, principal: Array, stress: Array) ->
             apart = (a - b) / total
             s = apart * apart
             far = s > 0.0025
-            quotient = 2.0 * (principal[i, k] - principal[j, k]) / (a - b if far else 1.0)
+            quotient = 2.0 * (principal[p, k] - principal[q, k]) / (a - b if far else 1.0)
             series = 2.0 / total * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s / 13))))))
             second[m, k] *= quotient if far else series
     for i in range(3):
         for a in range(3):
-            row = np.uint64(3 * i + a)
+            place = np.uint64(3 * i + a)
             f, g = np.uint64(POINTS * (GRADIENT + 3 * a)), np.uint64(POINTS * (6 + 3 * i))
             s0, s1, s2 = np.uint64(PLACE[i, 0]), np.uint64(PLACE[i, 1]), np.uint64(PLACE[i, 2])
             h = np.uint64(POINTS * (6 + a))
             for k in range(_W):
-                carried[row, k] = (
+                carried[place, k] = (
                     work[f + k] * spectral[g + k]
                     + work[f + ROWS[1] + k] * spectral[g + ROWS[1] + k]
                     + work[f + ROWS[2] + k] * spectral[g + ROWS[2] + k]
                 )
-                mixed[row, k] = (
+                mixed[place, k] = (
                     second[s0, k] * spectral[h + k]
                     + second[s1, k] * spectral[h + ROWS[3] + k]
                     + second[s2, k] * spectral[h + ROWS[6] + k]

@@ -12,7 +12,6 @@ from isorod.material.law import Isotropic
 from isorod.material.memory import Memory
 from isorod.material.points import Compiled
 
-
 # A stress that nothing reaches.
 _NEVER = 1e200
 

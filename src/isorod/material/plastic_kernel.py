@@ -138,9 +138,7 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
             for m in range(6):
                 plastic = work[np.uint64(POINTS * (FIBRE + m)) + k]
                 plastic += np.sqrt(1.5) * step * way[m, k] if step > 0.0 else 0.0
-                energy += TWICE[m] * (
-                    constants[0] * (strain[m, k] - plastic) ** 2 + constants[1] / 3.0 * plastic**2
-                )
+                energy += TWICE[m] * (constants[0] * (strain[m, k] - plastic) ** 2 + constants[1] / 3.0 * plastic**2)
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = energy, 0.0
             work[ROWS[LOST] + k] = _dissipated(work[ROWS[FIBRE + 6] + k] + step, constants)
     put_stress(work, spectral, principal, stress)

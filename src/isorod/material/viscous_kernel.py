@@ -55,7 +55,9 @@ def _shares(x: float) -> tuple[float, float, float]:
 
 
 @njit(**FAST)
-def _relax(work: Array, constants: Array, which: int, before: Array, change: Array, elastic: Array, lost: Array) -> None:
+def _relax(
+    work: Array, constants: Array, which: int, before: Array, change: Array, elastic: Array, lost: Array
+) -> None:
     """Let a branch relax: fill in its elastic strain at the end of the step.
 
     Parameters
@@ -90,9 +92,7 @@ def _relax(work: Array, constants: Array, which: int, before: Array, change: Arr
 
 
 @njit(**FAST)
-def _creep(
-    k: Any, stiffness: float, c: float, n: float, half: float, change: Array, elastic: Array
-) -> float:
+def _creep(k: Any, stiffness: float, c: float, n: float, half: float, change: Array, elastic: Array) -> float:
     """Let a point of a branch relax for half of a step, be strained, and relax again; return what it dissipates."""
     stress, size = stiffness * np.sqrt(1.5), 0.0
     for m in range(6):
@@ -141,7 +141,7 @@ def _deviators(work: Array, strain: Array, trace: Array, before: Array, change: 
 
 @njit(**FAST)
 def _add(factor: float, values: Array, square: float, more: Array, total: Array) -> None:
-    """Add a multiple of symmetric tensors ``(6, POINTS)``, and another one of ``more`` on their diagonals, to others."""
+    """Add a multiple of symmetric tensors ``(6, POINTS)`` to others, and another one of ``more`` on their diagonals."""
     for m in range(6):
         other = square if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):

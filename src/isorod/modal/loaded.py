@@ -21,7 +21,8 @@ def burdens(model: Model) -> str:
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
     heated = any(isinstance(law, Thermal) and law.heated for law in laws)
-    muscles = any(not law.timed and law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in map(bare, laws))
+    grown = [law for law in map(bare, laws) if not law.timed and law.at(0.5) is not law]
+    muscles = any(np.any(getattr(law, "activation", 1.0)) for law in grown)
     found = [
         _count(loads, "load"),
         _count(moved, "moved support"),
@@ -44,13 +45,12 @@ def state_of(model: Model, state: Equilibrium | None) -> str:
     under = burdens(model)
     if state is None:
         return "the state of rest" + (f", without {under}" if under else "")
-    if not under:
-        when = "" if model.times is None else f" at time {model.times.end:.6g}"
-        return f"an equilibrium without loads{when}" + (", elastic from there: nothing flows" if model.remembers else "")
-    pressed = sum(one.active for one in state.contacts)
-    touching = f" with {_count(pressed, 'point') or 'no point'} in contact" if model.contacts else ""
     when = "" if model.times is None else f" at time {model.times.end:.6g}"
     elastic = ", elastic from there: nothing flows" if model.remembers else ""
+    if not under:
+        return f"an equilibrium without loads{when}{elastic}"
+    pressed = sum(one.active for one in state.contacts)
+    touching = f" with {_count(pressed, 'point') or 'no point'} in contact" if model.contacts else ""
     turning = ", in the frame that turns" if spins(model) else ""
     return f"the equilibrium under {under}{touching}{when}{turning}{elastic}"
 

@@ -199,8 +199,7 @@ class Model(Checked):
         """Return the model after states, all displacements ``(dofs,)`` of each; see `isorod.model.body.Body.after`."""
         if not self.remembers:
             return self
-        each = (tuple(Past(f, self.nodal(x, b)) for f, x in past) for b in range(len(self.bodies)))
-        own = [body.after(one, settled) for body, one in zip(self.bodies, each, strict=True)]
+        own = [body.after([Past(f, self.nodal(x, b)) for f, x in past], settled) for b, body in enumerate(self.bodies)]
         (model := copy(self))._set(bodies=own, past=tuple(past))
         return model
 

@@ -63,7 +63,7 @@ class Keeper:
         model = solver.assembler.model
         if model.contacts or model.coupled:
             raise InputError(
-                "checkpoint: statics with contact, ties, mean supports or finite element bodies keeps none; leave it out"
+                "checkpoint: statics keeps none with contact, ties, mean supports or finite element bodies"
             )
         if not (np.isfinite(kept.every) and kept.every >= 0.0):
             raise InputError(f"time between checkpoints: got {kept.every:g}, need seconds, not negative")

@@ -33,7 +33,7 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points slip in turn, more.
+# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points slip, more.
 TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
 
 # Steps of nearly no length in a solution that is given up, as long as there are other ways to try.

@@ -304,7 +304,9 @@ class System:
         """Let laws with memory go on to the state of the present displacement, so long after that before."""
         if self.model.remembers:
             elapse(self.mesh, step)
-            internal_forces(self.mesh, self.state.displacement, 0.0, False, True, np.empty_like(self.state.displacement))
+            internal_forces(
+                self.mesh, self.state.displacement, 0.0, False, True, np.empty_like(self.state.displacement)
+            )
             elapse(self.mesh, 0.0)
 
     @property
