@@ -37,6 +37,34 @@ def test_a_stretch_that_is_held_relaxes_in_one_step_and_in_many() -> None:
         steps = steps.advanced(F, time)
 
 
+def test_what_is_lost_where_nothing_moves_is_what_is_not_stored_any_more() -> None:
+    F, law = np.diag([1.5**-0.5, 1.5**-0.5, 1.5])[None], _law().shear.advanced(np.eye(3)[None], 0.0)
+    held = law.advanced(F, 0.0)
+    for time in (1e-9, 1e-3, 0.5, 5.0, 1e3):
+        after = held.advanced(F, time)
+        lost = held.energy(F) - after.at(time).energy(F)
+        assert after.state[0, -1] == pytest.approx(lost[0], rel=1e-12, abs=1e-14)
+
+
+def test_what_is_lost_is_the_work_less_what_is_stored_to_second_order() -> None:
+    rng = np.random.default_rng(3)
+    ways, errors = rng.normal(size=(2, 30, 3, 3)), []
+    for steps in (8, 16, 32):
+        law, F, work = Viscoelastic(2.6, 0.3, [[0.5, 0.7], [0.3, 0.1]]), np.eye(3) + 0.0 * ways[0], 0.0
+        for k in range(steps):
+            now = law.lasting(1.0 / steps)
+            change = 0.2 / steps * (ways[0] if 2 * k < steps else ways[1])
+            stress, _ = now.discrete(F, change, False)
+            work = work + np.sum(stress * change, axis=(1, 2))
+            F = F + change
+            law = now.advanced(F, 0.0)
+        assert law.state[:, -1].min() > 0.0
+        errors.append(np.abs(work - law.lasting(0.0).energy(F) - law.state[:, -1]).max() / work.max())
+    assert errors[0] < 5e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.3)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
+
+
 def test_steps_of_a_way_that_goes_on_err_as_their_square() -> None:
     # A stretch that grows with time, and turns, beside the equation itself in many small steps.
     def way(time: float) -> np.ndarray:

@@ -13,8 +13,6 @@ from isorod import (
     Support,
     buckling,
     circle,
-    dynamics,
-    modal,
     statics,
     straight,
 )
@@ -162,12 +160,7 @@ def _loaded(law):
 PLASTIC = Plastic(E, NU, [[0.0, YIELD]])
 
 test_what_knows_no_memory = refused(
-    (lambda: modal.solve(_loaded(PLASTIC), 2), "has a memory, which is not told in modes"),
     (lambda: buckling.solve(_loaded(PLASTIC)), "buckling: not known with laws that have a memory"),
-    (
-        lambda: dynamics.solve(_loaded(PLASTIC), 1.0),
-        "material: a law has a memory, which motions do not take; use statics",
-    ),
     (lambda: statics.solve(_loaded(PLASTIC), stable=True), "stability is unknown with laws that have a memory"),
     (lambda: statics.solve(_loaded(Creep(E, NU, 1e-9, 3.0))), "Creep flows with time; give an end_time"),
 )

@@ -99,10 +99,10 @@ class Finer:
                 bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids, times=model.times
             )
         found = cls(model, made, across, left)
-        if not model.past:
+        if not model.remembers:
             return found
         past = [Past(factor, found.displacement(one)) for factor, one in model.past]
-        return replace(found, model=made.after(past))
+        return replace(found, model=made.after(past, any(body.settled for body in model.bodies)))
 
     @property
     def wider(self) -> bool:

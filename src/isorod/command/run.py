@@ -53,13 +53,14 @@ def more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analyses, and of what becomes of the result."""
     chosen.with_analysis(parser, scene)
     analyses = scenes.analyses(scene)
-    if "dynamics" not in analyses:
-        motions = "only dynamics ([analysis.dynamics]) can be restarted"
+    kept = bool({"dynamics", "statics"} & {*analyses})
+    if not kept:
+        motions = "only statics and dynamics can be restarted"
         parser.elsewhere |= dict.fromkeys(("--checkpoint", "--checkpoint-every", "--resume"), motions)
     if analyses == ("dynamics",):
         error = "no error estimate in dynamics; compare runs with other elements and orders"
         parser.elsewhere |= dict.fromkeys(("--tolerance", "--no-estimate"), error)
-    if "dynamics" in analyses:
+    if kept:
         parser.add_argument("--checkpoint", metavar="FILE", help="write checkpoints of the run to this file")
         parser.add_argument(
             "--checkpoint-every",
@@ -71,7 +72,7 @@ def more(parser: Parser, scene: Any) -> None:
         parser.add_argument(
             "--resume",
             action="store_true",
-            help="restart from the checkpoint; a later end time takes more outputs",
+            help="restart from the checkpoint; a later end time of a motion takes more outputs",
         )
     if {"statics", "modal", "buckling"} & {*analyses}:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
@@ -120,7 +121,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     options.initialize(theirs)
     # Those of a file are held to the analysis, which starts PETSc.
     settings = chosen.settings(scene, found)
-    if scene.analysis == "dynamics":
+    if scene.analysis == "dynamics" or getattr(found, "checkpoint", None) or getattr(found, "resume", False):
         settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
     settings |= {"progress": True}
     if scene.analysis == "statics" and found.output is not None:
@@ -135,6 +136,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if getattr(found, "tolerance", None) is not None:
         if scene.analysis == "dynamics":
             raise InputError("--tolerance: not for dynamics; compare runs with other elements and orders")
+        if settings.get("checkpoint") is not None:
+            raise InputError("--checkpoint: it is of one run, and --tolerance takes several; leave one out")
         from isorod.command.refine import refine
 
         scene, solution, seconds, error, history, short = refine(scene, settings, found.tolerance)

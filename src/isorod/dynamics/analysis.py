@@ -1,11 +1,12 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -159,7 +160,7 @@ def solve(
             model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
         )
     return History(
-        model=model,
+        model=_untold(model),
         **{name: np.array(values) for name, values in run.rows.items()},
         steps=run.taken,
         time_step=run.step,
@@ -176,6 +177,14 @@ def solve(
         ranks=ranks.getSize(),
         ramp=settings.ramp,
     )
+
+
+def _untold(model: Model) -> Model:
+    """Return the model of a motion, of which laws with memory tell nothing but at points of quadrature."""
+    if not model.remembers:
+        return model
+    (made := copy(model))._set(bodies=[body.after(None) for body in model.bodies])
+    return made
 
 
 def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[float, dict[str, str]]:
@@ -223,66 +232,44 @@ def _run_of(integrator: str) -> type[Run]:
 
 
 class _Checkpoint:
-    """The file a run keeps its state in, if it has one."""
+    """What a run keeps in a file, if it has one."""
 
     def __init__(self, run: Run, path: Path | None, initial: tuple[Array, Array]) -> None:
-        self._run, self._path, self._initial = run, path, initial
-        self._identity = {} if path is None else run.identity(*initial)
-        self._claim: files.Claim | None = None
+        self._run, self._initial = run, initial
+        comm = run.system.ranks.communicator.tompi4py()
+        self._file = files.Kept(path, lambda: run.identity(*initial), comm)
 
     def begin(self, resume: bool) -> None:
         """Begin the run, from the file if it is to be resumed; none other may have the file until `close`."""
-        if self._path is not None:
-            self._on_first(self._take)
-        if self._path is not None and resume:
-            kept = self._on_first(files.read, self._path, self._identity)
+        kept = self._file.begin(resume)
+        if kept is not None:
             try:
                 self._run.restore(kept)
             except InputError as problem:
-                raise InputError(f"checkpoint {self._path}: {problem}") from None
+                raise InputError(f"checkpoint {self._file.path}: {problem}") from None
             return
-        if self._path is not None:
-            self._on_first(files.refuse_overwriting, self._path)
         self._run.begin(*self._initial)
         self.write()
 
-    def _take(self) -> None:
-        assert self._path is not None
-        self._claim = files.Claim(self._path)
-
     def close(self) -> None:
         """Let other runs have the file."""
-        if self._claim is not None:
-            self._claim.release()
+        self._file.close()
 
     def write(self) -> None:
         """Keep the state."""
-        if self._path is not None:
-            self._on_first(files.write, self._path, self._identity, self._run.state())
-
-    def _on_first(self, do: Callable[..., Any], *given: Any) -> Any:
-        """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
-        ranks, found = self._run.system.ranks, None
-        if ranks.rank == 0:
-            try:
-                found = do(*given)
-            except InputError as problem:
-                found = problem
-        found = ranks.first(found)
-        if isinstance(found, InputError):
-            raise found
-        return found
+        if self._file.path is not None:
+            self._file.write(self._run.state())
 
     def keep(self) -> str:
         """Keep the state of a run that is interrupted; return where it is, in words."""
         reached = f"time {self._run.time:.6g} of {self._run.settings.end_time:.6g}"
-        if self._path is None:
+        if self._file.path is None:
             return f"{reached} is lost: it had no --checkpoint"
         try:
             self.write()
         except InputError as problem:
             return str(problem)
-        return f"checkpoint {self._path} has {reached}, --resume goes on from there"
+        return f"checkpoint {self._file.path} has {reached}, --resume goes on from there"
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:

@@ -156,6 +156,7 @@ class Run(ABC):
         system, state = self.system, self.system.state
         state.displacement[system.order] = displacement
         state.velocity[system.order] = velocity
+        system.go_on(0.0)
         critical = self._critical()
         if not critical > 0.0:
             raise InputError(f"initial state: an element is inverted; {self.system.worst(state.displacement)}")
@@ -163,7 +164,8 @@ class Run(ABC):
         self._choose(critical)
         self._momentum = self._free_momentum()
         seen = self._measure()
-        self._energy = total(seen)
+        # What flows at once is before the motion.
+        self._energy = total(seen) + seen["dissipated"]
         self._estimated[:] = 0.0, self.level(0.0), seen["contact_area"]
         self._balance(seen)
         self._record(seen)
@@ -325,6 +327,7 @@ class Run(ABC):
             "sums": state.sums,
             "starts": system.starts,
             "anchors": system.anchors,
+            "states": system.states,
             "estimates": np.array(self.estimates),
             "estimated": self._estimated,
             "highest": system.highest,
@@ -361,6 +364,7 @@ class Run(ABC):
         self.system.starts[:] = kept["starts"]
         self.system.anchors[:] = kept["anchors"]
         self.system.highest[:] = kept["highest"]
+        self.system.know(kept["states"])
         self.estimates = [(float(time), float(value)) for time, value in kept["estimates"]]
         self._estimated = kept["estimated"]
         self._energy = float(kept["energy"])

@@ -185,6 +185,8 @@ MEASURES = {
     "stress": _measure("stress", rod=ROD),
     "section_force": _measure("section_force", rod=ROD),
     "energy": _measure("energy", rod=ROD),
+    "state": _measure("remembered:state", rod=ROD),
+    "dissipated": _measure("remembered:dissipated", rod=ROD),
     "stiffness": _measure("stiffness", support=SUPPORT),
     "frequency": _measure("frequency", rod=ROD),
     "frequency_like": _measure("frequency_like", load=LOAD),
@@ -200,6 +202,7 @@ MEASURES = {
 # Those that the state of any load step tells.
 ALONG = (
     *("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy"),
+    *("state", "dissipated"),
     *("obstacle_force", "obstacle_moment"),
 )
 

@@ -12,6 +12,7 @@ from isorod.compiled import flat
 from isorod.errors import InputError
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.law import Material
+from isorod.material.memory import Memory
 from isorod.material.places import Places
 from isorod.tensors import inverse
 
@@ -93,6 +94,27 @@ class Laws:
     def advanced(self, F: Array, factor: float) -> "Laws":
         """Return the laws with their states at the end of a step, ``F`` at the points and load factor there."""
         return Laws([piece._replace(law=piece.law.advanced(piece.of(F), factor)) for piece in self.pieces])
+
+    def lasting(self, step: float) -> "Laws":
+        """Return the laws in a step of a motion that takes so long, where they have a memory."""
+        given = [piece.law.lasting(step) if isinstance(piece.law, Memory) else piece.law for piece in self.pieces]
+        return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
+
+    def knowing(self, states: Array) -> "Laws":
+        """Return the laws with states ``(places, t, q, m)``, where they have a memory."""
+        found = []
+        for piece in self.pieces:
+            law = piece.law
+            if isinstance(law, Memory):
+                law = law._with(state=np.ascontiguousarray(states[piece.at(3)][..., : law.width]))
+            found.append(piece._replace(law=law))
+        return Laws(found)
+
+    @property
+    def frozen(self) -> "Laws":
+        """The laws where nothing flows."""
+        given = [piece.law.frozen if isinstance(piece.law, Memory) else piece.law for piece in self.pieces]
+        return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
 
     def told(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a part of the state at points, shape ``(*shape, count)``, NaN where a law has none of the name.
@@ -248,7 +270,9 @@ def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[A
             own = np.empty(start.shape)
             bend = np.empty((*start.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
             given = flat(start), flat(change[at]), np.empty(0), np.empty((own.size // 9, 0))
-            discrete_gradient(one.block, one.tangent, *given, own.reshape(-1, 3, 3), bend.reshape(-1, 3, 3, 3, 3))
+            discrete_gradient(
+                one.block, one.tangent, False, -1, *given, own.reshape(-1, 3, 3), bend.reshape(-1, 3, 3, 3, 3)
+            )
             gradient[at] = own
             if slope is not None:
                 slope[at] = bend

@@ -11,13 +11,16 @@ changes or where fibres begin to bear on the way, the last term (Gonzalez, J. No
 for what they miss beyond rounding.  ``S : D / 2 = W_1 - W_0``, and ``S`` stays the same when both states change places.
 With ``P = F_m S``, ``F_m`` the mean of both deformation gradients, internal forces have no resultant and no moment.
 
+Of a law with memory ``W`` is what is stored and dissipated, of which its stress in the step is the derivative; where
+it flows with time, this goes by on the way as the strain does, and the mean stands as it is.
+
 Symmetric tensors have six components, 00, 01, 02, 11, 12, 22, and so have triangular ones.
 """
 
 from typing import Any
 
 import numpy as np
-from numba import f8, i8, u8, void
+from numba import b1, f8, i8, u8, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, F3, F5, FAST, njit
@@ -27,6 +30,7 @@ from isorod.material.points import (
     ENERGY,
     FIBRE,
     GRADIENT,
+    LOST,
     MODULI,
     MODULI_WORK,
     POINTS,
@@ -204,9 +208,9 @@ def _modulus(block: int, tangent: int, work: Array, constants: Array) -> float:
     return float(np.abs(work[POINTS * MODULI :]).max())
 
 
-@njit(void(F2, F1, f8), **FAST)
-def _finish(own: Array, work: Array, modulus: float) -> None:
-    """Fill in ``S`` with the last term, and the rows of stress with ``F_m S``."""
+@njit(void(F2, F1, f8, f8), **FAST)
+def _finish(own: Array, work: Array, modulus: float, exact: float) -> None:
+    """Fill in ``S`` with the last term, or 0 times that, and the rows of stress with ``F_m S``."""
     for k in range(_W):
         d0, d1, d2 = own[_CHANGE, k], own[_CHANGE + 1, k], own[_CHANGE + 2, k]
         d3, d4, d5 = own[_CHANGE + 3, k], own[_CHANGE + 4, k], own[_CHANGE + 5, k]
@@ -219,7 +223,7 @@ def _finish(own: Array, work: Array, modulus: float) -> None:
         # No jump: what is beyond rounding comes in twice as fast until it is all there.  NaN is beyond.
         far = abs(missed) >= 2.0 * allowed
         beyond = missed if far else 2.0 * (missed - np.copysign(allowed, missed))
-        factor = 0.0 if abs(missed) <= allowed else beyond / size
+        factor = 0.0 if (abs(missed) <= allowed) | (exact == 0.0) else beyond / size
         own[_SIZE, k], own[_FACTOR, k], own[_RATE, k] = size, factor, 1.0 if far else 2.0
         own[_HERE, k], own[_HERE + 1, k], own[_HERE + 2, k] = m0 + factor * d0, m1 + factor * d1, m2 + factor * d2
         own[_HERE + 3, k], own[_HERE + 4, k], own[_HERE + 5, k] = m3 + factor * d3, m4 + factor * d4, m5 + factor * d5
@@ -283,10 +287,12 @@ def _moduli(own: Array, k: int, tensors: Array, varied: Array, m: int, moduli: A
                     moduli[m, a, A, b, B] = value if own[_BAD, k] == 0.0 else np.nan
 
 
-@njit(void(u8, u8, F3, F3, F1, F2, F3, F5), **FAST)
+@njit(void(u8, u8, b1, i8, F3, F3, F1, F2, F3, F5), **FAST)
 def discrete_gradient(
     block: int,
     tangent: int,
+    remembers: bool,
+    clock: int,
     start: Array,
     change: Array,
     constants: Array,
@@ -300,6 +306,8 @@ def discrete_gradient(
     ----------
     block, tangent
         Addresses of the law's functions.
+    remembers, clock
+        Whether the law has a memory, and which of its constants is the time of the step; none below 0.
     start, change
         Deformation gradients and their changes, shape ``(points, 3, 3)``.
     constants, fibres
@@ -310,6 +318,7 @@ def discrete_gradient(
     work, own = np.zeros(MODULI_WORK * POINTS), np.empty((_OWN, POINTS))
     tensors, varied = np.empty((6, 3, 3)), np.empty((6, 9))
     count, wanted, modulus = start.shape[0], moduli.shape[0] > 0, 0.0
+    own_constants = constants.copy()
     for begin in range(0, count, POINTS):
         for k in range(_W):
             # Behind the last point it fills up the block.
@@ -326,11 +335,13 @@ def discrete_gradient(
         for place in range(len(_PLACES)):
             t, share = _PLACES[place], _SHARES[place]
             _go(own, work, t)
-            call_block(block, (work, constants, 1.0, False))
+            if clock >= 0:
+                own_constants[clock] = t * constants[clock]
+            call_block(block, (work, own_constants, 1.0, False))
             _add_stress(own, work, share)
             if wanted:
                 work[POINTS * MODULI :] = 0.0
-                call_tangent(tangent, (work, constants, 1.0))
+                call_tangent(tangent, (work, own_constants, 1.0))
                 _add_moduli(own, work, t * share)
         for last in range(2):
             for c in range(np.uint64(9)):
@@ -340,11 +351,12 @@ def discrete_gradient(
                 work[ROWS[DETERMINANT] + k] = own[_DETERMINANTS + last, k]
             call_block(block, (work, constants, 1.0, True))
             for k in range(_W):
-                own[_BEFORE + last, k] = work[ROWS[ENERGY] + k] + work[ROWS[ACTIVE] + k]
+                lost = work[ROWS[LOST] + k] if remembers else 0.0
+                own[_BEFORE + last, k] = work[ROWS[ENERGY] + k] + work[ROWS[ACTIVE] + k] + lost
         for c in range(np.uint64(9)):
             for k in range(_W):
                 own[np.uint64(_LAST) + c, k] = work[ROWS[1] * c + k]
-        _finish(own, work, modulus)
+        _finish(own, work, modulus, 0.0 if clock >= 0 else 1.0)
         for k in range(np.uint64(min(POINTS, count - begin))):
             m = begin + np.int64(k)
             valid = 1.0 if own[_BAD, k] == 0.0 else np.nan

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ def check_variables(variables: Mapping[str, str]) -> None:
     for name, kind in variables.items():
         if not name.isidentifier():
             raise InputError(f"state: got the name {name!r}, need one of letters and digits")
+        if name == "dissipated":
+            raise InputError("state: got the name 'dissipated', which tells what laws have lost; take another")
         if kind not in KINDS:
             raise InputError(f"state {name}: got {kind!r}, need one of {', '.join(KINDS)}")
     width = sum(KINDS[kind] for kind in variables.values())
@@ -69,6 +71,8 @@ class Dissipative(Timed, Isochoric):
     variables: Mapping[str, str]
     parameters: Mapping[Any, float] = field(default_factory=dict)
     bulk: float | None = None  # type: ignore[assignment]
+
+    clock: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():

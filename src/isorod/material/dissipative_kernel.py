@@ -6,18 +6,19 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import FAST, njit
-from isorod.material.logarithm_kernel import FIRST, SECOND, turn
+from isorod.material.logarithm_kernel import FIRST, PLACE, SECOND
 from isorod.material.points import FIBRE, POINTS
 
 
 @njit(**FAST)
-def whole(principal: Array, frame: Array, e: Array) -> None:
-    """Fill in a symmetric tensor ``(6,)`` from its principal values and directions, a row each."""
+def _turn(tensor: Array, frame: Array, turned: Array) -> None:
+    """Fill in the components of a symmetric tensor in a frame, a direction in each row."""
     for m in range(6):
         total = 0.0
-        for i in range(3):
-            total += principal[i] * frame[i, FIRST[m]] * frame[i, SECOND[m]]
-        e[m] = total
+        for A in range(3):
+            for B in range(3):
+                total += frame[FIRST[m], A] * tensor[PLACE[A, B]] * frame[SECOND[m], B]
+        turned[m] = total
 
 
 @njit(**FAST)
@@ -45,11 +46,11 @@ def turn_moduli(moduli: Array, frame: Array) -> None:
     one, turned = np.empty(6), np.empty(6)
     for m in range(6):
         one[:] = moduli[m]
-        turn(one, frame, turned)
+        _turn(one, frame, turned)
         moduli[m] = turned
     for m in range(6):
         one[:] = moduli[:, m]
-        turn(one, frame, turned)
+        _turn(one, frame, turned)
         moduli[:, m] = turned
 
 

@@ -57,6 +57,8 @@ class Material(Checked, ABC):
     remembers, timed, kinks, states
         Whether its stress depends on what was before (`isorod.material.memory`), on the time that goes by, and has
         kinks as strains grow; and how many numbers of each name it knows of what was before, in their order.
+    clock
+        Which of its constants is the time of a step (`isorod.material.memory`); below 0 where none is.
     splits
         Whether there is a ``U``: what changes the volume alone, or does in small strains.
     logarithmic
@@ -73,6 +75,7 @@ class Material(Checked, ABC):
     remembers: ClassVar[bool] = False
     timed: ClassVar[bool] = False
     kinks: ClassVar[bool] = False
+    clock: ClassVar[int] = -1
     states: ClassVar[Mapping[str, int]] = {}
     splits: ClassVar[bool] = True
     logarithmic: ClassVar[bool] = True
@@ -179,7 +182,7 @@ class Material(Checked, ABC):
         stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
         one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_known(F.shape[:-2]))
         found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
-        discrete_gradient(one.block, one.tangent, *given, *found)
+        discrete_gradient(one.block, one.tangent, self.remembers, self.clock, *given, *found)
         return stress, moduli if wanted else None
 
     def at(self, factor: float) -> Self:

@@ -18,10 +18,15 @@ from isorod.compiled import FAST, njit
 from isorod.material.functions import SPECTRAL, log, principals
 from isorod.material.points import DETERMINANT, GRADIENT, MODULI, POINTS, ROWS, SQUARES
 
+# Where principal values are among the rows of `isorod.material.functions.principals`.
+VALUE = np.array([0, 3, 5])
+
 # Where the components of a symmetric tensor are, and how often each is in a sum over all nine.
 PLACE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 FIRST, SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+
+_W, _3, _6 = np.uint64(POINTS), np.uint64(3), np.uint64(6)
 
 # Principal values that are nearer to each other, relative, have their differences from a series.
 _NEAR = 1e-3
@@ -46,37 +51,45 @@ def principal_strains(work: Array) -> Array:
 
 
 @njit(**FAST)
-def take_frame(spectral: Array, k: Any, c: Array, frame: Array, strain: Array) -> None:
-    """Fill in a point's principal values ``(3,)``, directions, a row each, and principal strains ``(3,)``."""
+def take_frame(spectral: Array, k: Any, c: Array, frame: Array) -> None:
+    """Fill in a point's principal values ``(3,)``, and directions, a row each."""
     for i in range(3):
-        c[i] = spectral[np.uint64(POINTS * (0 if i == 0 else 2 * i + 1)) + k]
-        strain[i] = 0.5 * log(c[i])
+        c[i] = spectral[np.uint64(POINTS * VALUE[i]) + k]
         for A in range(3):
             frame[i, A] = spectral[np.uint64(POINTS * (6 + 3 * i + A)) + k]
 
 
 @njit(**FAST)
-def turn(tensor: Array, frame: Array, turned: Array) -> None:
-    """Fill in the components of a symmetric tensor in a frame."""
+def take_strains(spectral: Array, principal: Array, strain: Array, trace: Array) -> None:
+    """Fill in the principal strains of a block, ``(3, POINTS)``, the strains ``(6, POINTS)``, and their traces."""
+    for i in range(3):
+        row = np.uint64(POINTS * VALUE[i])
+        for k in range(_W):
+            principal[i, k] = 0.5 * log(spectral[row + k])
+    for k in range(_W):
+        trace[k] = principal[0, k] + principal[1, k] + principal[2, k]
     for m in range(6):
-        i, j = FIRST[m], SECOND[m]
-        total = 0.0
-        for A in range(3):
-            for B in range(3):
-                total += frame[i, A] * tensor[PLACE[A, B]] * frame[j, B]
-        turned[m] = total
+        left, right = np.uint64(POINTS * (6 + FIRST[m])), np.uint64(POINTS * (6 + SECOND[m]))
+        for k in range(_W):
+            strain[m, k] = (
+                principal[0, k] * spectral[left + k] * spectral[right + k]
+                + principal[1, k] * spectral[left + ROWS[3] + k] * spectral[right + ROWS[3] + k]
+                + principal[2, k] * spectral[left + ROWS[6] + k] * spectral[right + ROWS[6] + k]
+            )
 
 
 @njit(**FAST)
-def turn_back(turned: Array, frame: Array, tensor: Array) -> None:
-    """Fill in a symmetric tensor from its components in a frame."""
+def turn(tensor: Array, spectral: Array, turned: Array) -> None:
+    """Fill in what symmetric tensors of a block are in the frames of its points, both ``(6, POINTS)``."""
     for m in range(6):
-        A, B = FIRST[m], SECOND[m]
-        total = 0.0
-        for i in range(3):
-            for j in range(3):
-                total += frame[i, A] * turned[PLACE[i, j]] * frame[j, B]
-        tensor[m] = total
+        for k in range(_W):
+            turned[m, k] = 0.0
+        for A in range(3):
+            left = np.uint64(POINTS * (6 + 3 * FIRST[m] + A))
+            for B in range(3):
+                right, row = np.uint64(POINTS * (6 + 3 * SECOND[m] + B)), np.uint64(PLACE[A, B])
+                for k in range(_W):
+                    turned[m, k] += spectral[left + k] * tensor[row, k] * spectral[right + k]
 
 
 @njit(**FAST)
@@ -116,6 +129,18 @@ def _carried(work: Array, k: Any, frame: Array, carried: Array) -> None:
 
 
 @njit(**FAST)
+def _turned_back(turned: Array, frame: Array, tensor: Array) -> None:
+    """Fill in a symmetric tensor from its components in a frame."""
+    for m in range(6):
+        A, B = FIRST[m], SECOND[m]
+        total = 0.0
+        for i in range(3):
+            for j in range(3):
+                total += frame[i, A] * turned[PLACE[i, j]] * frame[j, B]
+        tensor[m] = total
+
+
+@njit(**FAST)
 def _second_stress(c: Array, stress: Array, second: Array) -> None:
     """Fill in the second Piola-Kirchhoff stress of a stress that belongs to ``E``, both in the principal frame."""
     for m in range(6):
@@ -123,26 +148,50 @@ def _second_stress(c: Array, stress: Array, second: Array) -> None:
 
 
 @njit(**FAST)
-def put_stress(work: Array, k: Any, c: Array, frame: Array, stress: Array) -> None:
-    """Fill the rows of ``P`` at a point from the stress that belongs to ``E`` in the principal frame."""
-    second = np.empty(6)
-    _second_stress(c, stress, second)
-    put_second(work, k, frame, second)
-
-
-@njit(**FAST)
-def put_second(work: Array, k: Any, frame: Array, second: Array) -> None:
-    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress in a frame."""
-    carried = np.empty((3, 3))
-    _carried(work, k, frame, carried)
-    valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
+def put_stress(work: Array, spectral: Array, principal: Array, stress: Array) -> None:
+    """Fill the rows of ``P`` from the stress ``(6, POINTS)`` that belongs to ``E``, and principal strains."""
+    carried, second, mixed = np.empty((9, POINTS)), np.empty((6, POINTS)), np.empty((9, POINTS))
+    turn(stress, spectral, second)
+    for m in range(6):
+        p, q = np.uint64(FIRST[m]), np.uint64(SECOND[m])
+        one, other = np.uint64(POINTS * VALUE[FIRST[m]]), np.uint64(POINTS * VALUE[SECOND[m]])
+        for k in range(_W):
+            a, b = spectral[one + k], spectral[other + k]
+            total = a + b
+            apart = (a - b) / total
+            s = apart * apart
+            far = s > 0.0025
+            quotient = 2.0 * (principal[p, k] - principal[q, k]) / (a - b if far else 1.0)
+            series = 2.0 / total * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s / 13))))))
+            second[m, k] *= quotient if far else series
+    for i in range(3):
+        for a in range(3):
+            place = np.uint64(3 * i + a)
+            f, g = np.uint64(POINTS * (GRADIENT + 3 * a)), np.uint64(POINTS * (6 + 3 * i))
+            s0, s1, s2 = np.uint64(PLACE[i, 0]), np.uint64(PLACE[i, 1]), np.uint64(PLACE[i, 2])
+            h = np.uint64(POINTS * (6 + a))
+            for k in range(_W):
+                carried[place, k] = (
+                    work[f + k] * spectral[g + k]
+                    + work[f + ROWS[1] + k] * spectral[g + ROWS[1] + k]
+                    + work[f + ROWS[2] + k] * spectral[g + ROWS[2] + k]
+                )
+                mixed[place, k] = (
+                    second[s0, k] * spectral[h + k]
+                    + second[s1, k] * spectral[h + ROWS[3] + k]
+                    + second[s2, k] * spectral[h + ROWS[6] + k]
+                )
     for a in range(3):
         for A in range(3):
-            total = 0.0
-            for i in range(3):
-                for j in range(3):
-                    total += carried[i, a] * second[PLACE[i, j]] * frame[j, A]
-            work[np.uint64(POINTS * (3 * a + A)) + k] = valid * total
+            row = np.uint64(POINTS * (3 * a + A))
+            p, q = np.uint64(a), np.uint64(A)
+            for k in range(_W):
+                valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
+                work[row + k] = valid * (
+                    carried[p, k] * mixed[q, k]
+                    + carried[p + _3, k] * mixed[q + _3, k]
+                    + carried[p + _6, k] * mixed[q + _6, k]
+                )
 
 
 @njit(**FAST)
@@ -194,7 +243,7 @@ def add_second(work: Array, k: Any, frame: Array, second: Array, moduli: Array) 
             for n in range(6):
                 total += moduli[m, n] * slopes[n, r]
             products[m, r] = total
-    turn_back(second, frame, back)
+    _turned_back(second, frame, back)
     for a in range(3):
         row = SQUARES + 6 * a
         for m in range(6):

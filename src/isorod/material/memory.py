@@ -29,6 +29,8 @@ class Memory(Material):
 
     Attributes
     ----------
+    states
+        Motions ask that the last of it is ``dissipated``: what was, per volume.
     state
         The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
     """
@@ -75,27 +77,43 @@ class Memory(Material):
         next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
         return self._with(state=states.reshape(*F.shape[:-2], -1))
 
+    @property
+    def frozen(self) -> Self:
+        """The law where nothing flows: raises where it does not say."""
+        raise InputError(f"{type(self).__name__}: modes, motions and checkpoints do not take this law; leave them out")
+
+    def lasting(self, step: float) -> Self:
+        """Return the law in a step of a motion that takes so long: itself where no time counts."""
+        return self
+
     def some(self, places: Index) -> Self:
         """Return the law at some of the places, along the first axis, of its state."""
         return self if self.state is None else self._with(state=self.state[places])
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> Any:
-        """Raise: there is no energy of which it could be the gradient."""
-        raise InputError(f"{type(self).__name__}: a law with memory, which motions do not take; use statics")
 
 
 class Timed(Memory):
     """A law with memory whose stress depends on the time that goes by."""
 
     timed: ClassVar[bool] = True
+    clock: ClassVar[int] = 1
 
-    # Time of the state, and from there to where the law is asked.
+    # Time of the state, and from there to where the law is asked; that where it is the same whatever the load factor.
     since: float = 0.0
     step: float = 0.0
+    during: float | None = None
 
     def at(self, factor: float) -> Self:
         """Return the law at a time."""
-        return self._with(step=max(factor - self.since, 0.0))
+        return self._with(step=max(factor - self.since, 0.0) if self.during is None else self.during)
+
+    def lasting(self, step: float) -> Self:
+        """Return the law in a step that takes so long."""
+        return self._with(step=step, during=step)
+
+    @property
+    def frozen(self) -> Self:
+        """The law in no time."""
+        return self.lasting(0.0)
 
     def growing(self, over: Callable[[Any], Callable[[float], float]]) -> Self:
         """Return the law as one that knows the time at a load factor."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Memory, Timed
 from isorod.material.points import Compiled
+
+# A stress that nothing reaches.
+_NEVER = 1e200
 
 
 @cache
@@ -46,7 +49,7 @@ class Plastic(Memory, Isotropic):
     recovery: float = 0.0
 
     kinks: ClassVar[bool] = True
-    states: ClassVar = {"plastic_strain": 6, "p": 1, "back_stress": 6}
+    states: ClassVar = {"plastic_strain": 6, "p": 1, "back_stress": 6, "dissipated": 1}
 
     def _check(self) -> None:
         super()._check()
@@ -81,6 +84,11 @@ class Plastic(Memory, Isotropic):
         return 0.0, 0.0, 1.0
 
     @property
+    def frozen(self) -> Self:
+        """The law with a yield stress that is never reached."""
+        return self._with(hardening=[[strain, _NEVER] for strain, _ in np.asarray(self.hardening).tolist()])
+
+    @property
     def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
         return _compiled()
@@ -102,6 +110,8 @@ class Viscoplastic(Timed, Plastic):
 
     A: float = 0.0
     n: float = 1.0
+
+    clock: ClassVar[int] = 3
 
     def _check(self) -> None:
         super()._check()

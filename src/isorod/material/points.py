@@ -26,10 +26,11 @@ POINTS = 32
 # Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, what
 # the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a
 # temperature, or the state of a law with memory), the energy density and its derivative by the activation that a law
-# writes if asked for, and what it may use.
-STATES = 24
+# writes if asked for, and what it may use; there a law with memory says what it has dissipated since rest.
+STATES = 25
 STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
 ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2
+LOST = FREE
 WORK = FREE + 6
 
 # Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
@@ -64,7 +65,7 @@ class Compiled:
         Functions that take what ``BLOCK`` and ``TANGENT`` say.
     update
         Of a law with memory one more that takes what ``BLOCK`` says, and fills the rows of the state with that at the
-        end of a step.
+        end of a step, beside those of the stress.
     """
 
     def __init__(self, block: Any, tangent: Any, update: Any = None) -> None:

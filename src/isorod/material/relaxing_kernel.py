@@ -11,7 +11,8 @@ follow in parts of the step, in each of which ``r`` is that of its middle: an er
 and none of small strains, or of what part of the stress is left where nothing moves.
 
 Constants: shear modulus, time of the step, number of branches, of each its share of that modulus and ``tau``, Lame's
-first parameter.  State: ``C - 1`` free of volume at the start of the step, then ``Ci - 1`` of each branch.
+first parameter.  State: ``C - 1`` free of volume at the start of the step, then ``Ci - 1`` of each branch, and what was
+dissipated.
 """
 
 from typing import Any
@@ -21,12 +22,15 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
 from isorod.material.functions import exp, expm1, log
-from isorod.material.logarithm_kernel import FIRST, PLACE, SECOND, TWICE, add_second, put_second
-from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, POINTS, ROWS, TANGENT
+from isorod.material.logarithm_kernel import FIRST, PLACE, SECOND, TWICE, add_second
+from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, LOST, POINTS, ROWS, TANGENT
 
 # Parts of a step of one tau, and of any step at most: one step to anywhere, held at a stretch of 1.5, is then off by
 # 4e-5 at the most, measured.
 _PARTS, _MOST = 4, 8
+
+# Share of a time of relaxation below which a step is told by a series.
+_SHORT = 1e-3
 
 
 @njit(**FAST)
@@ -177,33 +181,125 @@ def _second(pressure: float, size: float, c: Array, stress: Array, other: Array,
     return third
 
 
-@njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the energy: what springs store."""
+@njit(**FAST)
+def _product(one: Array, other: Array, product: Array) -> None:
+    """Fill in the product ``(3, 3)`` of two symmetric tensors."""
+    for i in range(3):
+        for j in range(3):
+            total = 0.0
+            for k in range(3):
+                total += one[PLACE[i, k]] * other[PLACE[k, j]]
+            product[i, j] = total
+
+
+@njit(**FAST)
+def _twofold(one: Array, other: Array, share: float) -> float:
+    """Return ``tr(one other) - share tr(one) tr(other)``."""
+    total, left, right = 0.0, 0.0, 0.0
+    for i in range(3):
+        left, right = left + one[i, i], right + other[i, i]
+        for j in range(3):
+            total += one[i, j] * other[j, i]
+    return total - share * left * right
+
+
+@njit(**FAST)
+def shares(x: float) -> tuple[float, float, float]:
+    """Return what a time ``x``, in times of relaxation, leaves, by how much the strain adds, and a share lost."""
+    kept, share = np.exp(-x), -np.expm1(-x) / x if x > 1e-8 else 1.0 - 0.5 * x
+    # Digits cancel in short steps.
+    rest = x / 3.0 - x**2 / 4.0 + 7.0 / 60.0 * x**3 if x < _SHORT else (1.0 - share) / x - 0.5 * share**2
+    return kept, share, rest
+
+
+@njit(**FAST)
+def _lost(x: float, root: float, before: Array, now: Array, old: Array, mixed: Array, inverse: Array) -> float:
+    """Return what a branch of shear modulus 1 dissipates in a step of ``x`` times ``tau``.
+
+    It is what the spring would lose if the damper went its way at the middle of the strain's, and what is wrong with
+    that in small strains: exact there, and where nothing moves.
+    """
+    start, change, first, second = np.empty(6), np.empty(6), np.empty((3, 3)), np.empty((3, 3))
+    _inverse(old, start)
+    for m in range(6):
+        change[m] = mixed[m] / root - old[m]
+    # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
+    _product(start, change, first)
+    det = first[0, 0] * (first[1, 1] * first[2, 2] - first[1, 2] * first[2, 1])
+    det -= first[0, 1] * (first[1, 0] * first[2, 2] - first[1, 2] * first[2, 0])
+    det += first[0, 2] * (first[1, 0] * first[2, 1] - first[1, 1] * first[2, 0])
+    lost = 0.25 * _twofold(first, first, 1.0) - 0.5 * det
+    for m in range(6):
+        change[m] = root * (0.5 * (before[m] + now[m]) - mixed[m] / root)
+    # Ci(0)^-1 - Ci^-1 is Ci(0)^-1 (Ci - Ci(0)) Ci^-1.
+    _product(inverse, change, second)
+    lost += 0.5 * _twofold(first, second, 0.0)
+    for m in range(6):
+        start[m], change[m] = 0.5 * root * (before[m] - old[m]), 0.5 * root * (now[m] - before[m])
+    _product(inverse, start, first)
+    _product(inverse, change, second)
+    kept, share, rest = shares(x)
+    lost -= (1.0 + kept - 2.0 * share) * _twofold(first, second, 1.0 / 3.0)
+    return lost - (share * (1.0 - share) - 2.0 * rest) * _twofold(second, second, 1.0 / 3.0)
+
+
+@njit(**FAST)
+def _put(work: Array, k: Any, second: Array) -> None:
+    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress."""
+    valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
+    for a in range(3):
+        for A in range(3):
+            total = 0.0
+            for B in range(3):
+                total += work[np.uint64(POINTS * (GRADIENT + 3 * a + B)) + k] * second[PLACE[B, A]]
+            work[np.uint64(POINTS * (3 * a + A)) + k] = valid * total
+
+
+@njit(**FAST)
+def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
+    """Fill in the stress, if wanted the energy, what springs store, and the loss; or let the state go on."""
     c, now, before, old, mixed, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    stress, second, frame = np.empty(6), np.empty(6), np.eye(3)
+    stress, second = np.empty(6), np.empty(6)
     room, slopes, ways = np.empty((5, 6)), np.empty(8), np.empty((2, 6))
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
+    dissipated = np.uint64(POINTS * (FIBRE + 6 + 6 * count))
     for k in range(np.uint64(POINTS)):
         size = _strains(work, k, c, now, before)
-        stored, rest = 0.0, 1.0
+        stored, rest, lost = 0.0, 1.0, work[dissipated + k]
         stress[:] = 0.0
         for i in range(count):
             share = constants[3 + 2 * i]
             _, _, root = _branch(work, k, constants, i, before, now, old, mixed, inverse, room, slopes, ways, False)
             for m in range(6):
                 stress[m] += share * mu * root * inverse[m]
+            if wanted or goes_on:
+                lost += share * mu * _lost(constants[1] / constants[4 + 2 * i], root, before, now, old, mixed, inverse)
             stored += 0.5 * share * mu * (root * _double(inverse, now) - 3.0)
             rest -= share
+            if goes_on:
+                for m in range(6):
+                    one = 1.0 if FIRST[m] == SECOND[m] else 0.0
+                    work[np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)) + k] = mixed[m] / root - one
         stored += 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
         for m in range(6):
             stress[m] += rest * mu if FIRST[m] == SECOND[m] else 0.0
         volume = log(work[ROWS[DETERMINANT] + k])
         bulk = lame + 2.0 / 3.0 * mu
         _second(bulk * volume, size, c, stress, inverse, second)
-        put_second(work, k, frame, second)
+        _put(work, k, second)
         if wanted:
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = stored + 0.5 * bulk * volume**2, 0.0
+            work[ROWS[LOST] + k] = lost
+        if goes_on:
+            work[dissipated + k] = lost
+            for m in range(6):
+                work[np.uint64(POINTS * (FIBRE + m)) + k] = now[m] - (1.0 if FIRST[m] == SECOND[m] else 0.0)
+
+
+@njit(BLOCK, **FAST)
+def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+    """Fill in the stress, and if wanted the energy: what springs store."""
+    _go(work, constants, wanted, False)
 
 
 @njit(TANGENT, **FAST)
@@ -298,15 +394,5 @@ def _isochoric(
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Replace the state by that at the end of the step."""
-    c, now, before, old, mixed, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    room, slopes, ways = np.empty((5, 6)), np.empty(8), np.empty((2, 6))
-    for k in range(np.uint64(POINTS)):
-        _strains(work, k, c, now, before)
-        for i in range(int(constants[2])):
-            _, _, root = _branch(work, k, constants, i, before, now, old, mixed, inverse, room, slopes, ways, False)
-            for m in range(6):
-                one = 1.0 if FIRST[m] == SECOND[m] else 0.0
-                work[np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)) + k] = mixed[m] / root - one
-        for m in range(6):
-            work[np.uint64(POINTS * (FIBRE + m)) + k] = now[m] - (1.0 if FIRST[m] == SECOND[m] else 0.0)
+    """Fill in the stress, and replace the state by that at the end of the step."""
+    _go(work, constants, False, True)

@@ -62,8 +62,8 @@ class Viscoelastic(Timed, Isotropic):
 
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
-        """What its state is: ``C`` and the strain of each damper, less the identity and free of volume."""
-        return {"strain": 6, "viscous_strain": 6 * len(np.asarray(self.prony))}
+        """What its state is: ``C`` and the strain of each damper, less 1 and free of volume, and the loss."""
+        return {"strain": 6, "viscous_strain": 6 * len(np.asarray(self.prony)), "dissipated": 1}
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -93,7 +93,7 @@ class Creep(Timed, Isotropic):
     n: float
 
     kinks: ClassVar[bool] = True
-    states: ClassVar = {"strain": 6, "viscous_strain": 6}
+    states: ClassVar = {"strain": 6, "viscous_strain": 6, "dissipated": 1}
 
     def _check(self) -> None:
         super()._check()

@@ -4,10 +4,8 @@ Von Mises' stress falls as ``q' = -c q^n`` while nothing moves.  A step relaxes 
 relaxes for the other half, each exactly: an error of second order in the time, and none where nothing moves.
 
 Constants: shear modulus, time of the step, ``c``, ``n``, Lame's first parameter.  State: the strain at the start of the
-step, then the viscous strain.
+step, the viscous strain, and what was dissipated: what both halves of the time take, at their strains.
 """
-
-from typing import Any
 
 import numpy as np
 
@@ -21,10 +19,15 @@ from isorod.material.logarithm_kernel import (
     principal_strains,
     put_stress,
     take_frame,
+    take_strains,
     turn,
-    turn_back,
 )
-from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, POINTS, ROWS, TANGENT
+from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
+
+_W = np.uint64(POINTS)
+
+# Where the row of what was dissipated begins.
+_DISSIPATED = ROWS[FIBRE + 12]
 
 
 @njit(**FAST)
@@ -36,122 +39,145 @@ def _left(q: float, c: float, n: float, time: float) -> float:
 
 
 @njit(**FAST)
-def _tensor(work: Array, k: Any, first: int, tensor: Array) -> None:
-    for m in range(6):
-        tensor[m] = work[np.uint64(POINTS * (FIBRE + first + m)) + k]
-
-
-@njit(**FAST)
-def _relax(
-    work: Array, k: Any, constants: Array, frame: Array, deviator: Array, before: Array, elastic: Array
-) -> tuple[float, float]:
-    """Fill in the elastic strain at the end of the step, in the principal frame.
+def _relax(work: Array, constants: Array, before: Array, change: Array, elastic: Array, lost: Array) -> None:
+    """Fill in the elastic strain at the end of the step, and what is dissipated in it, ``(POINTS,)``.
 
     Parameters
     ----------
-    deviator, before
-        Of the strain, at the end and at the start of the step.
-
-    Returns
-    -------
-    across, along
-        By how much it grows with the strain, across it and along it.
+    before, change
+        Deviators of the strain at the start, and what the step adds, ``(6, POINTS)``.
     """
-    time, c, n = constants[1], constants[2], constants[3]
-    flown, turned = np.empty(6), np.empty(6)
-    _tensor(work, k, 6, flown)
-    turn(flown, frame, turned)
-    size = 0.0
     for m in range(6):
-        elastic[m] = before[m] - turned[m]
-        size += TWICE[m] * elastic[m] ** 2
+        row = np.uint64(POINTS * (FIBRE + 6 + m))
+        for k in range(_W):
+            elastic[m, k] = before[m, k] - work[row + k]
+    half, c, n = 0.5 * constants[1], constants[2], constants[3]
     stress = 2.0 * constants[0] * np.sqrt(1.5)
-    kept = _left(stress * np.sqrt(size), c, n, 0.5 * time)
-    size = 0.0
-    for m in range(6):
-        elastic[m] = kept * elastic[m] + deviator[m] - before[m]
-        size += TWICE[m] * elastic[m] ** 2
-    kept = _left(stress * np.sqrt(size), c, n, 0.5 * time)
-    for m in range(6):
-        elastic[m] *= kept
+    for k in range(_W):
+        size = 0.0
+        for m in range(6):
+            size += TWICE[m] * elastic[m, k] ** 2
+        kept = _left(stress * np.sqrt(size), c, n, half)
+        lost[k] = (1.0 - kept * kept) * size
+        size = 0.0
+        for m in range(6):
+            elastic[m, k] = kept * elastic[m, k] + change[m, k]
+            size += TWICE[m] * elastic[m, k] ** 2
+        kept = _left(stress * np.sqrt(size), c, n, half)
+        for m in range(6):
+            elastic[m, k] *= kept
+        lost[k] = constants[0] * (lost[k] + (1.0 - kept * kept) * size)
+
+
+@njit(**FAST)
+def _growth(constants: Array, size: float) -> tuple[float, float]:
+    """Return by how much the elastic strain, of norm ``size``, grows with the strain, across it and along it."""
+    half, c, n = 0.5 * constants[1], constants[2], constants[3]
+    if n == 1.0:
+        kept = np.exp(-c * half)
+    else:
+        # Of what is left at the end: what it was before relaxing.
+        q = 2.0 * constants[0] * np.sqrt(1.5) * size
+        kept = (1.0 - (n - 1.0) * c * half * q ** (n - 1.0)) ** (1.0 / (n - 1.0))
     return kept, kept**n
 
 
 @njit(**FAST)
-def _deviators(work: Array, k: Any, frame: Array, strain: Array, deviator: Array, before: Array) -> float:
-    """Fill in the deviators of the strain at the end and at the start of the step, in the frame; return its trace."""
-    last = np.empty(6)
-    _tensor(work, k, 0, last)
-    turn(last, frame, before)
-    trace, past = strain[0] + strain[1] + strain[2], before[0] + before[3] + before[5]
+def _deviators(work: Array, strain: Array, trace: Array, before: Array, change: Array) -> None:
+    """Make the strain at the end a deviator; fill in that at the start, and the change, ``(6, POINTS)``."""
+    past = np.empty(POINTS)
+    for k in range(_W):
+        past[k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
     for m in range(6):
-        square = FIRST[m] == SECOND[m]
-        deviator[m] = strain[FIRST[m]] - trace / 3.0 if square else 0.0
-        before[m] -= past / 3.0 if square else 0.0
-    return trace
+        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            strain[m, k] -= third * trace[k]
+        for k in range(_W):
+            before[m, k] = work[row + k] - third * past[k]
+        for k in range(_W):
+            change[m, k] = strain[m, k] - before[m, k]
+
+
+@njit(**FAST)
+def _stress(constants: Array, elastic: Array, trace: Array, stress: Array) -> None:
+    """Fill in the stress ``(6, POINTS)``."""
+    mu, lame = constants[0], constants[constants.size - 1]
+    for m in range(6):
+        bulk = lame + 2.0 / 3.0 * mu if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            stress[m, k] = 2.0 * mu * elastic[m, k] + bulk * trace[k]
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy, that of the elastic strain."""
-    spectral = principal_strains(work)
-    c, strain, stress, frame = np.empty(3), np.empty(3), np.empty(6), np.empty((3, 3))
-    deviator, before, elastic = np.empty(6), np.empty(6), np.empty(6)
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    stress, strain, before = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, elastic, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS)
     mu, lame = constants[0], constants[constants.size - 1]
-    for k in range(np.uint64(POINTS)):
-        take_frame(spectral, k, c, frame, strain)
-        trace = _deviators(work, k, frame, strain, deviator, before)
-        _relax(work, k, constants, frame, deviator, before, elastic)
-        energy = 0.5 * (lame + 2.0 / 3.0 * mu) * trace**2
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    _relax(work, constants, before, change, elastic, lost)
+    _stress(constants, elastic, trace, stress)
+    if wanted:
+        for k in range(_W):
+            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * (lame + 2.0 / 3.0 * mu) * trace[k] * trace[k], 0.0
+            work[ROWS[LOST] + k] = work[_DISSIPATED + k] + lost[k]
         for m in range(6):
-            stress[m] = 2.0 * mu * elastic[m] + ((lame + 2.0 / 3.0 * mu) * trace if FIRST[m] == SECOND[m] else 0.0)
-            energy += mu * TWICE[m] * elastic[m] ** 2
-        put_stress(work, k, c, frame, stress)
-        if wanted:
-            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = energy, 0.0
+            for k in range(_W):
+                work[ROWS[ENERGY] + k] += mu * TWICE[m] * elastic[m, k] * elastic[m, k]
+    put_stress(work, spectral, principal, stress)
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the derivative of the stress at the end of the step, symmetric."""
-    spectral = principal_strains(work)
-    c, strain, stress, frame = np.empty(3), np.empty(3), np.empty(6), np.empty((3, 3))
-    deviator, before, elastic, moduli = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    total, strain, before = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, elastic, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS)
+    turned, along = np.empty((6, POINTS)), np.empty((6, POINTS))
+    c, frame, stress, moduli = np.empty(3), np.empty((3, 3)), np.empty(6), np.empty((6, 6))
     mu, lame = constants[0], constants[constants.size - 1]
     bulk = lame + 2.0 / 3.0 * mu
-    for k in range(np.uint64(POINTS)):
-        take_frame(spectral, k, c, frame, strain)
-        trace = _deviators(work, k, frame, strain, deviator, before)
-        across, along = _relax(work, k, constants, frame, deviator, before, elastic)
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    _relax(work, constants, before, change, elastic, lost)
+    _stress(constants, elastic, trace, total)
+    turn(total, spectral, turned)
+    turn(elastic, spectral, along)
+    for k in range(_W):
+        take_frame(spectral, k, c, frame)
         size = 0.0
         for m in range(6):
-            stress[m] = 2.0 * mu * elastic[m] + (bulk * trace if FIRST[m] == SECOND[m] else 0.0)
-            size += TWICE[m] * elastic[m] ** 2
-        bent = 2.0 * mu * (along - across) / size if size > 0.0 else 0.0
+            stress[m] = turned[m, k]
+            size += TWICE[m] * along[m, k] ** 2
+        across, forth = _growth(constants, np.sqrt(size))
+        bent = 2.0 * mu * (forth - across) / size if size > 0.0 else 0.0
         for m in range(6):
             for n in range(6):
                 own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
                 both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
-                moduli[m, n] = 2.0 * mu * across * (own - both / 3.0) + bulk * both + bent * elastic[m] * elastic[n]
+                moduli[m, n] = 2.0 * mu * across * (own - both / 3.0) + bulk * both + bent * along[m, k] * along[n, k]
         add_moduli(work, k, c, frame, stress, moduli)
 
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Replace the state by that at the end of the step."""
-    spectral = principal_strains(work)
-    c, strain, frame, turned, after = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(6), np.empty(6)
-    deviator, before, elastic = np.empty(6), np.empty(6), np.empty(6)
-    for k in range(np.uint64(POINTS)):
-        take_frame(spectral, k, c, frame, strain)
-        _deviators(work, k, frame, strain, deviator, before)
-        _relax(work, k, constants, frame, deviator, before, elastic)
-        for m in range(6):
-            turned[m] = deviator[m] - elastic[m]
-        turn_back(turned, frame, after)
-        for m in range(6):
-            work[np.uint64(POINTS * (FIBRE + 6 + m)) + k] = after[m]
-            turned[m] = strain[FIRST[m]] if FIRST[m] == SECOND[m] else 0.0
-        turn_back(turned, frame, after)
-        for m in range(6):
-            work[np.uint64(POINTS * (FIBRE + m)) + k] = after[m]
+    """Fill in the stress, and replace the state by that at the end of the step."""
+    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
+    stress, strain, before = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
+    change, elastic, lost = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS)
+    take_strains(spectral, principal, strain, trace)
+    _deviators(work, strain, trace, before, change)
+    _relax(work, constants, before, change, elastic, lost)
+    _stress(constants, elastic, trace, stress)
+    for k in range(_W):
+        work[_DISSIPATED + k] += lost[k]
+    put_stress(work, spectral, principal, stress)
+    for m in range(6):
+        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
+        viscous = np.uint64(POINTS * (FIBRE + 6 + m))
+        for k in range(_W):
+            work[row + k] = strain[m, k] + third * trace[k]
+        for k in range(_W):
+            work[viscous + k] = strain[m, k] - elastic[m, k]

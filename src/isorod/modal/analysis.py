@@ -18,6 +18,7 @@ from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
 from isorod.model.model import Model, unmoved
+from isorod.model.past import Past
 from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
@@ -39,7 +40,8 @@ def solve(
     """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
 
     Where a model has any of these (or active muscles) its equilibrium is solved for first, as `isorod.statics.solve`
-    does: the modes are those of the deformed, prestressed and, with a spin, softened body.
+    does: the modes are those of the deformed, prestressed and, with a spin, softened body.  Of laws with memory they
+    are elastic about the state reached: nothing flows, and what relaxes is as stiff as it is at once.
 
     Parameters
     ----------
@@ -93,7 +95,9 @@ def solve(
             found = loaded.find(model, load_steps, comm, start, end_time)
         taken = {"equilibrium": perf_counter() - began} if found is not state else {}
         with closing(Teller()) as told:
-            there = model if found is None else found.model
+            # Vibrations are small: what flows does not, whatever state it has reached.
+            past = () if found is None else (*found.model.past, Past(1.0, found.displacement))
+            there = (model if found is None else found.model).after(past, settled=True)
             return _solve(there, modes, lumped, found, comm, taken, told if progress else None)
 
 

@@ -21,7 +21,8 @@ def burdens(model: Model) -> str:
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
     heated = any(isinstance(law, Thermal) and law.heated for law in laws)
-    muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in map(bare, laws))
+    grown = [law for law in map(bare, laws) if not law.timed and law.at(0.5) is not law]
+    muscles = any(np.any(getattr(law, "activation", 1.0)) for law in grown)
     found = [
         _count(loads, "load"),
         _count(moved, "moved support"),
@@ -44,12 +45,14 @@ def state_of(model: Model, state: Equilibrium | None) -> str:
     under = burdens(model)
     if state is None:
         return "the state of rest" + (f", without {under}" if under else "")
+    when = "" if model.times is None else f" at time {model.times.end:.6g}"
+    elastic = ", elastic from there: nothing flows" if model.remembers else ""
     if not under:
-        return "an equilibrium without loads" + ("" if model.times is None else f" at time {model.times.end:.6g}")
+        return f"an equilibrium without loads{when}{elastic}"
     pressed = sum(one.active for one in state.contacts)
     touching = f" with {_count(pressed, 'point') or 'no point'} in contact" if model.contacts else ""
-    when = "" if model.times is None else f" at time {model.times.end:.6g}"
-    return f"the equilibrium under {under}{touching}{when}" + (", in the frame that turns" if spins(model) else "")
+    turning = ", in the frame that turns" if spins(model) else ""
+    return f"the equilibrium under {under}{touching}{when}{turning}{elastic}"
 
 
 def _count(number: int, what: str) -> str:
@@ -88,8 +91,6 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
     for the edges of the surface at ends that are free.
     """
     for b, body in enumerate(model.bodies):
-        if body.remembers:
-            raise InputError(f"equilibrium: a law of body {b} has a memory, which is not told in modes; {advice[3:]}")
         if any(law.linear for law in body.laws):
             raise InputError(
                 f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"

@@ -69,7 +69,10 @@ class Body(Checked):
     chosen
         Whether the formulation was not given.
     past
-        States gone through, which laws with memory know (`after`).
+        States gone through, which laws with memory know (`after`); None where they know what points of quadrature did
+        in a motion, and no others.
+    settled
+        Whether nothing flows any more: what is asked about a state is elastic.
 
     Raises
     ------
@@ -86,7 +89,8 @@ class Body(Checked):
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin_center: tuple[float, float, float] | None = None
     chosen: bool = field(init=False)
-    past: Sequence[Past] = field(init=False, default=())
+    past: Sequence[Past] | None = field(init=False, default=())
+    settled: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -243,8 +247,9 @@ class Body(Checked):
             If explicit steps cannot take the formulation that was asked for, or the law.
         """
         body = self
-        if self.remembers:
-            raise InputError("material: a law has a memory, which motions do not take; use statics")
+        dumb = next((law for law in self.laws if law.remembers and "dissipated" not in law.states), None)
+        if dumb is not None:
+            raise InputError(f"material: {type(dumb).__name__} does not tell what it dissipates; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(
@@ -349,16 +354,24 @@ class Body(Checked):
             each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
             laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
         laws = laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
-        return gone_through(laws, self.past, self.space, u, xi) if laws.remember else laws
+        if not laws.remember:
+            return laws
+        if self.past is None:
+            raise InputError(
+                "law: of motions what laws with memory know is kept at points of quadrature alone; stresses, section "
+                "forces and energies of a rod are told in statics"
+            )
+        laws = gone_through(laws, self.past, self.space, u, xi)
+        return laws.frozen if self.settled else laws
 
     @cached_property
     def remembers(self) -> bool:
         """Whether a law of it has a memory."""
         return any(law.remembers for law in self.laws)
 
-    def after(self, past: Sequence[Past]) -> "Body":
+    def after(self, past: Sequence[Past] | None, settled: bool = False) -> "Body":
         """Return the body as it is after states were gone through: each point of it remembers its own deformation."""
-        (body := copy(self))._set(past=tuple(past))
+        (body := copy(self))._set(past=past, settled=settled)
         return body
 
     def growing(self, over: Callable[[Any], Callable[[float], float]]) -> "Body":

@@ -195,11 +195,11 @@ class Model(Checked):
         """Whether a law has a memory."""
         return any(body.remembers for body in self.bodies)
 
-    def after(self, past: Sequence[Past]) -> "Model":
-        """Return the model as it is after states were gone through, all displacements ``(dofs,)`` of each."""
+    def after(self, past: Sequence[Past], settled: bool = False) -> "Model":
+        """Return the model after states, all displacements ``(dofs,)`` of each; see `isorod.model.body.Body.after`."""
         if not self.remembers:
             return self
-        own = [body.after([Past(f, self.nodal(x, b)) for f, x in past]) for b, body in enumerate(self.bodies)]
+        own = [body.after([Past(f, self.nodal(x, b)) for f, x in past], settled) for b, body in enumerate(self.bodies)]
         (model := copy(self))._set(bodies=own, past=tuple(past))
         return model
 

@@ -7,7 +7,7 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from isorod.errors import InputError
 from isorod.output.results import write_whole
 
 # Raised whenever what is stored, or what is computed from it, changes.
-_FORMAT = 8
+_FORMAT = 9
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 
@@ -107,6 +107,63 @@ class Claim:
             self._lock.unlink(missing_ok=True)
             os.close(self._file)
             self._file = None
+
+
+class Kept:
+    """The file that a run keeps its state in, if it has one; the first rank has it, what it raises all ranks raise.
+
+    Parameters
+    ----------
+    path
+        The file, or None.
+    identity
+        Returns what a run must have in common with the file to continue from it.
+    comm
+        The ranks, as mpi4py has them.
+    """
+
+    def __init__(self, path: Path | None, identity: Callable[[], Mapping[str, Any]], comm: Any) -> None:
+        self.path, self._comm = path, comm
+        self._identity = {} if path is None else identity()
+        self._claim: Claim | None = None
+
+    def begin(self, resume: bool) -> dict[str, Array] | None:
+        """Return the state to go on from, None at the start; no other run may have the file until `close`."""
+        if self.path is None:
+            return None
+        self._on_first(self._take)
+        if resume:
+            found: dict[str, Array] = self._on_first(read, self.path, self._identity)
+            return found
+        self._on_first(refuse_overwriting, self.path)
+        return None
+
+    def _take(self) -> None:
+        assert self.path is not None
+        self._claim = Claim(self.path)
+
+    def write(self, state: Mapping[str, Array]) -> None:
+        """Keep a state."""
+        if self.path is not None:
+            self._on_first(write, self.path, self._identity, state)
+
+    def close(self) -> None:
+        """Let other runs have the file."""
+        if self._claim is not None:
+            self._claim.release()
+
+    def _on_first(self, do: Callable[..., Any], *given: Any) -> Any:
+        """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
+        found = None
+        if self._comm.Get_rank() == 0:
+            try:
+                found = do(*given)
+            except InputError as problem:
+                found = problem
+        found = self._comm.bcast(found)
+        if isinstance(found, InputError):
+            raise found
+        return found
 
 
 def refuse_overwriting(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The energy stored in a body."""
+"""The energy stored in a body, and what its laws have dissipated."""
 
 from collections.abc import Mapping
 
@@ -7,6 +7,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
+from isorod.output.stress import known
 
 # Elements that are evaluated at a time: memory stays small.
 _CHUNK = 32
@@ -36,4 +37,16 @@ def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
             p = body.pressures.evaluate(fields["pressure"], table.xi, u)
             density = shear_laws(laws).energy(F) + p * volume_change(laws, F)[0] - complementary(laws, p)[0]
         total += float(np.sum(table.weights.reshape(density.shape) * density))
+    return total
+
+
+def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
+    """Return by the space's quadrature what laws with memory have dissipated since rest (`stored`); 0 without."""
+    space, total = body.space, 0.0
+    if not body.remembers:
+        return total
+    for begin in range(0, space.axis.elements, _CHUNK):
+        table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
+        found = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]
+        total += float(np.nansum(table.weights.reshape(found.shape[:-1]) * found[..., 0]))
     return total

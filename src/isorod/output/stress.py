@@ -1,5 +1,7 @@
 """First Piola-Kirchhoff, Cauchy and von Mises stress."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -67,14 +69,29 @@ def cauchy(
     return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
 
 
-def known(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike, factor: float, name: str) -> Array:
-    """Return a part of the state of laws with memory at a grid of points (`first_piola`), shape ``(t, q, count)``.
+def known(
+    body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike, factor: float, names: Sequence[str]
+) -> dict[str, Array]:
+    """Return parts of the state of laws with memory at a grid of points (`first_piola`), shape ``(t, q, count)`` each.
 
     It is that of the deformation which each point has gone through, and NaN where a law has no such part.
     """
     _, F = body.space.displacement(nodal, xi, u)
     laws = body.laws_at(np.asarray(u, dtype=float), xi).advanced(F, factor)
-    return laws.told(name, F.shape[:-2])
+    return {name: laws.told(name, F.shape[:-2]) for name in names}
+
+
+def of_six(values: Array, name: str) -> Array:
+    """Return one number of symmetric tensors ``(..., 6)``, components 00, 01, 02, 11, 12, 22, shape ``(...)``.
+
+    Parameters
+    ----------
+    name
+        A component, ``"xx"`` ... ``"yz"``, or ``"equivalent"``, ``sqrt(2/3 e:e)``.
+    """
+    if name == "equivalent":
+        return np.sqrt(2.0 / 3.0 * (values**2) @ np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]))
+    return np.asarray(values[..., ("xx", "xy", "xz", "yy", "yz", "zz").index(name)])
 
 
 def von_mises(stress: Array) -> Array:

@@ -51,7 +51,8 @@ def grid(
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, vector fields as point data, ``von_mises`` beside ``displacement``.
 
-    With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
+    With ``displacement`` come the states of laws with memory by their names too, strains in VTK's order.  With a field
+    ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
     ``mean_stress``; with ``contact_pressure`` (`isorod.statics.Equilibrium.fields`) the same on the lateral surface, by
     linear interpolation between the points of contact, in cells that have corners at those under pressure.
 
@@ -117,7 +118,8 @@ def grid(
             continue
         values, _ = body.space.displacement(nodal, xi, u)
         mesh.point_data[name] = values.reshape(-1, 3)
-        if name == "displacement":
+        if name == "displacement" and body.past is not None:
+            mesh.point_data.update(_states(body, nodal, xi, u, factor))
             cauchy = stress.cauchy(body, nodal, xi, u, factor, pressure)
             mesh.point_data["von_mises"] = stress.von_mises(cauchy).ravel()
             if curved:
@@ -125,6 +127,19 @@ def grid(
             if pressure is not None:
                 mesh.point_data["mean_stress"] = np.trace(cauchy, axis1=-2, axis2=-1).ravel() / 3.0
     return mesh
+
+
+def _states(body: Body, nodal: Array, xi: Array, u: Array, factor: float) -> dict[str, Array]:
+    """Return what laws with memory know at the points by name; of several tensors each by its number from 1."""
+    names = list(dict.fromkeys(name for law in body.laws for name in law.states))
+    found = {}
+    for name, values in (stress.known(body, nodal, xi, u, factor, names) if names else {}).items():
+        flat = values.reshape(-1, values.shape[-1])
+        tensors = [flat[:, k : k + 6] for k in range(0, flat.shape[1], 6)] if flat.shape[1] % 6 == 0 else [flat]
+        for number, one in enumerate(tensors, 1):
+            own = one[:, [0, 3, 5, 1, 4, 2]] if one.shape[1] == 6 else one.squeeze(axis=1)
+            found[name if len(tensors) == 1 else f"{name}_{number}"] = own
+    return found
 
 
 def small_cells(mesh: "pyvista.UnstructuredGrid") -> "pyvista.UnstructuredGrid":

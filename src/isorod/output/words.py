@@ -10,6 +10,10 @@ CELLS = "auto", "curved", "linear"
 Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "zz", "xy", "yz", "xz", "along", "shear"]
 
 
+# Of the strains that laws with memory know: ``sqrt(2/3 e:e)``, and components in space at rest.
+StateComponent = Literal["equivalent", "xx", "yy", "zz", "xy", "yz", "xz"]
+
+
 # What fields are called where they are drawn, and in which unit they are.
 FIELDS = {
     "von_mises": "von Mises stress\n(unit of E)",
@@ -18,6 +22,9 @@ FIELDS = {
     "contact_pressure": "contact pressure\n(unit of E)",
     "displacement": "displacement\n(length)",
     "velocity": "velocity\n(length/time)",
+    "p": "accumulated plastic strain",
+    "plastic_strain": "plastic strain",
+    "dissipated": "dissipated energy\n(unit of E)",
 }
 
 # Where files keep the estimate, as records do.

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path as File
 from time import perf_counter
 
 import numpy as np
@@ -25,6 +26,7 @@ from isorod.statics import stability
 from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome, warn_of
 from isorod.statics.equilibrium import Equilibrium
+from isorod.statics.kept import Keeper, Kept
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 
@@ -44,6 +46,9 @@ def solve(
     outputs: int | None = None,
     end_time: float | None = None,
     steps_tolerance: float = 2.5e-3,
+    checkpoint: str | File | None = None,
+    every: float = 30.0,
+    resume: bool = False,
 ) -> Equilibrium:
     """Bring supports and loads to their full values, or follow their histories, and return the equilibrium.
 
@@ -86,6 +91,10 @@ def solve(
     steps_tolerance
         Of laws with memory, where ``load_steps`` is not given, the relative error by few load steps
         (`Equilibrium.steps_error`) from which on these are doubled, up to 256 times as many.
+    checkpoint, every, resume
+        File to keep the last equilibrium in, at load steps at least this many seconds of wall time apart; whether to
+        continue from it.  A file that is there is not overwritten without.  Without contact, ties, mean supports and
+        finite element bodies; of laws with memory ``load_steps`` are to be given.
 
     Raises
     ------
@@ -102,8 +111,13 @@ def solve(
         _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
     asked = 1 if load_steps is None else whole_number("load steps", load_steps, 1, 1_000_000)
+    if resume and checkpoint is None:
+        raise InputError("resume: got no checkpoint, need the file that the run wrote")
+    if checkpoint is not None and load_steps is None and model.remembers:
+        raise InputError("checkpoint: give load steps, which else are doubled until their error is small")
+    kept = None if checkpoint is None else Kept(File(checkpoint), every, resume)
     with in_force(petsc):
-        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress)
+        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress, kept)
         if load_steps is None and model.remembers:
             return _in_enough_steps(found, (keep, outputs), stable, steps_tolerance)
     return found
@@ -144,6 +158,7 @@ def _solve(
     kept: tuple[bool, int | None],
     stable: bool,
     progress: bool,
+    saved: Kept | None = None,
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
@@ -159,7 +174,7 @@ def _solve(
     if assembler.contact is not None and start_at is not None:
         # The matrix is made with room for what touches there.
         assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
-    solver, told = Newton(assembler, loose), Teller()
+    solver, told, keeper = Newton(assembler, loose), Teller(), None
     if progress and assembler.comm.getRank() == 0:
         solver.tell = told
     try:
@@ -168,8 +183,10 @@ def _solve(
         setup = perf_counter() - start
         assembler.seconds = 0.0
         path = Path(assembler, *kept)
-        found = None if path.outputs or model.times is not None else begin(solver, start_at, path)
-        augmentations = climb(solver, load_steps, path, start_at) if found is None else found
+        if saved is not None:
+            keeper = Keeper(solver, path, saved, (load_steps, kept))
+        found = None if path.outputs or model.times is not None or saved else begin(solver, start_at, path)
+        augmentations = climb(solver, load_steps, path, start_at, keeper) if found is None else found
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
@@ -224,6 +241,12 @@ def _solve(
             solids=assembler.solids(solver.x, 1.0),
         )
         return reached.with_largest(turn)
+    except KeyboardInterrupt as stop:
+        if keeper is not None:
+            stop.add_note(keeper.keep())
+        raise
     finally:
         told.close()
+        if keeper is not None:
+            keeper.close()
         solver.destroy()

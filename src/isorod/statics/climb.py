@@ -7,6 +7,7 @@ from itertools import pairwise
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
+from isorod.statics.kept import Keeper, Reached
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY
@@ -43,8 +44,8 @@ def descend(solver: Newton, path: Path) -> int:
     return updates
 
 
-def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None) -> int:
-    """Go to the full load; return how often multipliers were updated; fill the path.
+def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None, keeper: Keeper | None = None) -> int:
+    """Go to the full load, from where a checkpoint was left; return how often multipliers were updated; fill the path.
 
     Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path
     of one load step.
@@ -60,12 +61,13 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         way = 1.0 if model.times is None else _way(stages, factor)
         return way / load_steps
 
-    factor, step, augmentations, quick, loose = 0.0, first(0.0), 0, 0, 0.0
+    reached = Reached(0.0, first(0.0), 0, 0, 0.0)
+    factor, step, augmentations, quick, loose = reached if keeper is None else keeper.begun(reached)
     while factor < 1.0:
         end = next(stop for stop in stops if stop > factor)
         longest = solver.steps.turning.longest_step(factor)
-        reached = factor + min(step, longest)
-        target = end if reached > end - 1e-12 else reached
+        there = factor + min(step, longest)
+        target = end if there > end - 1e-12 else there
         guessed = solver.guess is not None
         path.left(solver.x, factor)
         try:
@@ -106,6 +108,8 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             if in_steps or model.remembers:
                 # Whoever asks for more steps, since what comes depends on the path, gets them.
                 step = min(step, first(factor))
+        if keeper is not None:
+            keeper.note(Reached(factor, step, augmentations, quick, loose))
     if loose:
         warnings.warn(
             f"up to load factor {loose:.4g} rigid-body modes are constrained by artificial stiffness, not yet by "

@@ -12,7 +12,7 @@ from isorod.checks.reactions import by_name, support_displacements
 from isorod.checks.tie_result import TieResult
 from isorod.model.times import until
 from isorod.output.solids import WithSolids
-from isorod.output.state import Animated, Deformation, State
+from isorod.output.state import Animated, Deformation, Named, State
 from isorod.statics.path import Step, Turn
 
 if TYPE_CHECKING:
@@ -225,6 +225,13 @@ class Equilibrium(State, WithSolids, Animated):
         known: Error | None = self.__dict__.get("_errors")
         return None if known is None else known.stress
 
+    def dissipated(self, body: Named) -> float:
+        """Return what laws with memory have dissipated in a body (`isorod.output.energy.dissipated`)."""
+        from isorod.output import energy
+
+        number = self._number(body)
+        return energy.dissipated(self.model.bodies[number], self.fields(number), self.factor)
+
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
         from isorod.output.matrices import matrices
@@ -243,6 +250,9 @@ class Equilibrium(State, WithSolids, Animated):
         found = {name: getattr(self, name) for name in (*kept, "negative_eigenvalues")}
         if self.model.times is not None:
             found["end_time"] = self.model.times.end
+        laws = [law for body in self.model.bodies for law in body.laws if law.remembers]
+        if laws and all("dissipated" in law.states for law in laws):
+            found["dissipated"] = sum(self.dissipated(b) for b in range(len(self.model.bodies)))
         if self.pressures:
             found["pressures"] = sum(one.size for one in self.pressures if one is not None)
         if self.contacts:

@@ -33,13 +33,11 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points stick and slip in
-# turn, more of them.
+# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points slip, more.
 TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
 
 # Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
 _STUCK = 3
-
 
 # While contact settles, the elements' part of the tangent is kept as long as each iteration leaves less than this
 # fraction of the force out of balance.
@@ -49,7 +47,7 @@ _LAGS = 0.2
 _SMOOTH = 8
 
 
-class _Past(NamedTuple):
+class Before(NamedTuple):
     """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
 
     step: float
@@ -80,6 +78,8 @@ class Newton:
         Called in each iteration with what says how far it is.
     guess
         State that the next load step begins at in the place of its predictor, or None.
+    history, solves
+        The equilibrium before the last, or None, and linear solves of the last step.
     """
 
     def __init__(self, assembler: Assembler, loose: Sequence[tuple[int, Array]] = ()) -> None:
@@ -96,10 +96,10 @@ class Newton:
         self._change = assembler.vector()
         self._matrix = assembler.matrix()
         self._factor = 0.0
-        self._solves = 0
+        self.solves = 0
         self._filled = self._fresh = self._settles = False
         self._convergence = Convergence(assembler)
-        self._history: _Past | None = None
+        self.history: Before | None = None
         self.steps = Steps(assembler)
         self.stabilisation: Proximal | None = None
         self.policy: ContactPolicy | None = None
@@ -224,9 +224,9 @@ class Newton:
             self.steps.refuse(self.x, factor, self._trial, target)
         finally:
             self._stage.pop()
-        self._solves = solves
+        self.solves = solves
         # At one load factor only contact has changed, and the path with it.
-        self._history = _Past(target - factor, self.x.copy(), rate) if target > factor else None
+        self.history = Before(target - factor, self.x.copy(), rate) if target > factor else None
         self._trial.copy(self.x)
         return solves
 
@@ -256,7 +256,7 @@ class Newton:
 
     def forget_path(self) -> None:
         """Take the path for one that does not go on as it came."""
-        self._history = None
+        self.history = None
 
     def resistance(self, direction: PETSc.Vec) -> PETSc.Vec:
         """Return by how much the out-of-balance force grows over a short increment from the last equilibrium."""
@@ -288,13 +288,13 @@ class Newton:
         """
         held, contact = self.stabilisation, self.assembler.contact
         assert held is not None and contact is not None
-        start, path, undo = self.x.copy(), (self._history, self._solves), (contact.keep(), held.keep())
+        start, path, undo = self.x.copy(), (self.history, self.solves), (contact.keep(), held.keep())
         try:
             held.vanish(lambda: self.again(factor), self.x, NEARLY, FEW)
             yield
         finally:
             start.copy(self.x)
-            self._history, self._solves = path
+            self.history, self.solves = path
             for back in undo:
                 back()
 
@@ -322,7 +322,7 @@ class Newton:
             self.x.copy(self._trial)
             return None, assembler.vector()
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
-        fraction = 1.0 if self._history is None else _DELTA
+        fraction = 1.0 if self.history is None else _DELTA
         assembler.load_forces(self.x, factor, fraction * step, self._force)
         self._force.scale(1.0 / fraction)
         self._solve_linear(factor)
@@ -358,9 +358,9 @@ class Newton:
 
     def _bend(self, rate: PETSc.Vec, step: float) -> bool:
         """Make the predictor follow the curve of the path: the cubic through the last two equilibria and tangents."""
-        if self._history is None or not step or (self.assembler.contact is not None and self._solves > _SMOOTH):
+        if self.history is None or not step or (self.assembler.contact is not None and self.solves > _SMOOTH):
             return False
-        length, past, slope = self._history
+        length, past, slope = self.history
         gap = past - self.x
         gap.axpy(length, rate)
         turn = slope - rate

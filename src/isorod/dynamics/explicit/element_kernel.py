@@ -21,6 +21,7 @@ from isorod.material.points import (
     DETERMINANT,
     ENERGY,
     FIBRE,
+    LOST,
     POINTS,
     WORK,
     call_block,
@@ -187,8 +188,18 @@ def _add_forces(mesh: Mesh, e: int, t: int, resultants: Array, forces: Array) ->
             forces[layer + k] += value * resultants[k] + slope * resultants[n3 + k]
 
 
-@njit(types.UniTuple(f8, 3)(MESH, F1, f8, b1, F1), **FAST)
-def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, forces: Array) -> tuple[float, float, float]:
+@njit(void(MESH, f8), **FAST)
+def elapse(mesh: Mesh, time: float) -> None:
+    """Let a time have gone by since the states of laws with memory."""
+    for e in range(np.uint64(mesh.elements.shape[0])):
+        if mesh.elements[e].clock:
+            mesh.constants[mesh.elements[e].constants + mesh.elements[e].clock] = time
+
+
+@njit(types.UniTuple(f8, 4)(MESH, F1, f8, b1, b1, F1), **FAST)
+def internal_forces(
+    mesh: Mesh, u: Array, activation: float, wanted: bool, goes_on: bool, forces: Array
+) -> tuple[float, float, float, float]:
     """Fill ``forces`` with the internal forces of a displacement; those of inverted elements are not usable.
 
     Parameters
@@ -199,6 +210,8 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
         Share of the laws' own.
     wanted
         Whether energies are.
+    goes_on
+        Whether laws with memory go on to the state there.
 
     Returns
     -------
@@ -206,6 +219,8 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
         Number of points with ``det F <= 0`` (or NaN).
     stored, active
         Energy without activation, and what full activation adds to it.
+    lost
+        What laws with memory have dissipated.
     """
     largest = np.uint64(0)
     for e in range(np.uint64(mesh.elements.shape[0])):
@@ -215,10 +230,11 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
     resultants = np.empty(np.int64(_6 * largest))
     work = np.zeros(WORK * POINTS)
     forces[:] = 0.0
-    inverted = stored = active = 0.0
+    inverted = stored = active = lost = 0.0
     for e in range(np.uint64(mesh.elements.shape[0])):
         element = mesh.elements[e]
         n, blocks, directions = element.functions, element.blocks, element.directions * _W
+        block = element.update if goes_on and element.update else element.block
         constants = mesh.constants[element.constants : element.constants + element.count]
         for t in range(element.points):
             _coefficients(mesh, e, t, u, coefficients)
@@ -229,15 +245,21 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
                 g = element.geometry + (t * blocks + b) * np.uint64(GEOMETRY) * _W
                 _gradients(mesh.sections, section, coefficients, n, work)
                 inverted += _deform(mesh.geometry, g, work)
+                f = element.fibres + (t * blocks + b) * directions
                 if directions:
-                    f = element.fibres + (t * blocks + b) * directions
                     _take_fibres(mesh.fibres, f, directions, work)
-                call_block(element.block, (work, constants, activation, wanted))
+                call_block(block, (work, constants, activation, wanted))
+                if goes_on and element.update:
+                    for k in range(directions):
+                        mesh.fibres[f + k] = work[_R[FIBRE] + k]
                 if wanted:
                     for k in range(_W):
                         stored += mesh.geometry[g + _R[9] + k] * work[_R[ENERGY] + k]
                         active += mesh.geometry[g + _R[9] + k] * work[_R[ACTIVE] + k]
+                    if element.update:
+                        for k in range(_W):
+                            lost += mesh.geometry[g + _R[9] + k] * work[_R[LOST] + k]
                 _pull_back(mesh.geometry, g, work)
                 _add_resultants(mesh.sections, section, work, n, resultants)
             _add_forces(mesh, e, t, resultants, forces)
-    return inverted, stored, active
+    return inverted, stored, active, lost

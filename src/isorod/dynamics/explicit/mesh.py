@@ -11,6 +11,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.geometry.quadrature import ring_of
+from isorod.material.memory import Memory
 from isorod.material.points import POINTS
 from isorod.model.model import Model
 
@@ -19,14 +20,15 @@ GEOMETRY = 10
 
 # Of an element, or of one of its rings where a rod is in layers: section functions, blocks in the section, points and
 # functions along the axis; where its rows begin in ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many
-# of these a block has; its law's constants, their number; the address of its law's function (`isorod.material.points`).
+# of these a block has; its law's constants, their number; the addresses of its law's function of a block and, with a
+# memory, of that which goes on (`isorod.material.points`); which constant is the time since the state.
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
         for name in (
             *("functions", "blocks", "points", "along", "sections", "axial", "geometry"),
             *("fibres", "directions"),
-            *("constants", "count", "block"),
+            *("constants", "count", "block", "update", "clock"),
         )
     ]
 )
@@ -48,9 +50,10 @@ class Mesh(NamedTuple):
     geometry
         For each ring, element, point along it and block: ``GEOMETRY`` rows.
     fibres
-        Likewise the components of the fibres' unit vectors, as many rows as the body has.
-    constants
-        Those of all elements' laws.
+        Likewise the components of the fibres' unit vectors, or the state of laws with memory, as many rows as the body
+        has.
+    constants, stiff
+        Those of all elements' laws, and of these where nothing flows.
     spans
         Where in a state vector what belongs to these elements begins and ends, shape ``(s, 2)``.
     """
@@ -62,10 +65,11 @@ class Mesh(NamedTuple):
     geometry: Array
     fibres: Array
     constants: Array
+    stiff: Array
     spans: NDArray[np.uint64]
 
 
-MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1, F1, U2], Mesh)
+MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1, F1, F1, U2], Mesh)
 
 
 def order(model: Model) -> Index:
@@ -86,6 +90,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
     geometry: list[Array] = []
     fibres: list[Array] = []
     constants: list[Array] = []
+    stiff: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
     ranks = Ranks(model, order(model)) if ranks is None else ranks
     for share in ranks.shares:
@@ -112,8 +117,10 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
             rows["fibres"] = _size(fibres) + each * (points * blocks * body.width * POINTS)
             for e, law in enumerate(body.shear_laws[rings * share.first + ring : rings * share.last : rings]):
                 rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
-                rows["block"][e] = law.compiled.block
+                rows["block"][e], rows["clock"][e] = law.compiled.block, max(law.clock, 0)
+                rows["update"][e] = law.compiled.update if law.remembers else 0
                 constants.append(law.constants)
+                stiff.append(law.frozen.constants if isinstance(law, Memory) else law.constants)
             elements.append(rows)
             layers.append(layer)
             sections.append(_blocks(part.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
@@ -129,6 +136,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         geometry=np.concatenate([np.empty(0), *geometry]),
         fibres=np.concatenate([np.empty(0), *fibres]),
         constants=np.concatenate([np.empty(0), *constants]),
+        stiff=np.concatenate([np.empty(0), *stiff]),
         spans=ranks.spans,
     )
 

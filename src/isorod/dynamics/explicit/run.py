@@ -139,6 +139,7 @@ class Run(run.Run):
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
             taken, outcome, spent = self._take(course)
             seconds += spent
+            self.system.go_on(self.step)
             if outcome == DEEP:
                 raise SolveError(
                     f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: penetration "
@@ -271,7 +272,7 @@ class Run(run.Run):
         ahead = self._ahead(forces, self.time)
         mean = 0.5 * (behind + ahead)
         velocity = mean[system.order]
-        stored, active = system.energies(state.displacement)
+        stored, active, lost = system.energies(state.displacement)
         # What is held resists the acceleration of its neighbours too.
         resisted = system.momenta((ahead - behind) / dt + self.settings.damping * mean)
         seen = self._seen(velocity, (forces + resisted)[state.held], contact)
@@ -289,7 +290,7 @@ class Run(run.Run):
             "added_kinetic": 0.5 * system.mass.added(velocity),
             "stored": stored,
             "muscle_work": state.sums[ACTIVATED] + 0.5 * (now - before) * active - now * active,
-            "dissipated": state.sums[DISSIPATED] + half * float(system.momenta(behind) @ mean) + contact[-1],
+            "dissipated": state.sums[DISSIPATED] + half * float(system.momenta(behind) @ mean) + contact[-1] + lost,
         }
 
     def _watch(self, seen: dict[str, Any]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.dynamics.explicit.element_kernel import internal_forces
+from isorod.dynamics.explicit.element_kernel import elapse, internal_forces
 from isorod.dynamics.explicit.exchange_kernel import (
     ENERGY,
     INVERTED_POINTS,
@@ -103,12 +103,17 @@ def activation(time: float, ramp: float) -> float:
 
 @njit(f8(MESH, STATE, COURSE, i8), **STRICT)
 def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
-    """Evaluate the internal forces of step ``k`` and its share of ``sum W dalpha``; return how many points invert."""
+    """Evaluate the internal forces of step ``k`` and its share of ``sum W dalpha``; return how many points invert.
+
+    Laws with memory go on: their states are those of the step before, at an output those of now.
+    """
     time = course.begin + k * course.step
     now = activation(time, course.ramp)
     # Half of the change to the next step and half of that from the last one: the trapezoidal rule.
     change = 0.5 * (activation(time + course.step, course.ramp) - activation(time - course.step, course.ramp))
-    inverted, _, active = internal_forces(mesh, state.displacement, now, change > 0.0, state.forces)
+    elapse(mesh, course.step if k > 0 else 0.0)
+    inverted, _, active, _ = internal_forces(mesh, state.displacement, now, change > 0.0, True, state.forces)
+    elapse(mesh, course.step)
     if change > 0.0:
         state.sums[ACTIVATED] += change * active
     return inverted

@@ -11,12 +11,12 @@ from scipy.linalg import eigh_tridiagonal
 
 from isorod.arrays import Array
 from isorod.assembly.gradients import deformation_gradients
-from isorod.dynamics.explicit import step_kernel
+from isorod.dynamics.explicit import states, step_kernel
 from isorod.dynamics.explicit.drive import Drive
-from isorod.dynamics.explicit.element_kernel import internal_forces
+from isorod.dynamics.explicit.element_kernel import elapse, internal_forces
 from isorod.dynamics.explicit.exchange_kernel import all_sums, divide, eliminate
 from isorod.dynamics.explicit.mass import Mass
-from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, digests, order, pack
+from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, Mesh, digests, order, pack
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.dynamics.explicit.step_kernel import Course, State
 from isorod.model.model import Model
@@ -233,15 +233,16 @@ class System:
         return self.ranks.whole(result)
 
     def forces(
-        self, displacement: Array, activation: float, time: float | None = None
+        self, displacement: Array, activation: float, time: float | None = None, mesh: Mesh | None = None
     ) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, those on facets behind them, and what says so; changes no state.
 
-        Obstacles that move are where they are at a time, or where they were last.  What says so is that of
+        Obstacles that move are where they are at a time, or where they were last; elements are those of another mesh if
+        it is given.  What says so is that of
         `isorod.dynamics.explicit.contact_step_kernel.subtract`.
         """
         forces = np.empty_like(displacement)
-        if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
+        if internal_forces(mesh or self.mesh, displacement, activation, False, False, forces)[0] > 0.0:
             forces[:] = np.nan
         outside = 0.0 if self.drive is None else self.drive.forces(displacement)
         if self.contact is None:
@@ -293,11 +294,30 @@ class System:
         work = placing_kernel.obstacle_work(self.contact.packed, loads, begin, end)
         return float(self.ranks.sums(np.array([work]))[0])
 
-    def energies(self, displacement: Array) -> tuple[float, float]:
-        """Return the stored energy without activation, and what full activation adds."""
-        own = internal_forces(self.mesh, displacement, 0.0, True, np.empty_like(displacement))
-        _, stored, active = self.ranks.sums(np.array(own)).tolist()
-        return stored, active
+    def energies(self, displacement: Array) -> tuple[float, float, float]:
+        """Return the stored energy without activation, what full activation adds, and what laws have dissipated."""
+        own = internal_forces(self.mesh, displacement, 0.0, True, False, np.empty_like(displacement))
+        _, stored, active, lost = self.ranks.sums(np.array(own)).tolist()
+        return stored, active, lost
+
+    def go_on(self, step: float) -> None:
+        """Let laws with memory go on to the state of the present displacement, so long after that before."""
+        if self.model.remembers:
+            elapse(self.mesh, step)
+            internal_forces(
+                self.mesh, self.state.displacement, 0.0, False, True, np.empty_like(self.state.displacement)
+            )
+            elapse(self.mesh, 0.0)
+
+    @property
+    def states(self) -> Array:
+        """What laws with memory know of all quadrature points, of all ranks."""
+        return self.ranks.sums(states.of(self.model, self.ranks, self.mesh.fibres))
+
+    def know(self, known: Array) -> None:
+        """Let laws with memory know what `states` was."""
+        states.give(self.model, self.ranks, known, self.mesh.fibres)
+        elapse(self.mesh, 0.0)
 
     def worst(self, displacement: Array) -> str:
         """Return which element is the most compressed."""
@@ -343,6 +363,8 @@ class System:
         vector = self.velocity(image)[own]
         size = np.sqrt(dot(vector, image[own])[0])
         trial = [displacement.copy(), displacement.copy()]
+        # The stiffest that laws with memory can be: what flows resists less.
+        stiff = self.mesh._replace(constants=self.mesh.stiff)
         highest = missing = 0.0
         for k in range(count):
             basis[k], momenta[k] = vector / size, image[own] / size
@@ -352,7 +374,7 @@ class System:
             way = ranks.sums(way)[free]
             for sign, u in zip((1.0, -1.0), trial, strict=True):
                 u[free] = displacement[free] + sign * way
-            ahead, behind = (self.forces(u, activation)[0] for u in trial)
+            ahead, behind = (self.forces(u, activation, mesh=stiff)[0] for u in trial)
             image[free] = (ahead - behind)[free] / (2.0 * step)
             if not np.isfinite(image).all():
                 return 0.0

@@ -28,6 +28,7 @@ from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
+from isorod.dynamics.explicit import states
 from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
@@ -55,6 +56,10 @@ class StepPart(Part):
     def begin(self, displacement: Array) -> None:
         """Set the state a step starts from, of this rank's degrees of freedom."""
         self.start = self.gradients(displacement)
+
+    def know(self, states: Array) -> None:
+        """Let laws with memory have these states of the body's points, ``(E, t, q, m)``."""
+        self.laws = self.laws.knowing(states[self.table.first : self.table.first + self.table.elements])
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change ``local`` of the displacement."""
@@ -165,6 +170,8 @@ class StepAssembler(Assembler):
         self._elements = None
         for part in self.parts:
             part.begin(self._start)
+            if part.laws.remember:
+                part.laws = part.laws.lasting(step)
             part.inertia = self._rates[0]
         if self.coupling is not None:
             self.coupling.begin(step, damping, displacement, velocity, self.moved)
@@ -280,6 +287,13 @@ class StepAssembler(Assembler):
         """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""
         rods = everywhere[: self.model.dofs]
         return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])
+
+    def know(self, known: Array) -> None:
+        """Let laws with memory begin the next step with states (`isorod.dynamics.explicit.system.System.states`)."""
+        if self.model.remembers:
+            each = states.by_bodies(self.model, known)
+            for part in self.parts:
+                part.know(each[part.which])
 
     def accept(self, x: PETSc.Vec) -> None:
         """Keep what the next step begins with beside the state."""

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 # steps would be too, and a shorter step is what to ask for.
 _HALVINGS, _CUTS = 10, 64
 
-
 # What checkpoints keep of solids.
 _KEPT = ("displacement", "velocity", "work")
 
@@ -100,6 +99,7 @@ class Run(run.Run):
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
         self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
+        self.assembler.know(self.system.states)
         self._phase = self._from_start()
 
     def _place_facets(self) -> None:
@@ -137,6 +137,7 @@ class Run(run.Run):
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
+        self.assembler.know(self.system.states)
         self.assembler.pressure = kept["pressure"]
         for name in _KEPT:
             getattr(self.solids, name)[:] = kept[f"solid_{name}"]
@@ -295,6 +296,8 @@ class Run(run.Run):
         self.solids.move(change[rods:], after[rods:])
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
+        self.system.go_on(dt)
+        self.assembler.know(self.system.states)
         self.taken += 1
 
     def _add_impulses(self, time: float, dt: float, level: float, change: Array) -> None:
@@ -331,11 +334,11 @@ class Run(run.Run):
             state.sums[FOLLOWED] += self.assembler.contact.work()
             state.sums[DISSIPATED] += self.assembler.contact.accept(met)
 
-    def _energies(self) -> tuple[float, float]:
-        """Return the stored energy without activation, and what full activation adds."""
+    def _energies(self) -> tuple[float, float, float]:
+        """Return the stored energy without activation, what full activation adds, and what laws have dissipated."""
         rods = self.system.energies(self.system.state.displacement)
         solids = self.solids.energies(self.solids.displacement)
-        return rods[0] + solids[0], rods[1] + solids[1]
+        return rods[0] + solids[0], rods[1] + solids[1], rods[2]
 
     def _free_momentum(self) -> Array:
         solids = self.solids
@@ -348,6 +351,7 @@ class Run(run.Run):
     def _measure(self) -> dict[str, Any]:
         """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
         system, state, model, solids = self.system, self.system.state, self.system.model, self.solids
+        stored, _, lost = self._energies()
         displacement, velocity, level = self._displacement, self._velocity, self.level(self.time)
         self._place_facets()
         forces, contact = system.forces(state.displacement, level, self.time)
@@ -375,12 +379,12 @@ class Run(run.Run):
             "tie_moments": np.array([one.moment for one in ties]).reshape(-1, 3),
             "kinetic": 0.5 * float(velocity @ momenta),
             "added_kinetic": 0.0,
-            "stored": self._energies()[0] + self._inertia.stored(displacement) + slipped + float(solids.work[0]),
+            "stored": stored + self._inertia.stored(displacement) + slipped + float(solids.work[0]),
             "pressure": pressure,
             "solid_displacement": solids.displacement.copy(),
             "solid_velocity": solids.velocity.copy(),
             "muscle_work": state.sums[ACTIVATED],
-            "dissipated": state.sums[DISSIPATED] + contact[-1],
+            "dissipated": state.sums[DISSIPATED] + contact[-1] + lost,
         }
 
 

@@ -1,0 +1,81 @@
+"""What a scene file can ask of laws with memory."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.output.largest import Peak, largest
+from isorod.output.stress import of_six
+from isorod.output.words import StateComponent
+
+if TYPE_CHECKING:
+    from isorod.statics.analysis import Equilibrium
+
+
+def state(
+    solution: "Equilibrium",
+    rod: int,
+    name: str,
+    component: StateComponent | None = None,
+    u: float | None = None,
+    xi: tuple[float, float] | None = None,
+    branch: int | None = None,
+) -> Any:
+    """Return what a law with memory knows at a point of a rod (statics alone); without a place the largest.
+
+    Parameters
+    ----------
+    rod
+        Whose state it is.
+    name
+        ``"p"``, accumulated plastic strain, ``"plastic_strain"`` or ``"viscous_strain"``; ``"dissipated"``, energy per
+        volume.
+    component
+        Of strains ``"equivalent"``, ``sqrt(2/3 e:e)``, where not given, or a component in space at rest, ``"xx"`` ...
+        ``"yz"``.
+    u
+        Axis parameter of the point; where not given the largest along the rod is told, in size.
+    xi
+        Its point of the unit disk, ``[1, 0]`` on the surface; where not given the largest of the section is told.
+    branch
+        Of several viscous strains which, from 1 on.
+    """
+
+    def values(u: Array, xi: Array) -> Array:
+        found = solution.state(name, rod, u, xi)
+        strains = found.shape[-1] // 6
+        for key, given in (("component", component), ("branch", branch)):
+            if given is not None and not strains:
+                raise InputError(f"{key}: {name!r} is one number; leave it out")
+        if not strains:
+            return found[..., 0]
+        first = 1 if branch is None else branch
+        if not 1 <= first <= strains:
+            raise InputError(f"branch: got {first}, need 1 to {strains}")
+        return of_six(found[..., 6 * first - 6 : 6 * first], component or "equivalent")
+
+    def size(u: Array, xi: Array) -> Array:
+        # Where another law has no such number it is none.
+        return np.nan_to_num(np.abs(values(u, xi)))
+
+    if xi is not None and np.hypot(*xi) > 1.0 + 1e-9:
+        raise InputError(f"xi: got {list(xi)}, need a point of the unit disk")
+    if u is not None and xi is not None:
+        return float(values(np.array([u]), np.array([xi]))[0, 0])
+    one = largest(solution.model.bodies[rod].space, size, u, xi)
+    angle = float(np.degrees(np.arctan2(*one.xi[::-1]))) % 360.0
+    value = float(values(np.array([one.u]), one.xi[None])[0, 0])
+    return Peak(value, {"u": one.u, "angle": angle, "radius": float(np.hypot(*one.xi))})
+
+
+def dissipated(solution: "Equilibrium", rod: int) -> float:
+    """Return what the laws of a rod have dissipated since rest, force times length (statics alone).
+
+    Parameters
+    ----------
+    rod
+        Which one.
+    """
+    return solution.dissipated(rod)
