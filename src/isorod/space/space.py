@@ -4,13 +4,14 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isorod import memory
 from isorod.arrays import Array, Index
+from isorod.choices import chosen
 from isorod.errors import Checked, FoldedRodError, InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count
@@ -93,6 +94,17 @@ class Space(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        breaks, made = chosen(self._choose)
+        own = self.rod.axis.breaks
+        if not np.array_equal(breaks, own):
+            # Where they are between those of the rod, which a parameter has moved.
+            made = made | {"knots": tuple(np.interp(made["knots"], breaks, own).tolist())}
+        self._set(**made)
+        # What they refuse is refused now, not when an analysis first asks for them.
+        self.basis, self.axis, self.rule  # noqa: B018
+
+    def _choose(self) -> tuple[Array, dict[str, Any]]:
+        """Choose what is not given; return the rod's breaks, and all that is given or chosen."""
         given = {name for name in CHOICES if getattr(self, name) is not None}
         if self.elements is not None and self.knots is None:
             self._set(knots=())
@@ -101,9 +113,9 @@ class Space(Checked):
         self._set(**choice.axis(self.rod, self.elements, self.degree, self.continuity, self.knots)._asdict())
         if self.quadrature is None:
             self._set(quadrature=str(choice.rule(self)))
-        self._set(chosen=tuple(name for name in CHOICES if name not in given and getattr(self, name) is not None))
-        # What they refuse is refused now, not when an analysis first asks for them.
-        self.basis, self.axis, self.rule  # noqa: B018
+        known = {name: getattr(self, name) for name in CHOICES}
+        chose = tuple(name for name, value in known.items() if name not in given and value is not None)
+        return self.rod.axis.breaks, known | {"chosen": chose}
 
     def _choose_section(self) -> None:
         """Choose section functions, if none are given, or the order of those that are."""
