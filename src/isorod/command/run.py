@@ -158,7 +158,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if getattr(found, "derivatives", False):
         from isorod.design import derivatives
 
-        record |= {"derivatives": derivatives.of(scene, solution).record()}
+        rates = derivatives.of(scene, solution)
+        record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
     solving.refuse_unused()
     return record, solution
 

@@ -64,11 +64,11 @@ def _counts() -> frozenset[str]:
     groups = (schema.CURVES, schema.SECTIONS, schema.LAWS, schema.PIECES, schema.SUPPORTS, schema.LOADS)
     forms: list[Form] = [*(form for group in groups for form in group.values()), schema.SWEEP, schema.BODY]
     forms += [schema.CONTACTS, schema.GRAVITY, schema.SPIN]
-    whole, other = set[str](), set[str]()
+    whole = set[str]()
     for form in forms:
         for key, one in form.parameters.items():
-            (whole if _is_whole(one.kind) else other).add(key)
-    return frozenset(whole - other)
+            whole |= {key} if _is_whole(one.kind) else set()
+    return frozenset(whole)
 
 
 def _is_whole(kind: Any) -> bool:

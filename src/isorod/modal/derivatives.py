@@ -81,12 +81,12 @@ def derivatives(
             lambda name, step: [energies(*one) for one in states(beside.models(name, step), step)],
         )
     by = {}
-    for name in at:
+    for name in changes.by:
         rates, turn = _rates(values, changes.by[name])
         shape = solution.vectors.copy()
         shape[first:] = turn.T @ shape[first:]
         by[name] = _measured(solution, shape, rates, measure)
-    return Derivatives(dict(at), numbers(measure(solution)), by)
+    return Derivatives(dict(at), numbers(measure(solution)), by, changes.none)
 
 
 def _products(matrix: PETSc.Mat, shapes: "Sequence[PETSc.Vec]") -> Array:

@@ -20,7 +20,8 @@ from isorod.model.history import rigid_velocity
 from isorod.model.joints import warn_of_smooth_joints
 from isorod.model.past import Past, gone_through
 from isorod.space import choice
-from isorod.space.space import CHOICES, Space, Table
+from isorod.space.chosen import CHOICES
+from isorod.space.space import Space, Table
 
 if TYPE_CHECKING:
     from isorod.space.pressure import Pressures

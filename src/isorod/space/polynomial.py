@@ -79,6 +79,10 @@ class Polynomials:
         if not sizes[1] > _FLAT * sizes[0]:
             raise InputError("section degree: the rod's sections have no area; polynomials need some")
         self._polygon = widest @ directions[:2].T
+        x, y = self._polygon.T
+        if x @ np.roll(y, -1) < y @ np.roll(x, -1):
+            # As it goes round the disk: the sign of what a decomposition finds is that of rounding.
+            self._polygon = self._polygon * [1.0, -1.0]
         onto = images[:, :2]
         gap = arms - onto @ (onto.T @ arms)
         worst = int(np.argmax(np.abs(gap).max(axis=(1, 2))))

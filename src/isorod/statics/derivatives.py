@@ -9,7 +9,7 @@ along ``u + s du/dp`` and ``p + s``: nothing else is solved.
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -57,16 +57,25 @@ class Derivatives:
         What is measured, by name.
     by
         Derivatives, ``by[parameter][measured]`` of the shape of what is measured.
+    none
+        Parameters by which there is no derivative, and why.
     """
 
     parameters: Mapping[str, float]
     values: Measured
     by: Mapping[str, Measured]
+    none: Mapping[str, str] = field(default_factory=dict)
+
+    def told(self) -> "Derivatives":
+        """Return them; raises `InputError` where there is none by one of the parameters."""
+        for name, why in self.none.items():
+            raise InputError(f"derivative by {name}: there is none here: {why}")
+        return self
 
     def record(self) -> dict[str, dict[str, Any]]:
         """Return them as a record keeps them: of what is measured, by each parameter, with the value that it has."""
         return {
-            name: {one: {"at": at, "derivative": self.by[one][name].tolist()} for one, at in self.parameters.items()}
+            name: {one: {"at": at, "derivative": self.by[one][name].tolist()} for one, at in self.parameters.items() if one in self.by}
             for name in self.values
         }
 
@@ -120,14 +129,13 @@ class Beside:
         along
             Returns the same at `OFFSETS` times a step from a parameter.
 
-        Raises
-        ------
-        InputError
-            If there is none.
         """
-        return Derivatives(self.at, values, {name: self._by(name, values, along) for name in self.at})
+        found = {name: self._by(name, values, along) for name in self.at}
+        by = {name: one for name, one in found.items() if not isinstance(one, str)}
+        return Derivatives(self.at, values, by, {name: one for name, one in found.items() if isinstance(one, str)})
 
-    def _by(self, name: str, values: Measured, along: Callable[[str, float], list[Measured]]) -> Measured:
+    def _by(self, name: str, values: Measured, along: Callable[[str, float], list[Measured]]) -> Measured | str:
+        """Return the derivatives by a parameter, or why there are none."""
         best: Measured = {}
         size, least, share = abs(self.at[name]), np.inf, _STEP
         for _ in range(_ATTEMPTS):
@@ -157,9 +165,7 @@ class Beside:
                 break
             cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / apart) ** 0.25, 0.03, 0.5)
             share = max(float(cut) * share, _SHORTEST)
-        if least > _APART:
-            raise InputError(f"derivative by {name}: there is none here: {why}")
-        return best
+        return best if least <= _APART else why
 
 
 def _largest(values: Array) -> float:
@@ -287,8 +293,7 @@ def derivatives(
     Raises
     ------
     InputError
-        If the model has contact, a memory, times or finite element bodies, a parameter is zero, the discretisation
-        changes with it, or something that is measured has no derivative.
+        If the model has contact, a memory, times or finite element bodies, or a parameter is zero.
     """
     with closing(Moving(solution)) as moving:
         beside = Beside(make, at, solution.model)
