@@ -116,6 +116,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         "answers": {name: {"before": before.values[name], "after": after[name]} for name in after},
         "wanted": [str(one) for one in asked],
         "objective": None if objective is None else objective[0],
+        "extreme": "largest" if found.maximise else "least",
         "active": best.prices,
         "solves": own.solves,
         "error_estimate": error,
@@ -181,7 +182,7 @@ def _solve_anew(
         error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
         worst = error if worst is None else max(worst, error or 0.0)
         found = evaluations.flat(evaluations.measured(there, solution))
-        values |= {f"{case}.{name}" if case else name: one for name, one in found.items()}
+        values |= evaluations.of_case(case, found)
     return values, seconds, worst
 
 
@@ -207,7 +208,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     asked = {text.split()[0]: text for text in record["wanted"]}
     for name, one in record["answers"].items():
         what = f"wanted {asked[name].partition(' ')[2]}" if name in asked else ""
-        what = "least" if name == record["objective"] else what
+        what = record["extreme"] if name == record["objective"] else what
         rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", what))
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
     text = [

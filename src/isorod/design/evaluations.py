@@ -69,7 +69,7 @@ class Evaluations:
         for k, (case, scene) in enumerate(self.scenes.items()):
             solution = self._solve(k, scene, self._make(k, scene, self._named(x)))
             solutions.append(solution)
-            values |= _named(case, flat(measured(scene, solution)))
+            values |= of_case(case, flat(measured(scene, solution)))
         self._last = solutions
         return Answer(values, solutions)
 
@@ -87,14 +87,15 @@ class Evaluations:
                 .told()
             )
             rows = [flat(rates.by[name]) for name in self.names]
-            found |= _named(case, {one: np.array([row[one] for row in rows]) for one in rows[0]})
+            found |= of_case(case, {one: np.array([row[one] for row in rows]) for one in rows[0]})
         return found
 
     def _named(self, x: Array) -> dict[str, float]:
         return dict(zip(self.names, map(float, x), strict=True))
 
     def _make(self, k: int, scene: Any, values: Mapping[str, float]) -> Any:
-        with choices.repeated(self._choices[k]):
+        # What there is to say of it is said at the end.
+        with _silently(), choices.repeated(self._choices[k]):
             return parameters.at(scene, values).model()
 
     def _solve(self, k: int, scene: Any, model: Any) -> Any:
@@ -128,8 +129,9 @@ def flat(found: Measured) -> dict[str, float]:
     }
 
 
-def _named(case: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    return {f"{case}.{name}" if case else name: one for name, one in found.items()}
+def of_case(case: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return numbers of a load case by their names, of the rods themselves without that of the case."""
+    return {f"{case}.{name}" if case and name not in OWN else name: one for name, one in found.items()}
 
 
 def _silently() -> warnings.catch_warnings:

@@ -7,6 +7,7 @@ from typing import Any
 
 from isorod.errors import InputError, alternatives
 from isorod.files import schema
+from isorod.files.document import Document
 from isorod.files.form import Form
 
 # Tables of a file whose numbers are a model's, and keys in them that say how it is solved.
@@ -24,6 +25,9 @@ def parameters(scene: Any) -> dict[str, float]:
         for table in _TABLES:
             if table in scene.content:
                 found |= dict(_leaves(scene.content[table], (table,)))
+        # What a case says is typed before it is read (`isorod.files.cases`).
+        said = Document(scene.path).content.get("case", {}) if scene.cases else {}
+        found |= dict(_leaves(said, ("case",)))
     return {name: value for name, value in found.items() if value}
 
 
