@@ -80,7 +80,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             objective = name, 1.0 if found.minimise else -1.0
         if not asked and objective is None:
             raise InputError("design: say what is wanted: --target, --limit, --minimise or --maximise")
-        problem = optimise.Problem(own, varied, asked, objective, _tell)
+        problem = optimise.Problem(own, varied, asked, objective, tell)
         for attempt in range(_ROUNDS):
             if attempt:
                 own.freeze(x)
@@ -121,7 +121,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         "solves": own.solves,
         "error_estimate": error,
         "missed": missed,
-        "again": _again(scene, values),
+        "again": again(scene, values),
     }
     if found.output and ending.rank() == 0:
         from isorod.files.rewritten import rewritten
@@ -157,7 +157,7 @@ def _typed(scene: Any) -> dict[str, float]:
     return found
 
 
-def _again(scene: Any, values: Mapping[str, float]) -> str:
+def again(scene: Any, values: Mapping[str, float]) -> str:
     """Return the command that runs what was found."""
     if scene.content is None:
         return shlex.join(
@@ -194,7 +194,8 @@ def _apart(one: float, other: float) -> float:
     return abs(one - other) / (max(abs(one), abs(other)) or 1.0)
 
 
-def _tell(words: str) -> None:
+def tell(words: str) -> None:
+    """Say on a terminal how far it is."""
     if ending.rank() == 0 and sys.stderr.isatty():
         print(f"isorod: {words}", file=sys.stderr, flush=True)
 
