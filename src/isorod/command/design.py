@@ -58,7 +58,7 @@ def more(parser: Parser, scene: Any) -> None:
 
 def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     from isorod.command import solving
-    from isorod.design import evaluations, optimise, parameters, wanted
+    from isorod.design import evaluations, optimise, wanted
 
     several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}
     several = several or {"": scene}
@@ -87,15 +87,15 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             best = problem.solve(x)
             x = best.x
             # As if it were new: on the discretisation that suits it, from rest.
-            after, seconds, error = _solve_anew(several, best.x, own.names, settings, solving)
+            after, error = _solve_anew(several, best.x, own.names, settings, solving)
             own.solves += len(several)
             off = max(_apart(best.answer.values[name], after[name]) for name in _concerned(asked, objective))
             if off <= _SAME:
                 break
         else:
             warnings.warn(
-                f"solved as new the design answers {100.0 * off:.2g} % otherwise than on the way: the discretisation, or "
-                "the branch of the answer, changes with it",
+                f"solved as new the design answers {100.0 * off:.2g} % otherwise than on the way: the discretisation, "
+                "or the branch of the answer, changes with it",
                 stacklevel=2,
             )
     missed = f"what is wanted is not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
@@ -138,7 +138,7 @@ def _check(scene: Any, found: argparse.Namespace) -> None:
     if not found.output:
         return
     if scene.content is None:
-        raise InputError("--output: a ready scene has no file; leave it out, and run the scene with the numbers printed")
+        raise InputError("--output: a ready scene has no file; leave it out, and take the command printed")
     if not found.output.endswith(".toml"):
         raise InputError(f"--output {found.output}: need a name that ends in .toml")
     if not Path(found.output).parent.is_dir():
@@ -158,32 +158,31 @@ def _typed(scene: Any) -> dict[str, float]:
 
 
 def again(scene: Any, values: Mapping[str, float]) -> str:
-    """Return the command that runs what was found."""
+    """Return the command that runs a scene with numbers that were found."""
+    numbers = {name: f"{value:.9g}" for name, value in values.items()}
     if scene.content is None:
-        return shlex.join(
-            ["isorod", "run", scene.name, *(w for n, v in values.items() for w in (f"--{n.replace('_', '-')}", f"{v:.9g}"))]
-        )
-    return shlex.join(["isorod", "run", scene.path, *(w for n, v in values.items() for w in ("--set", f"{n}={v:.9g}"))])
+        words = [word for name, value in numbers.items() for word in (f"--{name.replace('_', '-')}", value)]
+        return shlex.join(["isorod", "run", scene.name, *words])
+    words = [word for name, value in numbers.items() for word in ("--set", f"{name}={value}")]
+    return shlex.join(["isorod", "run", scene.path, *words])
 
 
 def _solve_anew(
     several: Mapping[str, Any], x: Any, names: Sequence[str], settings: Mapping[str, Any], solving: Any
-) -> tuple[dict[str, float], float, float | None]:
-    """Return what is measured of models that know nothing of the way, the time that took, and the largest error."""
+) -> tuple[dict[str, float], float | None]:
+    """Return what is measured of models that know nothing of the way, and the largest error."""
     from isorod.design import evaluations, parameters
 
     values: dict[str, float] = {}
     worst: float | None = None
-    seconds = 0.0
     for case, scene in several.items():
         there = parameters.at(scene, dict(zip(names, map(float, x), strict=True)))
-        solution, took = solving.solve(there, settings)
-        seconds += took["total"]
+        solution, _ = solving.solve(there, settings)
         error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
         worst = error if worst is None else max(worst, error or 0.0)
         found = evaluations.flat(evaluations.measured(there, solution))
         values |= evaluations.of_case(case, found)
-    return values, seconds, worst
+    return values, worst
 
 
 def _concerned(asked: Sequence[Any], objective: tuple[str, float] | None) -> list[str]:
@@ -212,9 +211,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
         what = record["extreme"] if name == record["objective"] else what
         rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", what))
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
-    text = [
-        f"{row[0]:{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}".rstrip() for row in rows
-    ]
+    text = [f"{row[0]:{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}".rstrip() for row in rows]
     for name, price in record["active"].items():
         worth = f": 1 % of it is worth {abs(price):.3g} % of {record['objective']}" if record["objective"] else ""
         text.append(f"active: {name}{worth}")

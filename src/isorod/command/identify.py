@@ -66,8 +66,9 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
             for k, one in enumerate(several)
         },
         "bounds": [
-            one.name for one in several if min(abs(values[one.name] - one.lower), abs(values[one.name] - one.upper))
-            <= 1e-6 * abs(one.start)
+            one.name
+            for one in several
+            if min(abs(values[one.name] - one.lower), abs(values[one.name] - one.upper)) <= 1e-6 * abs(one.start)
         ],
         "covariance": best.covariance.tolist(),
         "curves": {
@@ -85,7 +86,9 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     text, width = [], max(len(name) for name in record["parameters"])
     for name, one in record["parameters"].items():
         bound = ", at its bound: what is best lies beyond" if name in record["bounds"] else ""
-        text.append(f"{name:{width}}  {one['found']:.8g} +- {one['standard_error']:.2g} (began at {one['before']:g}){bound}")
+        text.append(
+            f"{name:{width}}  {one['found']:.8g} +- {one['standard_error']:.2g} (began at {one['before']:g}){bound}"
+        )
     for name, one in record["curves"].items():
         text.append(f"{name:>14}      answered")
         text += [f"{a:14.6g}{b:14.6g}" for a, b in zip(one["measured"], one["answered"], strict=True)]

@@ -10,7 +10,6 @@ import numpy as np
 from isorod import choices
 from isorod.arrays import Array
 from isorod.design import parameters
-
 from isorod.statics.derivatives import Measured, numbers
 
 # What of the rods can be asked for beside what is measured.
@@ -136,5 +135,3 @@ def of_case(case: str, found: Mapping[str, Any]) -> dict[str, Any]:
 
 def _silently() -> warnings.catch_warnings:
     return warnings.catch_warnings(action="ignore")
-
-

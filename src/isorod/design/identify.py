@@ -16,8 +16,11 @@ from isorod.errors import InputError
 _ALIKE = 1e-10
 _MOST = 50
 
-# A number is not told by a curve that hardly changes with it: of scaled derivatives the least singular value, as a share
-# of the largest.
+# The second time on the discretisation that suits what was found the first time.
+_ROUNDS = 2
+
+# A number is not told by a curve that hardly changes with it: of scaled derivatives the least singular value,
+# as a share of the largest.
 _UNTOLD = 1e-7
 
 
@@ -59,7 +62,7 @@ def curve(rows: Mapping[str, Array], scene: Any, several: Sequence[Vary]) -> Cur
     strange = next((name for name in found if name.partition("[")[0] not in answers), None)
     if strange is not None:
         raise InputError(
-            f"column {strange!r} is neither a number of the scene nor measured; there are: {', '.join([*answers, *known])}"
+            f"column {strange!r} is no number of the scene, nor measured; there are: {', '.join([*answers, *known])}"
         )
     if not found:
         raise InputError(f"the table has no column of what is measured: {', '.join(answers)}")
@@ -114,23 +117,16 @@ def identify(
     def slopes(y: Array) -> Array:
         rates = evaluations.derivatives(y * size, answer(y))
         rows = [
-            rates[f"{k}.{name}"] * size / largest[name]
-            for name, one in table.measured.items()
-            for k in range(len(one))
+            rates[f"{k}.{name}"] * size / largest[name] for name, one in table.measured.items() for k in range(len(one))
         ]
         return np.array(rows)
 
-    evaluations.freeze(start)
-    found = least_squares(
-        misfit,
-        start / size,
-        slopes,
-        bounds.T,
-        xtol=_ALIKE,
-        ftol=_ALIKE,
-        gtol=_ALIKE,
-        max_nfev=_MOST,
-    )
+    y, ends = start / size, {"xtol": _ALIKE, "ftol": _ALIKE, "gtol": _ALIKE}
+    for _ in range(_ROUNDS):
+        evaluations.freeze(y * size)
+        answers.clear()
+        found = least_squares(misfit, y, slopes, bounds.T, max_nfev=_MOST, **ends)
+        y = found.x
     if not found.success:
         raise InputError(f"the numbers are not found in {_MOST} steps; begin nearer (--set), or give bounds")
     _, sizes, directions = np.linalg.svd(found.jac, full_matrices=False)

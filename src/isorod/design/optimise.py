@@ -158,7 +158,9 @@ class Problem:
             change = y - self._start / self._size
             return bad + float(change @ change), 2.0 * change
         name, sign = self._objective
-        return bad + sign * self._answer(there).values[name] / self._first, sign * self._slopes(there)[name] / self._first
+        return bad + sign * self._answer(there).values[name] / self._first, sign * self._slopes(there)[
+            name
+        ] / self._first
 
     def _solvable(self, y: Array) -> Array:
         """Return the numbers, or the last that could be solved where these cannot."""

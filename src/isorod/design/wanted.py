@@ -58,7 +58,9 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
             if not lower < upper:
                 raise InputError(f"--vary {text}: need a lower bound below the upper one")
             if not lower <= start <= upper:
-                raise InputError(f"--vary {text}: it begins at {start:g}, need bounds about that (--set begins elsewhere)")
+                raise InputError(
+                    f"--vary {text}: it begins at {start:g}, need bounds about that (--set begins elsewhere)"
+                )
             if lower * upper <= 0.0:
                 raise InputError(f"--vary {text}: bounds on both sides of zero; need both above or below it")
             found[one] = Vary(one, start, lower, upper)

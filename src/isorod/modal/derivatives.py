@@ -63,7 +63,9 @@ def derivatives(
         factor = 0.0 if moving is None else 1.0
         own = assembler_for(model, comm)
         # Scaled so that all matter alike.
-        shapes = [own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values)]
+        shapes = [
+            own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
+        ]
 
         def energies(assembler: Assembler, x: PETSc.Vec) -> Measured:
             stiffness = assembler.matrix()

@@ -8,7 +8,6 @@ from isorod.arrays import Array
 from isorod.choices import chosen
 from isorod.geometry.quadrature import WHOLE
 from isorod.space import choice
-from isorod.space.basis import SectionBasis
 
 # What is chosen where it is not given.
 CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
@@ -24,13 +23,14 @@ def choices(space: Any) -> dict[str, Any]:
     return made | {"knots": tuple(np.interp(made["knots"], breaks, own).tolist())}
 
 
-def basis(space: Any) -> SectionBasis:
-    """Return the section functions of a space, of those that are sums of others the ones that were taken."""
-    found: Any = space.basis
-    if space.rod.rings == WHOLE or space.section_basis is not None:
-        return found  # type: ignore[no-any-return]
-    taken = chosen(lambda: found.taken)
-    return found if taken is found.taken else type(found)(space.rod, space.section_degree, taken)  # type: ignore
+def basis(space: Any) -> Any:
+    """Return the section functions of a space: polynomials by the directions, and as many, as those that are kept."""
+    found = space.basis
+    if space.section_basis is not None or space.section_degree is None:
+        return found
+    known = [found.frame, *([] if space.rod.rings == WHOLE else [found.taken])]
+    kept = chosen(lambda: known)
+    return found if kept is known else type(found)(space.rod, space.section_degree, *kept)
 
 
 def _choose(space: Any) -> tuple[Array, dict[str, Any]]:

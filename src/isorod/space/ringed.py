@@ -55,6 +55,8 @@ class Ringed(Polynomials):
         The geometry, whose section has a hole, or layers.
     degree
         Total degree ``N``, 1 to 12.
+    frame
+        As of `Polynomials`.
     taken
         Which functions are taken of those of which some are sums of others; where not given the most independent ones.
 
@@ -66,8 +68,10 @@ class Ringed(Polynomials):
 
     most: ClassVar[int] = 12
 
-    def __init__(self, rod: Rod, degree: int, taken: "NDArray[np.intp] | None" = None) -> None:
-        super().__init__(rod, degree)
+    def __init__(
+        self, rod: Rod, degree: int, frame: Array | None = None, taken: "NDArray[np.intp] | None" = None
+    ) -> None:
+        super().__init__(rod, degree, frame)
         self._rings = rod.rings
         self._kinds = _kinds(rod.rings, degree, self.across)
         xi, area = self._fine_points()

@@ -41,6 +41,10 @@ _FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 _STEP, _SHORTEST, _ATTEMPTS = 8e-3, 1e-5, 3
 _ALIKE, _APART = 3e-8, 1e-2
 
+# At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is the
+# jump of the slope, which rounding and curvature make as well.
+_JUMP = np.array([-1.0, 0.0, 9.0, 9.0, 0.0, -1.0]) / 6.0
+
 # Less than so much of the value for the whole parameter counts as none.
 _NOTHING = 1e-3
 
@@ -74,8 +78,9 @@ class Derivatives:
 
     def record(self) -> dict[str, dict[str, Any]]:
         """Return them as a record keeps them: of what is measured, by each parameter, with the value that it has."""
+        at = self.parameters
         return {
-            name: {one: {"at": at, "derivative": self.by[one][name].tolist()} for one, at in self.parameters.items() if one in self.by}
+            name: {one: {"at": at[one], "derivative": rates[name].tolist()} for one, rates in self.by.items()}
             for name in self.values
         }
 
@@ -137,7 +142,7 @@ class Beside:
     def _by(self, name: str, values: Measured, along: Callable[[str, float], list[Measured]]) -> Measured | str:
         """Return the derivatives by a parameter, or why there are none."""
         best: Measured = {}
-        size, least, share = abs(self.at[name]), np.inf, _STEP
+        size, least, jump, share = abs(self.at[name]), np.inf, np.inf, _STEP
         for _ in range(_ATTEMPTS):
             try:
                 with _silently():
@@ -151,21 +156,23 @@ class Beside:
                     {one: np.tensordot(weights, row, 1) / (share * size) for one, row in rows.items()}
                     for weights in (WEIGHTS, _FOURTH)
                 )
-                offs = {
-                    one: _largest(found[one] - fourth[one])
-                    / (max(_largest(found[one]), _NOTHING * _largest(values[one]) / size) or 1.0)
-                    for one in values
-                }
+                offs, jumps = {}, []
+                for one, value in values.items():
+                    scale = max(_largest(found[one]), _NOTHING * _largest(value) / size) or 1.0
+                    offs[one] = _largest(found[one] - fourth[one]) / scale
+                    jumps.append(_largest(np.tensordot(_JUMP, rows[one] - value, 1)) / (share * size * scale))
                 worst = max(offs, key=lambda one: offs[one])
                 why = f"differences of {worst} do not agree, as where the largest of several changes its place"
                 apart = offs[worst]
             if apart < least:
-                best, least = found, apart
+                best, least, jump = found, apart, max(jumps)
             if least <= _ALIKE or share == _SHORTEST:
                 break
             cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / apart) ** 0.25, 0.03, 0.5)
             share = max(float(cut) * share, _SHORTEST)
-        return best if least <= _APART else why
+        if least <= _APART < jump:
+            why = "its slope jumps"
+        return best if max(least, jump) <= _APART else why
 
 
 def _largest(values: Array) -> float:
