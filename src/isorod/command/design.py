@@ -71,41 +71,26 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     with scene.locating():
         own.freeze(x)
         before = own.answer(x)
-        asked = wanted.wanted(found.target, "--target", "=", before.values)
-        asked += wanted.wanted(found.limit, "--limit", "<>", before.values)
-        objective = None
-        if found.minimise or found.maximise:
-            option = "--minimise" if found.minimise else "--maximise"
-            name = wanted.named(option, found.minimise or found.maximise, before.values)
-            objective = name, 1.0 if found.minimise else -1.0
-        if not asked and objective is None:
-            raise InputError("design: say what is wanted: --target, --limit, --minimise or --maximise")
-        problem = optimise.Problem(own, varied, asked, objective, tell)
-        for attempt in range(_ROUNDS):
-            if attempt:
-                own.freeze(x)
-            best = problem.solve(x)
-            x = best.x
-            # As if it were new: on the discretisation that suits it, from rest.
-            after, error = _solve_anew(several, best.x, own.names, settings, solving)
-            own.solves += len(several)
-            off = max(_apart(best.answer.values[name], after[name]) for name in _concerned(asked, objective))
-            if off <= _SAME:
-                break
-        else:
-            warnings.warn(
-                f"solved as new the design answers {100.0 * off:.2g} % otherwise than on the way: the discretisation, "
-                "or the branch of the answer, changes with it",
-                stacklevel=2,
-            )
+    asked = wanted.wanted(found.target, "--target", "=", before.values)
+    asked += wanted.wanted(found.limit, "--limit", "<>", before.values)
+    objective = None
+    if found.minimise or found.maximise:
+        option = "--minimise" if found.minimise else "--maximise"
+        name = wanted.named(option, found.minimise or found.maximise, before.values)
+        objective = name, 1.0 if found.minimise else -1.0
+    if not asked and objective is None:
+        raise InputError("design: say what is wanted: --target, --limit, --minimise or --maximise")
+    problem = optimise.Problem(own, varied, asked, objective, tell)
+    with scene.locating():
+        best, after, error = _found(problem, own, x, _concerned(asked, objective), several, settings)
+    if best.trouble and best.missed[0] <= optimise.MET:
+        warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
     missed = f"what is wanted is not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
     held = [name for name in best.prices if " bound " in name]
     if missed and held:
         missed += f", with {' and '.join(held)}"
     if missed and best.trouble:
         missed += f" ({best.trouble})"
-    elif best.trouble and not missed:
-        warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
     values = dict(zip(own.names, map(float, best.x), strict=True))
     record = {
         "scene": scene.name,
@@ -131,6 +116,30 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         results.write_whole(Path(found.output), text.encode())
         record["again"] = f"isorod run {shlex.quote(found.output)}"
     return record
+
+
+def _found(
+    problem: Any, own: Any, x: Any, concerned: Sequence[str], several: Mapping[str, Any], settings: Mapping[str, Any]
+) -> tuple[Any, dict[str, float], float | None]:
+    """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
+    for attempt in range(_ROUNDS):
+        if attempt:
+            own.freeze(x)
+        best = problem.solve(x)
+        x = best.x
+        # As if it were new: on the discretisation that suits it, from rest.
+        after, error = _solve_anew(several, x, own.names, settings)
+        own.solves += len(several)
+        off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
+        if off <= _SAME:
+            break
+    else:
+        warnings.warn(
+            f"solved as new the design answers {100.0 * off:.2g} % otherwise than on the way: the discretisation, "
+            "or the branch of the answer, changes with it",
+            stacklevel=2,
+        )
+    return best, after, error
 
 
 def _check(scene: Any, found: argparse.Namespace) -> None:
@@ -168,9 +177,10 @@ def again(scene: Any, values: Mapping[str, float]) -> str:
 
 
 def _solve_anew(
-    several: Mapping[str, Any], x: Any, names: Sequence[str], settings: Mapping[str, Any], solving: Any
+    several: Mapping[str, Any], x: Any, names: Sequence[str], settings: Mapping[str, Any]
 ) -> tuple[dict[str, float], float | None]:
     """Return what is measured of models that know nothing of the way, and the largest error."""
+    from isorod.command import solving
     from isorod.design import evaluations, parameters
 
     values: dict[str, float] = {}

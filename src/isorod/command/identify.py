@@ -51,11 +51,10 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
     from isorod.output import curves
 
     several = wanted.varied(found.vary, scene)
+    table = identify.curve(curves.read(Path(found.table)), scene, several)
+    names = [one.name for one in several]
+    own = evaluations.Evaluations(identify.scenes_of(scene, table), names, chosen.settings(scene, found))
     with scene.locating():
-        table = identify.curve(curves.read(Path(found.table)), scene, several)
-        own = evaluations.Evaluations(
-            identify.scenes_of(scene, table), [one.name for one in several], chosen.settings(scene, found)
-        )
         best = identify.identify(own, several, table, tell)
     deviation = np.sqrt(np.diag(best.covariance))
     values = dict(zip(own.names, map(float, best.x), strict=True))
