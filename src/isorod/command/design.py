@@ -57,7 +57,6 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
-    from isorod.command import solving
     from isorod.design import evaluations, optimise, wanted
 
     several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}

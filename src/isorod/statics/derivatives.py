@@ -41,8 +41,8 @@ _FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 _STEP, _SHORTEST, _ATTEMPTS = 8e-3, 1e-5, 3
 _ALIKE, _APART = 3e-8, 1e-2
 
-# At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is the
-# jump of the slope, which rounding and curvature make as well.
+# At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is
+# the jump of the slope.
 _JUMP = np.array([-1.0, 0.0, 9.0, 9.0, 0.0, -1.0]) / 6.0
 
 # Less than so much of the value for the whole parameter counts as none.
