@@ -187,8 +187,8 @@ TABLES = [
     (f"{LAW}.E,force\n1.0,2.0\n", (f"{LAW}.E",), "it cannot both vary and be given in the table"),
     (
         f"torque,{TURN}\n2.0,5.0\n3.0,6.0\n",
-        (f"{LAW}.E", "rod.bar.curve.straight"),
-        "the measured values do not tell it",
+        ("rod.bar.density",),
+        "rod.bar.density: the measured values do not tell it",
     ),
 ]
 

@@ -130,7 +130,7 @@ def identify(
     if not found.success:
         raise InputError(f"the numbers are not found in {_MOST} steps; begin nearer (--set), or give bounds")
     _, sizes, directions = np.linalg.svd(found.jac, full_matrices=False)
-    if sizes[-1] <= _UNTOLD * sizes[0]:
+    if not sizes[-1] > _UNTOLD * sizes[0]:
         worst = several[int(np.argmax(np.abs(directions[-1])))].name
         raise InputError(f"{worst}: the measured values do not tell it; leave it out, or measure what depends on it")
     free = found.fun.size - start.size
