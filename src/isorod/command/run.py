@@ -85,6 +85,12 @@ def more(parser: Parser, scene: Any) -> None:
         parser.add_argument(
             "--no-estimate", action="store_true", help="skip the error estimate, which takes about as long as the run"
         )
+    if {"statics", "modal"} & {*analyses}:
+        parser.add_argument(
+            "--derivatives",
+            action="store_true",
+            help="derivatives of the answer by each number of the scene, of what is solved",
+        )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument(
         "--output", metavar="DIR", help="write the result, fields as .vtu and curves as .csv into this folder"
@@ -149,6 +155,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
             refined = solving.estimate(solution, shown)
     solving.warn_of_embedded(scene, solution)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
+    if getattr(found, "derivatives", False):
+        from isorod.design import derivatives
+
+        rates = derivatives.of(scene, solution)
+        record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
     solving.refuse_unused()
     return record, solution
 
@@ -170,7 +181,14 @@ def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, sc
             lost = str(problem) or memory.SHORT
         text = results.line(record)
     notes.show()
-    return text if found.json else printing.summary(record, scene), lost
+    if found.json:
+        return text, lost
+    words = [printing.summary(record, scene)]
+    if "derivatives" in record:
+        from isorod.command import rates
+
+        words += rates.lines(record)
+    return "\n".join(words), lost
 
 
 def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isorod import choices
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError, finite, representable
 from isorod.geometry.quadrature import ring_of
@@ -20,7 +21,8 @@ from isorod.model.history import rigid_velocity
 from isorod.model.joints import warn_of_smooth_joints
 from isorod.model.past import Past, gone_through
 from isorod.space import choice
-from isorod.space.space import CHOICES, Space, Table
+from isorod.space.chosen import CHOICES
+from isorod.space.space import Space, Table
 
 if TYPE_CHECKING:
     from isorod.space.pressure import Pressures
@@ -118,7 +120,8 @@ class Body(Checked):
                 else f"material: got {given} laws for {rings} rings, need one law, one a ring, or such for elements"
             )
         if self.formulation is None:
-            self._set(formulation="mixed" if self._nearly_incompressible() else "displacement")
+            mixed = choices.chosen(self._nearly_incompressible)
+            self._set(formulation="mixed" if mixed else "displacement")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):

@@ -1,6 +1,6 @@
 """What statics answers: an equilibrium, the way to it, and estimates of its errors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,9 @@ from isorod.statics.path import Step, Turn
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
     from isorod.contact.result import ContactResult
+    from isorod.model.model import Model
     from isorod.output.matrices import Matrices
+    from isorod.statics.derivatives import Derivatives
 
 
 # Forces, or moments, that are a smaller share of the other, whatever the unit of length, are none.
@@ -237,6 +239,17 @@ class Equilibrium(State, WithSolids, Animated):
         from isorod.output.matrices import matrices
 
         return matrices(self.model, self, lumped)
+
+    def derivatives(
+        self,
+        make: "Callable[[Mapping[str, float]], Model]",
+        at: "Mapping[str, float]",
+        measure: "Callable[[Equilibrium], Mapping[str, object]]",
+    ) -> "Derivatives":
+        """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`)."""
+        from isorod.statics.derivatives import derivatives
+
+        return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
