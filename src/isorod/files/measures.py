@@ -12,6 +12,7 @@ from isorod.output.words import Component as Stress
 
 if TYPE_CHECKING:
     from isorod.dynamics.history import History
+    from isorod.harmonic.response import Response
     from isorod.modal.kinds import Like
     from isorod.modal.modes import Modes
     from isorod.statics.analysis import Equilibrium
@@ -87,7 +88,7 @@ def moment(
 
 
 def displacement(
-    solution: "Equilibrium | History",
+    solution: "Equilibrium | History | Response",
     rod: int,
     u: float | None = None,
     xi: tuple[float, float] | None = None,
@@ -107,7 +108,32 @@ def displacement(
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
     found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
+    if hasattr(solution, "told"):
+        return component_of(found, component)
     return component_of(rounded(found, _largest(solution.displacement)), component)
+
+
+def acceleration(
+    solution: "Response",
+    rod: int,
+    u: float | None = None,
+    xi: tuple[float, float] | None = None,
+    component: Component | None = None,
+) -> Any:
+    """Return the acceleration of a point of a rod, that of shaken supports included, or one component of it.
+
+    Parameters
+    ----------
+    rod
+        Whose point it is.
+    u
+        Axis parameter of the point; that of the end face where not given.
+    xi
+        Its point of the unit disk; where not given the centre, of a hollow rod the mean of its hole.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return component_of(solution.acceleration(rod, "end" if u is None else u, xi), component)
 
 
 def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None, about: Tangent | None = None) -> Any:
@@ -139,7 +165,7 @@ def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None
 
 
 def stress(
-    solution: "Equilibrium | History",
+    solution: "Equilibrium | History | Response",
     rod: int,
     component: Stress = "von_mises",
     u: float | None = None,
@@ -168,6 +194,10 @@ def stress(
     from isorod.files import peaks
 
     sought = peaks.Sought(rod, component, u, xi, away)
+    if hasattr(solution, "told"):
+        from isorod.files import swings
+
+        return swings.find(sought, solution)
     found = _each(solution, sought.find)
     # Of a motion that in the end.
     state: Any = solution

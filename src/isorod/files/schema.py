@@ -15,6 +15,7 @@ from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPP
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
+from isorod.files.vibrations import DAMPING, FREQUENCIES, LOADS as SWINGING
 from isorod.files.warmth import EXPANSION, TEMPERATURE
 
 _WINDING = {"radius": VARYING, "pitch": VARYING}
@@ -147,6 +148,9 @@ ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),
     "buckling": Form("isorod.buckling:solve", left=_RUN),
+    "harmonic": Form(
+        "isorod.harmonic:solve", left=_RUN, kinds={"frequencies": FREQUENCIES, "damping": DAMPING, "loads": SWINGING}
+    ),
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
@@ -177,6 +181,7 @@ MEASURES = {
     "reaction": _measure("reaction", support=SUPPORT),
     "moment": _measure("moment", support=SUPPORT),
     "displacement": _measure("displacement", rod=ROD),
+    "acceleration": _measure("acceleration", rod=ROD),
     "rotation": _measure("rotation", rod=ROD),
     "stress": _measure("stress", rod=ROD),
     "section_force": _measure("section_force", rod=ROD),
@@ -221,5 +226,5 @@ RESERVED = frozenset(
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
-    "critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
+    "response peaks resonances ratios truncation modes critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
 )

@@ -1,0 +1,31 @@
+"""What `isorod run` prints of vibrations under harmonic or random excitation."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+# Peaks of each that are shown, and resonances.
+_PEAKS, _MOST = 6, 12
+
+
+def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield peaks, resonances and what they are about."""
+    for name, peaks in record.get("peaks", {}).items():
+        if not peaks:
+            continue
+        highest = sorted(sorted(peaks, key=lambda one: -one[1])[:_PEAKS])
+        more = f"; {len(peaks) - _PEAKS} lower ones" if len(peaks) > _PEAKS else ""
+        yield f"peaks {name.replace('_', ' ')}", "; ".join(map(_peak, highest)) + more
+    found = [
+        f"{frequency:.6g} ({100.0 * ratio:.3g} %)"
+        for frequency, ratio in zip(record["resonances"], record["ratios"], strict=True)
+    ]
+    if found:
+        more = f" and {len(found) - _MOST} more" if len(found) > _MOST else ""
+        yield "resonances", ", ".join(found[:_MOST]) + more + ", of critical damping"
+    yield "about", record["about"]
+    yield "left out", f"{record['truncation']:.1g} of the energy norm, by {record['shapes']} shapes"
+
+
+def _peak(peak: list[float]) -> str:
+    frequency, size, *phase = peak
+    return f"{size:.5g} at {frequency:.6g}" + (f" (phase {phase[0]:.0f})" if phase else "")

@@ -1,0 +1,50 @@
+"""What files say of harmonic and random vibrations: frequencies, damping, the loads that swing."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array, Numbers
+from isorod.errors import InputError
+from isorod.files import values
+from isorod.files.document import Place, shown
+from isorod.files.form import Form, Name, call
+
+if TYPE_CHECKING:
+    from isorod.harmonic import Damping, Span
+
+_SPAN = Form("isorod.harmonic.frequencies:Span", keys={"first": "from", "last": "to"})
+_DAMPING = Form("isorod.harmonic.damping:Damping")
+
+
+def _frequencies(place: Place, value: Any) -> "Span | Array":
+    if isinstance(value, dict):
+        found: Span = call(place, _SPAN, value).make()
+        return found
+    return np.asarray(values.value_of(place, value if isinstance(value, list) else [value], Numbers), dtype=float)
+
+
+def _damping(place: Place, value: Any) -> "Damping":
+    found: Damping = call(place, _DAMPING, place.table(value)).make()
+    return found
+
+
+def _loads(place: Place, value: Any) -> list[Name]:
+    several = value if isinstance(value, list) else [value]
+    if not all(isinstance(one, str) for one in several):
+        raise place.error(f"got {shown(value)}, need {LOADS.words}")
+    return [Name(place, one) for one in several]
+
+
+FREQUENCIES = values.Kind(_frequencies, "numbers in a list, or a table: from, to, count, log")
+DAMPING = values.Kind(_damping, "a table: ratio, rayleigh = [alpha, beta], structural")
+LOADS = values.Kind(_loads, "the names of loads in a list")
+
+
+def settled(arguments: dict[str, Any], loads: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of an analysis with the numbers of loads in the place of their names."""
+    if "loads" not in arguments:
+        return arguments
+    numbers = {name: k for k, name in enumerate(loads)}
+    return arguments | {"loads": [one.among(numbers) for one in arguments["loads"]]}
