@@ -1,5 +1,6 @@
 """What harmonic responses answer: amplitude and phase of displacement, acceleration and stress at any point."""
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -9,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
+from isorod.checks.estimate import Error
+from isorod.checks.estimate_of_modes import of_modes, of_stress
 from isorod.errors import InputError
 from isorod.harmonic.frequencies import Span, checked
 from isorod.modal.modes import Modes
@@ -22,6 +25,12 @@ if TYPE_CHECKING:
 
 # Shapes are added to a state so small that sections turn by about this much: stress is linear in it.
 _SMALL = 1e-4
+
+# Share of the energy at some frequency from which a mode counts, and the error from which amplitudes are warned of.
+_SWINGS, _LARGE = 0.01, 0.005
+
+# Share of the energy of one mode where its stresses are those of the response.
+_ALONE = 0.8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,15 +214,46 @@ class Response:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error of the heights of peaks; None where there is none.
 
-        It is twice that of the frequencies (`isorod.modal.Modes.estimate`), squares of which compliances go by, and
-        what the shapes leave out.
+        It is twice that of the frequencies of the modes that swing (`isorod.modal.Modes.estimate`), by whose squares
+        compliances go, and what the shapes leave out.  On the flank of a peak, half as wide as the share of critical
+        damping, amplitudes at a given frequency err more; of that there is a warning.
         """
-        found = self.modes.estimate(*directions)
-        return None if found is None else 2.0 * found + (0.0 if directions else self.truncation)
+        found = self._of_frequencies(directions)
+        if found is None:
+            return None
+        damped = self.ratios[self.ratios > 0.0]
+        flank = 0.5 * found / damped.min() if damped.size else 0.0
+        if not directions and flank > max(_LARGE, 2.0 * found):
+            warnings.warn(
+                f"natural frequencies are right to about {100.0 * found:.2g} %, beside half-widths of peaks from "
+                f"{100.0 * damped.min():.2g} %: on a flank the amplitude at a given frequency may be off by "
+                f"{100.0 * flank:.2g} %, heights of peaks are not; --tolerance {_LARGE * 4.0 * damped.min():.1g} is right "
+                "there too",
+                stacklevel=3,
+            )
+        return 2.0 * found + (0.0 if directions else self.truncation)
 
-    def errors(self, *directions: str) -> tuple[float | None, float | None]:
-        """Return that, and an estimate of the error of stresses: there is none."""
-        return self.estimate(*directions), None
+    def _of_frequencies(self, directions: Sequence[str]) -> float | None:
+        """Return an estimate of the error of natural frequencies of the modes that swing."""
+        modes, rigid = self.modes, self.modes.rigid
+        energies = np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
+        shares = (energies / np.maximum(energies.sum(axis=1, keepdims=True), 1e-300)).max(axis=0)[: len(modes)]
+        counted = (shares > _SWINGS) & (modes.frequencies <= 1.01 * self.frequencies.max())
+        # Below all resonances it is that of the first.
+        counted[rigid] |= not counted[rigid:].any()
+        own = slice(rigid, int(np.flatnonzero(counted)[-1]) + 1)
+        given = modes.eigenvalues[own], modes.vectors[own], rigid > 0, modes.lumped, directions, modes.equilibrium
+        return of_modes(self.model, *given, ranks=self.ranks, counted=counted[own])
+
+    def errors(self, *directions: str) -> Error:
+        """Return that, and an estimate of the error of stresses: of the mode that swings most where one does."""
+        modes, energies = self.modes, np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
+        there = energies[int(np.argmax(energies.sum(axis=1)))]
+        k = int(np.argmax(there))
+        stress = None
+        if modes.rigid == 0 and k < len(modes) and modes.equilibrium is None and there[k] > _ALONE * there.sum():
+            stress = of_stress(self.model, float(modes.eigenvalues[k]), modes.vectors[k], directions, self.ranks)
+        return Error(self.estimate(*directions), stress)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it, besides what is measured."""
