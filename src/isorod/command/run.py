@@ -74,7 +74,7 @@ def more(parser: Parser, scene: Any) -> None:
             action="store_true",
             help="restart from the checkpoint; a later end time of a motion takes more outputs",
         )
-    if {"statics", "modal", "buckling", "harmonic"} & {*analyses}:
+    if {"statics", "modal", "buckling", "harmonic", "random"} & {*analyses}:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",
@@ -218,11 +218,10 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
 
 
 def _swinging(scene: Any, response: Any) -> "dict[str, Array]":
-    """Return amplitude and phase of what a scene measures, by names with their units."""
+    """Return amplitude and phase, or spectral density, of what a scene measures, by names with their units."""
     curves: dict[str, Array] = {}
     for name, one in response.items():
         unit = scene.units.get(name.partition("[")[0], "").strip("()")
-        curves[f"{name} amplitude ({unit})" if unit else f"{name} amplitude"] = one["amplitude"]
-        if "phase" in one:
-            curves[f"{name} phase"] = one["phase"]
+        units = {"amplitude": f" ({unit})", "density": f" ({unit}^2 / frequency)"} if unit else {}
+        curves |= {f"{name} {what}{units.get(what, '')}": values for what, values in one.items()}
     return curves

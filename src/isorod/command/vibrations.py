@@ -15,6 +15,9 @@ def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         highest = sorted(sorted(peaks, key=lambda one: -one[1])[:_PEAKS])
         more = f"; {len(peaks) - _PEAKS} lower ones" if len(peaks) > _PEAKS else ""
         yield f"peaks {name.replace('_', ' ')}", "; ".join(map(_peak, highest)) + more
+    if "apparent" in record:
+        frequencies = (f"{name.replace('_', ' ')} {one:.6g}" for name, one in record["apparent"].items())
+        yield "root mean squares", "of the values above; they pass zero upwards at " + ", ".join(frequencies)
     found = [
         f"{frequency:.6g} ({100.0 * ratio:.3g} %)"
         for frequency, ratio in zip(record["resonances"], record["ratios"], strict=True)

@@ -15,7 +15,8 @@ from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPP
 from isorod.files.material import BULK, CONSTANTS, FIBRE
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
-from isorod.files.vibrations import DAMPING, FREQUENCIES, LOADS as SWINGING
+from isorod.files.vibrations import DAMPING, FREQUENCIES, PSD
+from isorod.files.vibrations import LOADS as SWINGING
 from isorod.files.warmth import EXPANSION, TEMPERATURE
 
 _WINDING = {"radius": VARYING, "pitch": VARYING}
@@ -151,6 +152,7 @@ ANALYSES = {
     "harmonic": Form(
         "isorod.harmonic:solve", left=_RUN, kinds={"frequencies": FREQUENCIES, "damping": DAMPING, "loads": SWINGING}
     ),
+    "random": Form("isorod.random:solve", left=_RUN, kinds={"psd": PSD, "damping": DAMPING, "loads": SWINGING}),
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
@@ -226,5 +228,5 @@ RESERVED = frozenset(
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
-    "response peaks resonances ratios truncation modes critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
+    "response peaks apparent resonances ratios truncation modes critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
 )

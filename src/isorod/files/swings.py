@@ -23,7 +23,7 @@ def find(sought: Sought, solution: "Response") -> Any:
         values = _at(sought, solution, u, xi)
         sought.warn(solution.single(int(np.argmax(np.abs(values)))), float(np.abs(values).max()))
         return values
-    one = solution.single(_loudest(sought, solution))
+    one = solution.whole() if hasattr(solution, "whole") else solution.single(_loudest(sought, solution))
     found = sought.find(one)
     assert isinstance(found, Peak)
     sought.warn(one, found)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array, Numbers
-from isorod.errors import InputError
 from isorod.files import values
+from isorod.files.data import rows_of
 from isorod.files.document import Place, shown
 from isorod.files.form import Form, Name, call
 
@@ -37,6 +37,14 @@ def _loads(place: Place, value: Any) -> list[Name]:
     return [Name(place, one) for one in several]
 
 
+def _psd(place: Place, value: Any) -> Array:
+    rows = rows_of(place, value)
+    if rows.ndim != 2 or rows.shape[1] != 2:
+        raise place.error(f"got {shown(value)}, need {PSD.words}")
+    return rows
+
+
+PSD = values.Kind(_psd, "rows [frequency, value] in a list, or the name of a file beside this one")
 FREQUENCIES = values.Kind(_frequencies, "numbers in a list, or a table: from, to, count, log")
 DAMPING = values.Kind(_damping, "a table: ratio, rayleigh = [alpha, beta], structural")
 LOADS = values.Kind(_loads, "the names of loads in a list")

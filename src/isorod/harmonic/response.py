@@ -117,11 +117,10 @@ class Response:
         """Return the acceleration at points of a body, that of shaken supports included, complex ``(n, ..., 3)``."""
         found = self.at(body, u, xi)
         across = (slice(None), *[None] * (found.ndim - 1))
-        shaken = self._by_square[across] * self.base
-        return shaken - (self.omega**2)[across] * found
+        return self._shaken[across] * self.base - (self.omega**2)[across] * found
 
     @property
-    def _by_square(self) -> Array:
+    def _shaken(self) -> Array:
         """By what the amplitude of the base is its acceleration, ``(n,)``."""
         return -self.basis.scale(self.omega) if self.basis.by_square else np.ones(len(self))
 
@@ -160,12 +159,12 @@ class Response:
         stress = self.stress(body, u, xi)
         if name in ("von_mises", "shear"):
             return self.amplitude(stress, name, normals)
-        _refuse_principal(name)
+        refuse_principal(name)
         return component(stress, name, normals)
 
     def amplitude(self, stress: Array, name: Component, normals: Array) -> Array:
         """Return the largest value of a component in a period, of complex stresses ``(..., 3, 3)``, shape ``(...)``."""
-        _refuse_principal(name)
+        refuse_principal(name)
         if name not in ("von_mises", "shear"):
             return np.abs(component(stress, name, normals))
         parts = [component(one, name, normals) ** 2 for one in (stress.real, stress.imag, stress.real + stress.imag)]
@@ -221,17 +220,22 @@ class Response:
         found = self._of_frequencies(directions)
         if found is None:
             return None
+        if not directions:
+            self._warn_of_flanks(found)
+        return 2.0 * found + (0.0 if directions else self.truncation)
+
+    def _warn_of_flanks(self, error: float) -> None:
+        """Warn where natural frequencies are off by much of the width of peaks."""
         damped = self.ratios[self.ratios > 0.0]
-        flank = 0.5 * found / damped.min() if damped.size else 0.0
-        if not directions and flank > max(_LARGE, 2.0 * found):
+        flank = 0.5 * error / damped.min() if damped.size else 0.0
+        if flank > max(_LARGE, 2.0 * error):
             warnings.warn(
-                f"natural frequencies are right to about {100.0 * found:.2g} %, beside half-widths of peaks from "
+                f"natural frequencies are right to about {100.0 * error:.2g} %, beside half-widths of peaks from "
                 f"{100.0 * damped.min():.2g} %: on a flank the amplitude at a given frequency may be off by "
                 f"{100.0 * flank:.2g} %, heights of peaks are not; --tolerance {_LARGE * 4.0 * damped.min():.1g} is right "
                 "there too",
-                stacklevel=3,
+                stacklevel=4,
             )
-        return 2.0 * found + (0.0 if directions else self.truncation)
 
     def _of_frequencies(self, directions: Sequence[str]) -> float | None:
         """Return an estimate of the error of natural frequencies of the modes that swing."""
@@ -282,7 +286,8 @@ class Single(Response):
         return np.asarray(super().stress(body, u, xi)[0])
 
 
-def _refuse_principal(name: Component) -> None:
+def refuse_principal(name: Component) -> None:
+    """Raise `InputError` for a principal stress."""
     if name in ("max_principal", "min_principal"):
         raise InputError(f"component: {name} turns in a period, and has no amplitude; ask for von_mises or a component")
 
