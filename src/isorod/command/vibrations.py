@@ -26,7 +26,9 @@ def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         more = f" and {len(found) - _MOST} more" if len(found) > _MOST else ""
         yield "resonances", ", ".join(found[:_MOST]) + more + ", of critical damping"
     yield "about", record["about"]
-    yield "left out", f"{record['truncation']:.1g} of the energy norm, by {record['shapes']} shapes"
+    left = record["left_out"]
+    more = left["shapes"] - left["modes"]
+    yield "left out", f"{left['share']:.1g} of the energy norm, by {left['modes']} modes and {more} residual vectors"
 
 
 def _peak(peak: list[float]) -> str:

@@ -197,7 +197,7 @@ def stress(
     if hasattr(solution, "told"):
         from isorod.files import swings
 
-        return swings.find(sought, solution)
+        return swings.find(sought, solution)  # type: ignore[arg-type]
     found = _each(solution, sought.find)
     # Of a motion that in the end.
     state: Any = solution

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from isorod.space.closer import Patch
     from isorod.space.space import Space
 
-# Of each analysis the class of its solutions.
-_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History", "harmonic": "Response", "random": "Response"}
-
 # Options of all spaces.
 _SPACE = ("elements", "order", "section_points", "section_degree", "degree", "continuity", "quadrature")
 
@@ -190,7 +187,7 @@ class FileScene(Scene):
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
             touching=touching and self.analysis in ("statics", "modal"),
             surface=touching or held,
-            stressed=self.analysis in ("statics", "harmonic", "random"),
+            stressed=self.analysis in ("statics", *schema.SWINGING),
             buckles=self.analysis == "buckling",
             explicit=self._explicit,
             loaded=[*(float(u) for u in places if isinstance(u, float | int)), *self._names.landed(number)],
@@ -223,7 +220,7 @@ class FileScene(Scene):
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
-        kind = _SOLUTIONS.get(self.analysis, "none")
+        kind = schema.SOLUTIONS.get(self.analysis, "none")
         fitting = {word: form for word, form in schema.MEASURES.items() if kind in str(form.solution)}
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
@@ -247,7 +244,7 @@ class FileScene(Scene):
         elif self.analysis == "buckling":
             self.units["factors"] = "(times the loads and moved supports)"
             yield "factors", lambda solution: solution.factors
-        elif self.analysis in ("harmonic", "random") and "measure" not in self.content:
+        elif self.analysis in schema.SWINGING and "measure" not in self.content:
             raise place.error("nothing is measured: [measure.NAME], as displacement = ROD")
         elif fitting and "measure" not in self.content:
             for k, name in enumerate(self._names.supports):

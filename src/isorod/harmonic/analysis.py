@@ -156,7 +156,6 @@ def _solve(
         left = _complete(basis, force, asked, top)
     resonances, ratios = basis.resonances()
     values = asked.around(resonances, ratios) if isinstance(asked, Span) else asked
-    coordinates = basis.coordinates(values)
     kept = resonances <= top / _BEYOND
     return Response(
         model=model,
@@ -224,13 +223,14 @@ def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float)
     between = np.array([one for one in basis.resonances()[0] if lowest <= one <= last])
     looks = between[np.unique(np.linspace(0, between.size - 1, _LOOKS).astype(int))] if between.size else between
     looks = np.unique([lowest, *looks, last])
-    for _ in range(_ROUNDS):
+    for rest in range(_ROUNDS, -1, -1):
         shares, shapes = basis.left(looks)
         # Left out is what swings faster than `top`: dynamically it gives way so much more.
         shares /= 1.0 - (looks / top) ** 2
         bad = np.flatnonzero(shares > _LEFT)
-        if not bad.size or not basis.grow([shapes[2 * k + j] for k in bad for j in (0, 1) if shapes[2 * k + j].any()]):
+        if not (rest and bad.size):
             break
+        basis.grow([one for k in bad for one in shapes[2 * k : 2 * k + 2] if one.any()])
     return float(shares.max())
 
 

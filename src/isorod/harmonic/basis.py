@@ -140,7 +140,9 @@ class Basis:
             whirls = np.sort(rates.imag[rates.imag > 0.0]) ** 2
             kept = whirls > 1e-9 * whirls.max(initial=0.0)
             found = whirls[kept]
-            return np.sqrt(found) / (2.0 * np.pi), self._damping.ratios(found) if self._damping else np.zeros(found.size)
+            return np.sqrt(found) / (2.0 * np.pi), self._damping.ratios(found) if self._damping else np.zeros(
+                found.size
+            )
         return np.sqrt(squares) / (2.0 * np.pi), ratios
 
     def static(self) -> list[Array]:

@@ -109,17 +109,19 @@ def relaxing(model: Model) -> dict[int, Array]:
         other = next((law for law in body.laws if law.remembers and not isinstance(law, Viscoelastic)), None)
         if other is not None:
             raise InputError(
-                f"body {b}: {type(other).__name__} is not linear for small stresses; responses are told of elastic laws "
-                "and Viscoelastic"
+                f"body {b}: {type(other).__name__} is not linear for small stresses; responses are told of elastic "
+                "laws and Viscoelastic"
             )
         series = {np.asarray(law.prony, dtype=float).tobytes() for law in body.laws if isinstance(law, Viscoelastic)}
         if not series:
             continue
         if len(series) > 1 or not all(isinstance(law, Viscoelastic) for law in body.laws):
-            raise InputError(f"body {b}: its laws relax each in another way; responses are told where all have one series")
+            raise InputError(
+                f"body {b}: its laws relax each in another way; responses are told where all have one series"
+            )
         if body.formulation != "displacement":
             raise InputError(f"body {b}: viscoelastic in the mixed formulation; take nu up to 0.48, or use dynamics")
-        found[b] = np.asarray(body.laws[0].prony, dtype=float)  # type: ignore[attr-defined]
+        found[b] = np.frombuffer(series.pop()).reshape(-1, 2)
     return found
 
 
@@ -139,7 +141,9 @@ def _stiffness(model: Model, number: int, share: float, comm: PETSc.Comm) -> PET
         if isinstance(law, Sequence):
             return [softer(one) for one in law]
         mu, bulk = share * law.mu, law.lame + 2.0 / 3.0 * law.mu
-        return LinearElastic(E=9.0 * bulk * mu / (3.0 * bulk + mu), nu=(3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu))
+        return LinearElastic(
+            E=9.0 * bulk * mu / (3.0 * bulk + mu), nu=(3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu)
+        )
 
     bodies = [*model.bodies]
     own = bodies[number]

@@ -232,8 +232,8 @@ class Response:
             warnings.warn(
                 f"natural frequencies are right to about {100.0 * error:.2g} %, beside half-widths of peaks from "
                 f"{100.0 * damped.min():.2g} %: on a flank the amplitude at a given frequency may be off by "
-                f"{100.0 * flank:.2g} %, heights of peaks are not; --tolerance {_LARGE * 4.0 * damped.min():.1g} is right "
-                "there too",
+                f"{100.0 * flank:.2g} %, heights of peaks are not; --tolerance "
+                f"{_LARGE * 4.0 * damped.min():.1g} is right there too",
                 stacklevel=4,
             )
 
@@ -261,9 +261,9 @@ class Response:
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it, besides what is measured."""
-        kept = ("about", "frequencies", "resonances", "ratios", "truncation")
-        found = {name: getattr(self, name) for name in kept}
-        return found | {"modes": len(self.modes), "shapes": len(self.ritz), "residuals": self.modes.residuals}
+        kept = ("about", "frequencies", "resonances", "ratios")
+        left = {"share": self.truncation, "modes": len(self.modes), "shapes": len(self.ritz)}
+        return {name: getattr(self, name) for name in kept} | {"left_out": left, "residuals": self.modes.residuals}
 
     def shapes(self) -> Iterator[tuple[float, Array]]:
         """Yield the modes with twice their energy, as `isorod.modal.Modes.shapes`."""

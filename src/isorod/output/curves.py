@@ -208,7 +208,8 @@ def draw(
             separate = panel.curves[0][0] == "mode"
             swings = re.search(_SWINGS, panel.curves[0][1]) is not None
             for over, name in panel.curves:
-                axis.plot(columns[over], columns[name], "o" if separate else "-" if over == _OVER else ".-", label=name, linewidth=1.3)
+                style = "o" if separate else "-" if over == _OVER else ".-"
+                axis.plot(columns[over], columns[name], style, label=name, linewidth=1.3)
             axis.set_xlabel(panel.below)
             axis.set_ylabel(panel.beside)
             axis.grid(alpha=0.3)
