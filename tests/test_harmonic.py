@@ -10,6 +10,7 @@ from isorod import (
     MeanSupport,
     Model,
     NeoHookean,
+    Orthotropic,
     SectionLoad,
     Space,
     Spin,
@@ -19,6 +20,7 @@ from isorod import (
     harmonic,
     matrices,
     random,
+    statics,
     straight,
 )
 from isorod.output.stress import von_mises
@@ -234,3 +236,31 @@ def test_the_estimate_sees_too_few_elements():
             errors.append((found.estimate(), 2.0 * true))
     for estimate, true in errors:
         assert 0.5 * true < estimate < 3.0 * true
+
+
+STATIC = {
+    "mixed": (lambda: NeoHookean(E=E, nu=0.4999), None),
+    "hinged": (
+        lambda: NeoHookean(E=E, nu=0.3),
+        lambda space: [
+            MeanSupport.end(space, "start", "hinge", axis=(0.0, 1.0, 0.0)),
+            MeanSupport.spring(space, "end", stiffness=(3.0, 3.0, 3.0)),
+        ],
+    ),
+    "orthotropic": (lambda: Orthotropic(E=(E, 2 * E, 3 * E), nu=(0.2, 0.2, 0.2), G=(E, E, E)), None),
+}
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_at_frequency_zero_it_is_the_static_answer(name):
+    law, supports = STATIC[name]
+    model = bar(law(), supports=supports, loads=[push], across=3)
+    found = harmonic.solve(model, [0.0], harmonic.Damping(ratio=0.01))
+    small = bar(
+        law(), supports=supports, loads=[lambda space: SectionLoad.end(space, "end", (1e-4, 0.5e-4, 0.2e-4))], across=3
+    )
+    exact = statics.solve(small)
+    at = 0, [0.3, 0.8], [(0.5, 0.4), (0.0, -1.0)]
+    assert found.at(*at)[0].real == pytest.approx(1e4 * exact.at(*at), rel=1e-3, abs=1e-6 * np.abs(found.at(*at)).max())
+    stresses = found.stress(*at)[0].real, 1e4 * exact.stress(*at)
+    assert stresses[0] == pytest.approx(stresses[1], abs=2e-3 * np.abs(stresses[1]).max())

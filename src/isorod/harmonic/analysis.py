@@ -17,14 +17,13 @@ from isorod.harmonic.basis import Basis, Softer
 from isorod.harmonic.damping import Damping
 from isorod.harmonic.drive import Drive, driven, relaxing, shear_stiffness
 from isorod.harmonic.frequencies import Span, checked
-from isorod.harmonic.response import Response
+from isorod.harmonic.response import Response, Ritz
 from isorod.modal import loaded
 from isorod.modal.modes import Modes
 from isorod.modal.pencil import Found, Pencil
 from isorod.model.model import Model, unmoved
 from isorod.options import defaults
 from isorod.output.progress import Teller
-from isorod.output.state import State
 from isorod.petsc.direct import direct, room
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
@@ -183,13 +182,13 @@ def _solve(
     )
 
 
-def _shapes(assembler: Assembler, vectors: Array) -> list[State]:
+def _shapes(assembler: Assembler, vectors: Array) -> list[Ritz]:
     """Return displacements and pressures of shapes ``(n, m)`` on the unknowns of this rank."""
     found, x = [], assembler.vector()
     for column in vectors.T:
         x.array_w[:] = column
         displacement = assembler.shapes(assembler.all_unknowns(x)[None])[0]
-        found.append(State(assembler.model, displacement, pressures=assembler.pressures(x)))
+        found.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
     x.destroy()
     return found
 
@@ -226,7 +225,7 @@ def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float)
     for rest in range(_ROUNDS, -1, -1):
         shares, shapes = basis.left(looks)
         # Left out is what swings faster than `top`: dynamically it gives way so much more.
-        shares /= 1.0 - (looks / top) ** 2
+        shares /= 1.0 - (looks / (top or 1.0)) ** 2
         bad = np.flatnonzero(shares > _LEFT)
         if not (rest and bad.size):
             break

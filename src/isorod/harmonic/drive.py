@@ -60,7 +60,7 @@ def driven(
     if model.contacts:
         raise InputError("contact 0: a response is linear, and contact opens and closes; leave it out, or use dynamics")
     if model.solids:
-        raise InputError("solid 0: responses with finite element bodies are not told; mesh them away, or use dynamics")
+        raise InputError("solid 0: responses with finite element bodies are not told; use dynamics")
     shaken = base_displacement if base is None else base
     name = "base" if base is not None else "base_displacement"
     if base is not None and base_displacement is not None:

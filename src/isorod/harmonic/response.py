@@ -34,6 +34,16 @@ _ALONE = 0.8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Ritz(State):
+    """A shape, or a state with a share of one, and its pressures."""
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement ``(nodes, 3)``, and its pressure coefficients if it has some."""
+        pressure = self.pressures[body] if len(self.pressures) else None
+        return super().fields(body) | ({} if pressure is None else {"pressure": pressure})
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Response:
     """A steady vibration ``Re(x exp(i omega t))`` at each of several frequencies; all arrays begin with these.
 
@@ -71,7 +81,7 @@ class Response:
     model: Model
     frequencies: Array
     coordinates: Array
-    ritz: Sequence[State]
+    ritz: Sequence[Ritz]
     base: Array
     asked: "Span | Array"
     resonances: Array
@@ -138,7 +148,7 @@ class Response:
         if 2 * len(self) < len(shapes) and not any(one is not None for one in count):
             # Fewer shapes: those of the response itself.
             own = self.coordinates @ moved
-            shapes = [State(self.model, part) for part in (*own.real, *own.imag)]
+            shapes = [Ritz(self.model, part) for part in (*own.real, *own.imag)]
             turned = np.hstack([np.eye(len(self)), 1j * np.eye(len(self))])
         found = np.tensordot(turned, self._stresses(shapes, body, u, xi), 1)
         series = self.soft.get(self.ritz[0]._number(body))
@@ -187,7 +197,7 @@ class Response:
         found = self.modes.equilibrium
         return State(self.model, np.zeros(self.model.dofs), factor=0.0) if found is None else found
 
-    def _stresses(self, shapes: Sequence[State], body: Named, u: ArrayLike, xi: ArrayLike) -> Array:
+    def _stresses(self, shapes: Sequence[Ritz], body: Named, u: ArrayLike, xi: ArrayLike) -> Array:
         """Return the stress of each shape about the state, ``(m, ..., 3, 3)``: a central difference."""
         state, radius = self._state, min(one.space.rod.radius for one in self.model.bodies)
         found = []
@@ -200,7 +210,7 @@ class Response:
                     for b, own in enumerate(shape.pressures)
                 ]
                 moved = state.displacement + way * shape.displacement
-                ends.append(State(self.model, moved, factor=state.factor, pressures=pressures).stress(body, u, xi))
+                ends.append(Ritz(self.model, moved, factor=state.factor, pressures=pressures).stress(body, u, xi))
             found.append((ends[0] - ends[1]) / (2.0 * step))
         return np.array(found)
 
