@@ -204,7 +204,7 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
         found = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
         rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in found.items()}
     elif "response" in record:
-        return _swinging(scene, record["response"])
+        return swinging(scene, record["response"])
     else:
         rows = {}
     curves: dict[str, Array] = {}
@@ -217,7 +217,7 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
     return curves
 
 
-def _swinging(scene: Any, response: Any) -> "dict[str, Array]":
+def swinging(scene: Any, response: Any) -> "dict[str, Array]":
     """Return amplitude and phase, or spectral density, of what a scene measures, by names with their units."""
     curves: dict[str, Array] = {}
     for name, one in response.items():
