@@ -113,29 +113,6 @@ def displacement(
     return component_of(rounded(found, _largest(solution.displacement)), component)
 
 
-def acceleration(
-    solution: "Response",
-    rod: int,
-    u: float | None = None,
-    xi: tuple[float, float] | None = None,
-    component: Component | None = None,
-) -> Any:
-    """Return the acceleration of a point of a rod, that of shaken supports included, or one component of it.
-
-    Parameters
-    ----------
-    rod
-        Whose point it is.
-    u
-        Axis parameter of the point; that of the end face where not given.
-    xi
-        Its point of the unit disk; where not given the centre, of a hollow rod the mean of its hole.
-    component
-        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
-    """
-    return component_of(solution.acceleration(rod, "end" if u is None else u, xi), component)
-
-
 def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None, about: Tangent | None = None) -> Any:
     """Return by how much a section of a rod has turned in the mean, degrees: its vector, or the angle about an axis.
 

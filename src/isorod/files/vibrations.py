@@ -10,9 +10,11 @@ from isorod.files import values
 from isorod.files.data import rows_of
 from isorod.files.document import Place, shown
 from isorod.files.form import Form, Name, call
+from isorod.files.measures import Component, component_of
 
 if TYPE_CHECKING:
     from isorod.harmonic import Damping, Span
+    from isorod.harmonic.response import Response
 
 _SPAN = Form("isorod.harmonic.frequencies:Span", keys={"first": "from", "last": "to"})
 _DAMPING = Form("isorod.harmonic.damping:Damping")
@@ -56,3 +58,26 @@ def settled(arguments: dict[str, Any], loads: Mapping[str, Any]) -> dict[str, An
         return arguments
     numbers = {name: k for k, name in enumerate(loads)}
     return arguments | {"loads": [one.among(numbers) for one in arguments["loads"]]}
+
+
+def acceleration(
+    solution: "Response",
+    rod: int,
+    u: float | None = None,
+    xi: tuple[float, float] | None = None,
+    component: Component | None = None,
+) -> Any:
+    """Return the acceleration of a point of a rod, that of shaken supports included, or one component of it.
+
+    Parameters
+    ----------
+    rod
+        Whose point it is.
+    u
+        Axis parameter of the point; that of the end face where not given.
+    xi
+        Its point of the unit disk; where not given the centre, of a hollow rod the mean of its hole.
+    component
+        ``"x"``, ``"y"`` or ``"z"``; all three where not given.
+    """
+    return component_of(solution.acceleration(rod, "end" if u is None else u, xi), component)
