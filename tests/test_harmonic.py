@@ -1,11 +1,14 @@
 """Harmonic and random vibrations: closed forms of bars, a direct complex solve, and what is refused."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
 from isorod import (
     Body,
+    EndFace,
     LinearElastic,
     MeanSupport,
     Model,
@@ -15,6 +18,7 @@ from isorod import (
     Space,
     Spin,
     Support,
+    Tie,
     Viscoelastic,
     circle,
     harmonic,
@@ -264,3 +268,22 @@ def test_at_frequency_zero_it_is_the_static_answer(name):
     assert found.at(*at)[0].real == pytest.approx(1e4 * exact.at(*at), rel=1e-3, abs=1e-6 * np.abs(found.at(*at)).max())
     stresses = found.stress(*at)[0].real, 1e4 * exact.stress(*at)
     assert stresses[0] == pytest.approx(stresses[1], abs=2e-3 * np.abs(stresses[1]).max())
+
+
+def test_two_bars_welded_on_springs_are_one_bar():
+    """Ties, mean clamps and springs to ground are shaken too."""
+    found = []
+    for lengths in ([0.0, 40.0, 70.0], [0.0, 70.0]):
+        rods = [straight(start=(0.0, 0.0, a), end=(0.0, 0.0, b)).sweep(circle(8, R)) for a, b in pairwise(lengths)]
+        spaces = [Space(rod, section_degree=3, degree=5, elements=3) for rod in rods]
+        last = len(rods) - 1
+        supports = [
+            MeanSupport.end(spaces[0], "start", "fixed"),
+            MeanSupport.spring(spaces[last], "end", stiffness=(100.0, 100.0, 100.0), body=last),
+        ]
+        bodies = [Body(space, NeoHookean(E=E, nu=0.3), density=RHO) for space in spaces]
+        ties = [Tie(slave=EndFace(1, "start"), master=EndFace(0, "end"))] if last else []
+        damping = harmonic.Damping(ratio=0.02, rayleigh=(10.0, 1e-6))
+        shaken = Model(bodies, supports, ties=ties)
+        found.append(harmonic.solve(shaken, [100.0, 1500.0, 6000.0], damping, base=(1.0, 0.0, 0.5)).at(last, "end"))
+    assert found[0] == pytest.approx(found[1], rel=2e-3, abs=1e-6 * np.abs(found[1]).max())

@@ -70,7 +70,7 @@ class FileScene(Scene):
     cases
         The names of the load cases.
     analysis
-        ``"statics"``, ``"modal"``, ``"buckling"``, ``"dynamics"`` or ``"geometry"``.
+        ``"statics"``, ``"modal"``, ``"buckling"``, ``"harmonic"``, ``"random"``, ``"dynamics"`` or ``"geometry"``.
     units
         Of each number that is the answer, in words.
     stresses
