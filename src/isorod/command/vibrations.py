@@ -28,7 +28,8 @@ def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "about", record["about"]
     left = record["left_out"]
     more = left["shapes"] - left["modes"]
-    yield "left out", f"{left['share']:.1g} of the energy norm, by {left['modes']} modes and {more} residual vectors"
+    counts = "1 mode" if left["modes"] == 1 else f"{left['modes']} modes"
+    yield "left out", f"{left['share']:.1g} of the energy norm, by {counts} and {more} from residuals"
 
 
 def _peak(peak: list[float]) -> str:

@@ -11,7 +11,7 @@ from isorod.arrays import Array, Numbers
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import rigid_motions
+from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
 from isorod.harmonic.basis import Basis, Softer
 from isorod.harmonic.damping import Damping
@@ -93,6 +93,8 @@ def solve(
     with in_force(petsc), closing(Teller()) as told:
         loaded.refuse_massless(model)
         began = perf_counter()
+        if loaded.burdens(drive.still):
+            loaded.refuse(drive.still, "or leave out what is static")
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}
         return _solve(drive, asked, damping, soft, state, comm, taken, told if progress else None)
@@ -144,6 +146,10 @@ def _solve(
     found = pencil.solve(max(wanted, 1) + pencil.rigid, shift)
     if found.eigenvalues[pencil.rigid] <= 0.0:
         raise SolveError("harmonic: the equilibrium is unstable, motions about it grow; check it with modes")
+    modes = _modes(assembler, pencil, found, state)
+    if rules := hourglass.better_rules(model):
+        flexible = slice(pencil.rigid, None)
+        hourglass.check_modes(assembler, rules, modes.eigenvalues[flexible], modes.vectors[flexible], modes.state)
     shifted = pencil.shifted(shift) if shift else matrix
     ksp = direct(shifted, factorisation(assembler, _PREFIX), _PREFIX)
     force = drive.forces(assembler, x, factor)
@@ -166,7 +172,7 @@ def _solve(
         resonances=resonances[kept],
         ratios=ratios[kept],
         truncation=left,
-        modes=_modes(assembler, pencil, found, state),
+        modes=modes,
         soft=soft,
         basis=basis,
         seconds={
