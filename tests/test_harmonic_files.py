@@ -147,6 +147,10 @@ test_what_cannot_be_told_is_refused = refused(
     (lambda: solve(density=0.0), "density of body 0"),
     (lambda: solve(Plastic(E=100.0, nu=0.3, hardening=[[0.0, 1.0]])), "Plastic is not linear for small stresses"),
     (lambda: solve(Viscoelastic(E=100.0, nu=0.495, prony=[[0.5, 1.0]])), "viscoelastic in the mixed formulation"),
+    (
+        lambda: solve(Viscoelastic(E=100.0, nu=0.3, prony=[[0.5, 1.0]]), how=BASE),
+        "body 0 is viscoelastic, whose response is told about the state of rest alone",
+    ),
     (lambda: solve(frequencies=[-1.0]), "frequencies: got -1"),
     (lambda: solve(frequencies=[]), "frequencies: need one or more"),
     (lambda: solve(frequencies=["a"]), "frequencies: got"),

@@ -95,6 +95,11 @@ def solve(
         began = perf_counter()
         if loaded.burdens(drive.still):
             loaded.refuse(drive.still, "or leave out what is static")
+            if soft:
+                raise InputError(
+                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is told about the state of rest "
+                    "alone; leave out what is static"
+                )
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}
         return _solve(drive, asked, damping, soft, state, comm, taken, told if progress else None)
