@@ -12,7 +12,7 @@ HOUSE = ROOT / "src" / "isorod"
 # From the ground up; what stands before them is a file of its own.
 ROOMS = [
     *"geometry material petsc fenics space model contact assembly output checks dynamics statics modal".split(),
-    *"buckling scenes files design command".split(),
+    *"buckling harmonic random scenes files design command".split(),
 ]
 GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options", "memory", "choices"]
 # What ``python -m isorod`` runs, and what ``import isorod`` offers: they stand on the ground and lead to the top.

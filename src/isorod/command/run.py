@@ -74,7 +74,7 @@ def more(parser: Parser, scene: Any) -> None:
             action="store_true",
             help="restart from the checkpoint; a later end time of a motion takes more outputs",
         )
-    if {"statics", "modal", "buckling"} & {*analyses}:
+    if {"statics", "modal", "buckling", "harmonic", "random"} & {*analyses}:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",
@@ -221,6 +221,8 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
             each = [scene.measure(one, scene.along) for _, one in solution.frames() if hasattr(one, "reactions")]
         found = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
         rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in found.items()}
+    elif "response" in record:
+        return swinging(scene, record["response"])
     else:
         rows = {}
     curves: dict[str, Array] = {}
@@ -230,4 +232,14 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
         unit = f" ({scene.units[name].strip('()')})" if scene.units.get(name) else ""
         names = [f"{name}{unit}"] if values.ndim == 1 else [f"{name}[{k}]{unit}" for k in parts]
         curves |= dict(zip(names, several, strict=True))
+    return curves
+
+
+def swinging(scene: Any, response: Any) -> "dict[str, Array]":
+    """Return amplitude and phase, or spectral density, of what a scene measures, by names with their units."""
+    curves: dict[str, Array] = {}
+    for name, one in response.items():
+        unit = scene.units.get(name.partition("[")[0], "").strip("()")
+        units = {"amplitude": f" ({unit})", "density": f" ({unit}^2 / frequency)"} if unit else {}
+        curves |= {f"{name} {what}{units.get(what, '')}": values for what, values in one.items()}
     return curves
