@@ -2,6 +2,9 @@
 
 A patch is as large as it is seen to be.  Where control points do not see it at all, that is known roughly, and a space
 is made that is fine enough to measure it; the next is made for what that shows.
+
+Rods that touch along their length do so on strips, seen by section functions alone where each is at one angle round the
+section.  What wires give way there makes a cable softer, by as much each time that control points are twice as close.
 """
 
 from collections.abc import Sequence
@@ -14,6 +17,7 @@ from isorod.contact.result import ContactResult
 from isorod.model.contact import Contact
 from isorod.model.model import Model
 from isorod.space.closer import Patch
+from isorod.space.graded import Graded
 from isorod.space.space import Space
 
 # A patch across which there are less than this share of the control points wanted is looked at closer: chords of a
@@ -31,17 +35,30 @@ _RIM = 1.2
 # Patches are no slimmer.
 _SLIMMEST = 0.2
 
-# A patch longer than so many radii is a line, which is not looked at closer.
+# A patch longer than so many radii is a line, or several of them.
 _COMPACT = 1.5
 
+# Lines are as far apart round the section, in radians, and points of one no farther: what winds round the section is not
+# looked at closer.
+_APART, _WIDEST = 0.3, 1.0
 
-def patches(model: Model, contacts: Sequence[ContactResult]) -> dict[int, list[Patch]]:
+# Points off a line by so many times the root of the mean square are none of it, as where it ends.
+_OFF = 2.0
+
+# Arcs at lines are no shorter, in radii: a cable of three steel wires, whose lines are 0.02 wide, is then 0.3 % too
+# stiff, 0.4 % with 0.2, 0.1 % with 0.03, which takes ten times as long.
+_FINEST = 0.1
+
+
+def patches(model: Model, contacts: Sequence[ContactResult], lines: bool = True) -> dict[int, list[Patch]]:
     """Return, by body, the patches of contacts that control points do not see; none where one of them is no patch.
 
     Parameters
     ----------
     model, contacts
         Of a solution.
+    lines
+        Whether lines of contact are patches.
     """
     found: dict[int, list[Patch]] = {}
     # Whoever gives penalty or points has said what the contact is.
@@ -54,28 +71,61 @@ def patches(model: Model, contacts: Sequence[ContactResult]) -> dict[int, list[P
         # The mesh of a finite element body stays what it is.
         if one.on_facets:
             return {}
-        made = _of_contact(model, asked, one)
+        made = _of_contact(model, asked, one, lines)
         if made is None:
             return {}
-        for body, patch in made.items():
-            found.setdefault(body, []).append(patch)
+        for body, here in made.items():
+            found.setdefault(body, []).extend(here)
     return found
 
 
-def _of_contact(model: Model, asked: Contact, result: ContactResult) -> dict[int, Patch] | None:
-    """Return the patches of a contact by body; None where it is on a line, or on several patches."""
+def _of_contact(
+    model: Model, asked: Contact, result: ContactResult, lines: bool
+) -> dict[int, list[Patch]] | None:
+    """Return the patches of a contact by body; None where it is on several, or on lines that wind round a section."""
     requested = min(asked.across, _ROUGHLY) if result.cells_across < _BLIND else asked.across
     found = {}
     for body in np.unique(result.body[result.pressure > 0.0]).tolist():
         space = model.bodies[body].space
         radius = radii(space)[1]
         here = (result.body == body) & (result.pressure > 0.0)
-        alone = (result.body == body).all()
-        place, along, around = _seen(space, radius, result, here, 1.0 if alone else 2.0)
+        shared = 1.0 if asked.obstacle is not None else 2.0
+        place, along, around = _seen(space, radius, result, here, shared)
         if max(along, around) > _COMPACT * radius:
-            return None
+            along_it = _lines(space, radius, result, here, shared, asked.across) if lines else []
+            if not along_it:
+                return None
+            found[body] = along_it
+            continue
         sizes = 2.0 * along / requested, 2.0 * around / requested
-        found[body] = Patch(*place, _RIM * along, _RIM * around / radius, *sizes)
+        found[body] = [Patch(*place, _RIM * along, _RIM * around / radius, *sizes)]
+    return found
+
+
+def _lines(
+    space: Space, radius: float, result: ContactResult, here: Array, shared: float, requested: float
+) -> list[Patch]:
+    """Return the lines of contact of points ``here``, each at one angle round the section; none where one is not."""
+    u, angle = result.parameters[here].T
+    areas, load = result.areas[here], (result.areas * result.pressure)[here]
+    order = np.argsort(angle)
+    cuts = np.flatnonzero(np.diff(angle[order], append=angle[order[0]] + 2.0 * np.pi) > _APART)
+    # Graded ones are as fine as they get, and what touches all round is no line.
+    if isinstance(space.basis, Graded) or not cuts.size:
+        return []
+    found = []
+    places, whole = space.rod.arc_length(u), float(space.rod.arc_length.total)
+    for line in np.split(np.roll(order, -cuts[-1] - 1), cuts[:-1] + angle.size - cuts[-1]):
+        direction = complex(load[line] @ np.exp(1j * angle[line]))
+        turned = np.angle(np.exp(1j * angle[line]) / direction)
+        way = np.sort(places[line])
+        length = way[-1] - way[0]
+        if np.ptp(turned) > _WIDEST or not np.diff(way, append=way[-1]).max() < _COMPACT * radius < length:
+            return []
+        spread = np.sqrt(load[line] @ turned**2 / load[line].sum())
+        width = shared * areas[line].sum() / length
+        reach, arc = _OFF * spread + 0.5 * _RIM * width / radius, max(width / requested, _FINEST * radius)
+        found.append(Patch(float(u[line].mean()), float(np.angle(direction)), whole, float(reach), whole, float(arc)))
     return found
 
 
