@@ -38,8 +38,8 @@ _SLIMMEST = 0.2
 # A patch longer than so many radii is a line, or several of them.
 _COMPACT = 1.5
 
-# Lines are as far apart round the section, in radians, and points of one no farther: what winds round the section is not
-# looked at closer.
+# Lines are as far apart round the section, in radians, and points of one no farther: what winds round it is not looked
+# at closer.
 _APART, _WIDEST = 0.3, 1.0
 
 # Points off a line by so many times the root of the mean square are none of it, as where it ends.
@@ -79,9 +79,7 @@ def patches(model: Model, contacts: Sequence[ContactResult], lines: bool = True)
     return found
 
 
-def _of_contact(
-    model: Model, asked: Contact, result: ContactResult, lines: bool
-) -> dict[int, list[Patch]] | None:
+def _of_contact(model: Model, asked: Contact, result: ContactResult, lines: bool) -> dict[int, list[Patch]] | None:
     """Return the patches of a contact by body; None where it is on several, or on lines that wind round a section."""
     requested = min(asked.across, _ROUGHLY) if result.cells_across < _BLIND else asked.across
     found = {}
@@ -124,7 +122,7 @@ def _lines(
             return []
         spread = np.sqrt(load[line] @ turned**2 / load[line].sum())
         width = shared * areas[line].sum() / length
-        reach, arc = _OFF * spread + 0.5 * _RIM * width / radius, max(width / requested, _FINEST * radius)
+        reach, arc = max(_OFF * spread, 0.5 * _RIM * width / radius), max(width / requested, _FINEST * radius)
         found.append(Patch(float(u[line].mean()), float(np.angle(direction)), whole, float(reach), whole, float(arc)))
     return found
 
