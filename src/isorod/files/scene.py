@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import Field, dataclass, field, replace
 from functools import partial
-from math import dist
+from math import dist, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -310,8 +310,10 @@ class FileScene(Scene):
             return None
         from isorod.contact.patches import patches
 
-        plans = list(self.plans.values())
-        found = {k: here for k, here in patches(solution.model, solution.contacts).items() if plans[k].free}
+        plans, model, state = list(self.plans.values()), solution.model, getattr(solution, "equilibrium", solution)
+        # Steps over time, and those that friction needs, would be taken anew: too much for what lines gain.
+        lines = 0 < getattr(state, "load_steps", 0) <= (1 if any(one.friction for one in model.contacts) else inf)
+        found = {k: here for k, here in patches(model, solution.contacts, lines).items() if plans[k].free}
         return replace(self, patches=found) if found else None
 
     def model(self) -> "Model":
