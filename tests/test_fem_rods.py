@@ -37,7 +37,7 @@ from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Su
 from isorod.space import Space
 from meshes import rods
 from meshes.mesh import gradients
-from meshes.within import Places, lagrange
+from meshes.within import Layers, lagrange
 
 HEIGHT = 4.0
 
@@ -308,7 +308,7 @@ def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
     mesh = rods.build([rod], 1, 2)
     held = Elements(mesh, [rod])
     low, high = rod.axis.breaks[[0, -1]]
-    places = Places(mesh.shape, 2, mesh.reference, held.parameters, high - low)
+    places = Layers(rod, 2, mesh.reference, held.parameters)
     rng = np.random.default_rng(1)
     angle, u = 2.0 * np.pi * rng.random(60), np.append(rng.uniform(low, high, 58), [low, high])
     points = np.stack([0.98 * np.cos(angle), 0.98 * np.sin(angle), u], axis=1)
