@@ -10,6 +10,8 @@ from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 # A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial; that
 # of a coarse tetrahedron may be straight.
 _OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
+# How far the rim of a section may be from the cells', as a share of half of its height.
+_OFF = 0.2
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
 # Determinants that are less, of tangents of size 1, are zero.
@@ -159,9 +161,14 @@ class Layers:
         """
         xi, which = np.unique(points[:, :2], axis=0, return_inverse=True)
         flat = (self._rod.grid(xi, [self._u])[0][0] - self._origin) @ self._ways.T
-        quad, where, outside = self._section.search(np.column_stack([flat, np.full(len(flat), self._half)]))
-        if (outside > _OUTSIDE["hexahedron"]).any():
-            x, y = xi[int(np.argmax(outside))]
+        there = np.column_stack([flat, np.full(len(flat), self._half)])
+        quad, where, _ = self._section.search(there)
+        # Corners of a grid in a smooth outline are flat, and just outside of them is far in the cell's own terms.
+        where = np.clip(where, 0.0, 1.0)
+        shares = lagrange(self._section.order, self._section.reference, where)
+        gap = np.linalg.norm(np.einsum("mn,mna->ma", shares, self._section.nodes[quad]) - there, axis=1)
+        if gap.max() > _OFF * self._half:
+            x, y = xi[int(np.argmax(gap))]
             raise InputError(f"mesh: no cell has the point xi ({x:.4g}, {y:.4g})")
         low, high = self._ends[[0, -1]]
         u = points[:, 2]

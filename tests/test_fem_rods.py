@@ -320,7 +320,7 @@ def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
     assert np.einsum("mn,mna->ma", values, held.parameters[cell])[:, :2] == pytest.approx(points[:, :2])
     middles = held.middles(0)[1]
     assert middles.min() > low and middles.max() < high
-    with pytest.raises(InputError, match="no cell has the point"):
+    with pytest.raises(InputError, match="not in the unit disk"):
         places.find(np.array([[1.3, 0.0, low]]))
 
 
