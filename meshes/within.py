@@ -114,6 +114,8 @@ class Places:
             left = left[going]
             if not left.size:
                 break
+        # Where Newton's method goes to and fro the point is in another cell.
+        where[left] = -_FAR
         return where
 
 

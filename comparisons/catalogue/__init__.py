@@ -1,6 +1,7 @@
 """Ten rods of catalogues: files of at most 20 lines, run with nothing chosen, beside values from elsewhere.
 
-``python -m comparisons.catalogue [NAME ...]`` runs them, all if none is named, and prints a table.
+``python -m comparisons.catalogue [NAME ...]`` runs them, all if none is named, computes the values beside them and
+prints a table; that of the cable, of three wires in contact, is not computed but a stored one.
 """
 
 import json
