@@ -122,8 +122,8 @@ class Places:
 class Layers:
     """Bricks of a rod, the same quadrilaterals in layer after layer, in which points are looked for by its parameters.
 
-    Where a point is in its section is told in space: between nodes a cell is nearer to the rod there than by parameters,
-    which are uneven round flat outlines.
+    Where a point is in its section is told in space: between nodes a cell is nearer to the rod there than by
+    parameters, which are uneven round flat outlines.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Values beside isorod's, computed anew on two or three meshes: bricks of dolfinx, or beams, and how far they are known."""
+"""Values beside isorod's, computed anew on two or three meshes: bricks of dolfinx, or beams; how far they are known."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from comparisons.measure import quantities, timing
 from comparisons.measure.quantities import Converged
 
 # Degree of bricks, and levels of meshes (`meshes.rods.build`): of degree 3 where wires are thin for their radius.
-BRICKS = {
+BRICKS: dict[str, tuple[int, tuple[int, ...]]] = {
     "extension_spring": (3, (1, 2)),
     "conical_spring": (3, (1, 2)),
     "torsion_spring": (3, (1, 2)),
@@ -19,7 +19,7 @@ BRICKS = {
     "paddle_shaft": (2, (1, 2, 4)),
 }
 # Of the hanger: how many times its beams.
-BEAMS = (1, 2, 4)
+BEAMS: tuple[int, ...] = (1, 2, 4)
 
 
 class Computed(NamedTuple):

@@ -1,5 +1,6 @@
 """The coat hanger as a frame of beams: of one solid of tetrahedra its wire, thin and long, is known to 2.6 % only."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -27,21 +28,26 @@ def found(file: Path, part: int) -> dict[str, float]:
     # Cowper's share of the area of a round section in shear.
     share = 6.0 * (1.0 + NU) / (7.0 + 6.0 * NU)
     bar, normal = Bar(E * area, share * shear * area, (E * inertia, E * inertia), 2.0 * shear * inertia), np.eye(3)[1]
-    frame, where = Frame(), np.linspace(*wire.axis.breaks[[0, -1]], part * BEAMS[0] + 1)
+    frame, where = Frame(), _along(wire, part * BEAMS[0])
     nodes = frame.line(_axis(wire, where), bar, normal)
     # The frame is closed.
     frame.rows += [({6 * nodes[0] + k: 1.0, 6 * nodes[-1] + k: -1.0}, 0.0) for k in range(6)]
-    for one, other in zip(nodes[:-1], nodes[1:], strict=True):
+    for one, other in itertools.pairwise(nodes):
         weight = area * np.linalg.norm(frame.places[other] - frame.places[one]) * np.array(coat.density)
         frame.pull(one, 0.5 * weight)
         frame.pull(other, 0.5 * weight)
-    last = frame.line(_axis(hook, np.linspace(*hook.axis.breaks[[0, -1]], part * BEAMS[1] + 1)), bar, normal, nodes[0])[-1]
+    last = frame.line(_axis(hook, _along(hook, part * BEAMS[1])), bar, normal, nodes[0])[-1]
     for way in np.eye(3):
         frame.hold(last, way)
         frame.hold(last, way, turn=True)
     frame.solve()
     k = int(np.argmin(np.abs(0.5 * (where[1:] + where[:-1]) - PLACE)))
     return {"sag": float(frame.moved[nodes[0], 2]), "stress": abs(_inside(frame, k, area))}
+
+
+def _along(rod: Rod, count: int) -> Array:
+    low, high = rod.axis.breaks[[0, -1]]
+    return np.linspace(float(low), float(high), count + 1)
 
 
 def _axis(rod: Rod, u: Array) -> Array:

@@ -259,7 +259,8 @@ class Solution:
     def _places(self, rod: int) -> Places | Layers:
         cells = self.mesh.regions[f"rod {rod}"]
         if isinstance(self.mesh, Joined):
-            return Places(self.mesh.shape, self.mesh.order, self.mesh.reference, self.mesh.points[self.mesh.cells[cells]])
+            nodes = self.mesh.points[self.mesh.cells[cells]]
+            return Places(self.mesh.shape, self.mesh.order, self.mesh.reference, nodes)
         own = self.model.bodies[rod].space.rod
         return Layers(own, self.mesh.order, self.mesh.reference, self.cell_parameters[cells])
 
