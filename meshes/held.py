@@ -96,14 +96,16 @@ class Held:
         nodal.ravel()[self.motion.dofs - 3 * self.first] = self.motion.at(factor)
         return nodal
 
-    def centre(self, displacement: Array) -> Array:
-        """Return the mean of the held carriers' present positions, the mesh's nodes displaced by ``(nodes, 3)``."""
+    def centre(self, displacement: Array, moved: bool) -> Array:
+        """Return the mean of the held carriers' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
         carriers = self.functions & self.space.is_carrier
-        moved = self._prescribed(1.0)[carriers].mean(axis=0)
+        if not moved:
+            return np.asarray(self.space.positions[carriers].mean(axis=0))
+        change = self._prescribed(1.0)[carriers].mean(axis=0)
         free = np.setdiff1d(np.arange(3), self.components)
         if free.size:
-            moved[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
-        return np.asarray(self.space.positions[carriers].mean(axis=0) + moved)
+            change[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
+        return np.asarray(self.space.positions[carriers].mean(axis=0) + change)
 
 
 def all_of(source: Mesh, model: Model) -> dict[int, Held]:

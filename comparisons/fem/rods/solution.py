@@ -22,7 +22,7 @@ from isorod.output.stress import von_mises
 from isorod.tensors import determinant
 from meshes.joined_mesh import Joined
 from meshes.mesh import Array, Index, Mesh, gauss, gradients
-from meshes.within import Places, lagrange
+from meshes.within import Layers, Places, lagrange
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
@@ -205,7 +205,6 @@ class Solution:
         points = Deformation(self.model, np.empty(0))._points(rod, u, xi)
         t, q = len(points.u), len(points.xi)
         if isinstance(self.mesh, Joined):
-            # Cells' own map of parameters is less exact than where points are.
             grid = self.model.bodies[points.number].space.rod.grid(points.xi, points.u)[0].reshape(-1, 3)
         else:
             grid = np.concatenate([np.tile(points.xi, (t, 1)), np.repeat(points.u, q)[:, None]], axis=1)
@@ -257,15 +256,13 @@ class Solution:
     def _functions(self, where: Array) -> Array:
         return lagrange(self.mesh.order, self.mesh.reference, where)
 
-    def _places(self, rod: int) -> Places:
-        own = self.model.bodies[rod].space.rod
-        low, high = own.axis.breaks[[0, -1]]
+    def _places(self, rod: int) -> Places | Layers:
         cells = self.mesh.regions[f"rod {rod}"]
-        period = float(high - low) if own.closed else None
-        shape, order, reference = self.mesh.shape, self.mesh.order, self.mesh.reference
         if isinstance(self.mesh, Joined):
-            return Places(shape, order, reference, self.mesh.points[self.mesh.cells[cells]])
-        return Places(shape, order, reference, self.cell_parameters[cells], period)
+            nodes = self.mesh.points[self.mesh.cells[cells]]
+            return Places(self.mesh.shape, self.mesh.order, self.mesh.reference, nodes)
+        own = self.model.bodies[rod].space.rod
+        return Layers(own, self.mesh.order, self.mesh.reference, self.cell_parameters[cells])
 
     def fields(self) -> dict[str, Array]:
         """Return displacement or shapes at the nodes, and the von Mises stress where it is most exact.
