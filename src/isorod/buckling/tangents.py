@@ -86,7 +86,9 @@ class Tangents:
         driven = (model.prescribed(factor + _DELTA) - model.prescribed(factor)) / _DELTA
         fastest = max(float(np.abs(one).max(initial=0.0)) for one in (moved, driven))
         if fastest == 0.0:
-            raise InputError("buckling: the loads act on what supports hold alone, and move nothing; free it along them")
+            raise InputError(
+                "buckling: the loads act on what supports hold alone, and move nothing; free it along them"
+            )
         if not np.isfinite(fastest):
             raise SolveError(f"load factor {factor:.6g}: the tangent stiffness is singular")
         return _STEP * min(body.space.rod.radius for body in model.bodies) / fastest
