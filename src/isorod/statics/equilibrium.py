@@ -170,14 +170,17 @@ class Equilibrium(State, WithSolids, Animated):
 
     @cached_property
     def steps_error(self) -> float | None:
-        """The error of supports' forces, and of displacements in the end, by few load steps; None without memory.
+        """The error of supports' forces, and of displacements in the end, by few load steps.
+
+        They depend on these with laws with memory, and over time with friction; elsewhere None.
 
         It is relative to the largest on the way, and that of twice or half as many load steps apart, where what they
         err by halves as they double.
         """
         if self.coarser is not None:
             return self.coarser._apart(self)
-        if not self.model.remembers or self.in_more_steps is None:
+        rubs = self.model.times is not None and any(one.friction for one in self.model.contacts)
+        if not (self.model.remembers or rubs) or self.in_more_steps is None:
             return None
         # It takes a run in twice as many once.
         return 2.0 * self._apart(self.in_more_steps(self))
