@@ -300,10 +300,7 @@ class FileScene(Scene):
         return replace(self, spaces=chosen, **rest)
 
     def closer(self, solution: Any) -> "FileScene | None":
-        """Return the same scene on spaces that see the patches of a solution's contacts; None where these are seen.
-
-        Rods whose space is told keep it.
-        """
+        """Return the scene on spaces that see patches of contact, but of rods whose space is given; None if seen."""
         # Over time where most energy was stored: in the end nothing may touch.
         solution = getattr(solution, "largest", None) or solution
         if not getattr(solution, "contacts", ()):

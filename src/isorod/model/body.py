@@ -120,8 +120,7 @@ class Body(Checked):
                 else f"material: got {given} laws for {rings} rings, need one law, one a ring, or such for elements"
             )
         if self.formulation is None:
-            mixed = choices.chosen(self._nearly_incompressible)
-            self._set(formulation="mixed" if mixed else "displacement")
+            self._set(formulation="mixed" if choices.chosen(self._nearly_incompressible) else "displacement")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):
@@ -348,8 +347,7 @@ class Body(Checked):
         xi
             Shape ``(q, 2)``; where two rings meet the outer one is meant.
         """
-        breaks = self.space.axis.breaks
-        elements = np.searchsorted(breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
+        elements = np.searchsorted(self.space.axis.breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
         rings = self._rings
         if rings == 1:
             laws = Laws.of([self.laws[e] for e in elements])
@@ -361,8 +359,7 @@ class Body(Checked):
             return laws
         if self.past is None:
             raise InputError(
-                "law: of motions what laws with memory know is kept at points of quadrature alone; stresses, section "
-                "forces and energies of a rod are told in statics"
+                "law: motions keep states with memory at quadrature points alone; ask for stresses and energies in statics"
             )
         laws = gone_through(laws, self.past, self.space, u, xi)
         return laws.frozen if self.settled else laws
