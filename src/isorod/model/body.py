@@ -359,7 +359,7 @@ class Body(Checked):
             return laws
         if self.past is None:
             raise InputError(
-                "law: motions keep states with memory at quadrature points alone; ask for stresses and energies in statics"
+                "law: states with memory are at quadrature points alone in motions; take stress and energy in statics"
             )
         laws = gone_through(laws, self.past, self.space, u, xi)
         return laws.frozen if self.settled else laws
