@@ -11,6 +11,7 @@ import shlex
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +33,7 @@ from isorod.errors import InputError, SolveError
 from isorod.files.document import ALLOWED
 from isorod.output import results
 from isorod.output.words import duration
+from meshes import cuts, rods
 from meshes.joined_mesh import body_file
 
 # What names of files are better without.
@@ -54,14 +56,17 @@ MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
 # Power of the number of unknowns that run times grow with.
 GROWTH = 1.5
 
-DEGREE = 2
+# Degree of bricks, and of those of rods that bend so much along a layer of the coarsest mesh (`meshes.rods.locking`)
+# that bricks of degree 2 are much too stiff.
+DEGREE, BENT = 2, 3
+MUCH = 2.0
 
 # Of finite elements with more unknowns the bodies' meshes are not taken for isorod: a lateral surface that is tied to
 # the facets of a plate took 13 GB on those of 67,000.
 MOST_OF_BODIES = 30_000
 
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
-MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
+MORE = {"quick": {}, "full": {1: (2, 4), 2: (2, 4), 3: (1, 2)}}
 
 # Runs of each configuration, the first one cold: of isorod, and of meshes up to so many degrees of freedom, larger ones
 # once.
@@ -82,6 +87,14 @@ class Subject:
     def study(self) -> str:
         """Name of its study, and of the file of its records."""
         return f"{COMPARED}-{_UNFIT.sub('-', Path(self.word).stem)}"
+
+    @cached_property
+    def degree(self) -> int:
+        """Degree of the finite elements; tetrahedra, of ties, have one alone, and contacts were tried with that."""
+        if self.model.ties or self.model.solids or self.model.contacts:
+            return DEGREE
+        bent = max(rods.locking(cuts.cut(self.model, b)) for b in range(len(self.model.bodies)))
+        return BENT if bent > MUCH else DEGREE
 
 
 def subject(word: str, ranks: int = 1) -> Subject:
@@ -123,7 +136,7 @@ def main(word: str, level: str, folder: str, ranks: int = 1) -> str:
     """
     what = subject(word, ranks)
     study = Run(what.study, level, Path(folder))
-    more = sum(len(levels) for levels in MORE[study.level].values())
+    more = sum(len(levels) for degree, levels in MORE[study.level].items() if degree != what.degree)
     ours = 8 + (len(LEVELS) - 1 if what.model.solids else 0)
     with study.progress(len(LEVELS) + more + ours + 1) as steps, tempfile.TemporaryDirectory() as place:
         Comparison(study, steps, what, Path(place)).run()
@@ -167,7 +180,7 @@ class Comparison:
         judge = distance.Judge(reference, finest.sample, names, stresses)
         said = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
         self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
-        self._record("converged", {"quantities": [vars(one) for one in reference], "degree": DEGREE})
+        self._record("converged", {"quantities": [vars(one) for one in reference], "degree": self.what.degree})
         for one in meshes:
             own = judge.of_mesh(one.record, one.sample)
             self._record("work", one.record | own)
@@ -187,15 +200,15 @@ class Comparison:
             fitting, dofs = self._fitting(found, level)
             if fitting is None:
                 continue
-            with self.steps.step(f"finite elements of degree {DEGREE}, mesh {fitting}"):
+            with self.steps.step(f"finite elements of degree {self.what.degree}, mesh {fitting}"):
                 try:
-                    found.append(self._mesh(fitting, dofs))
+                    found.append(self._mesh(fitting, dofs, self.what.degree))
                 except timing.Failed as problem:
                     if len(found) < 2:
                         mine = problem.said.startswith(f"{self.what.word}:")
                         where = "" if mine else f"{self.what.word}: finite elements: "
                         raise InputError(where + problem.said) from None
-                    self._refuse("fem", _words(fitting, DEGREE), problem.said)
+                    self._refuse("fem", _words(fitting, self.what.degree), problem.said)
         if len(found) < 2:
             raise InputError(
                 f"{self.what.word}: finite elements need {found[0].record['dofs']:,} unknowns on the coarsest mesh, "
@@ -216,10 +229,10 @@ class Comparison:
                 return one, dofs
             large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
             limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
-            self._refuse("fem", _words(one, DEGREE), f"left out: {large}; {limit}")
+            self._refuse("fem", _words(one, self.what.degree), f"left out: {large}; {limit}")
         return None, 0.0
 
-    def _mesh(self, level: int, dofs: float, degree: int = DEGREE) -> _Solved:
+    def _mesh(self, level: int, dofs: float, degree: int) -> _Solved:
         file = self.folder / f"fem-{degree}-{level}.npz"
         arguments = _words(level, degree)
         repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most and not self._moves), 1)
@@ -236,10 +249,10 @@ class Comparison:
         if finest.sample.reference is not None:
             return
         for degree, levels in MORE[self.study.level].items():
-            for level in levels:
+            for level in levels if degree != self.what.degree else ():
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
                     try:
-                        dofs = finest.record["dofs"] * (level * degree / (finest.level * DEGREE)) ** 3
+                        dofs = finest.record["dofs"] * (level * degree / (finest.level * self.what.degree)) ** 3
                         one = self._mesh(level, dofs, degree)
                     except timing.Failed as problem:
                         self._refuse("fem", _words(level, degree), problem.said)

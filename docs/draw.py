@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from isorod import Body, LinearElastic, Model, Space, files
-from isorod.command import solving
+from isorod.command import run, solving
+from isorod.output import curves
 
 FOLDER = Path(__file__).parent / "gallery"
 EXAMPLES = Path(files.__file__).parent / "examples"
@@ -33,6 +34,7 @@ VIEWS: dict[str, dict[str, Any]] = {
     "screw": {"view": (1.0, -0.2, 0.25), "scale": 50.0, "size": UPRIGHT},
     "buckling": {"view": (0.3, -1.0, 0.2), "size": UPRIGHT},
     "stent": {"view": (1.0, -1.4, 0.6)},
+    "shaker": {"size": (800, 560)},
     "flower": {"view": (1.0, -1.4, 1.2)},
     "ring": {"view": (1.0, -1.4, 1.2)},
 }
@@ -43,6 +45,8 @@ def draw(name: str, folder: Path) -> Path:
     scene = files.find(str(EXAMPLES / f"{name}.toml"))
     if scene.analysis == "geometry":
         picture = _shape(scene.rods(), **VIEWS[name])
+    elif scene.analysis == "harmonic":
+        return _transfer(scene, folder / f"{name}.png", **VIEWS[name])
     else:
         solution, _ = solving.solve(scene, scene.settings())
         shown = {"modal": -1, "buckling": 0}.get(scene.analysis)
@@ -50,6 +54,14 @@ def draw(name: str, folder: Path) -> Path:
         picture = shown.plot(**{"size": SIZE} | VIEWS[name])
     file = folder / f"{name}.png"
     picture.convert("RGB").quantize(COLOURS, dither=0).save(file, optimize=True)
+    return file
+
+
+def _transfer(scene: Any, file: Path, size: tuple[int, int]) -> Path:
+    """Draw amplitude and phase over frequency, as `isorod plot` does."""
+    solution, _ = solving.solve(scene, scene.settings())
+    response = scene.measure(solution)["response"]
+    curves.draw(solution.curves() | run.swinging(scene, response), scene.title, size, file, {})
     return file
 
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from isorod.checks.embedded import parts
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.tie import SolidSurface, Surface
@@ -14,6 +15,9 @@ from meshes.mesh import Mesh
 
 # Surfaces that are tied are one where their areas, of corners, differ by less.
 _SAME_AREA = 0.05
+
+# An end that is farther within another rod, in radii, is torn out of it by a tie that moves nodes.
+_DEEP = 0.5
 
 
 class _Size(NamedTuple):
@@ -45,6 +49,12 @@ class Pairs:
 
     def ties(self) -> Iterator[str]:
         """Yield ties, and put what is a part of a face to the faces of its mesh."""
+        for part in parts(self.model):
+            if part.depth > _DEEP * self.model.bodies[part.body].space.rod.radius:
+                raise InputError(
+                    f"tie {part.tie}: an end {part.depth:.3g} within the other rod is not written to .inp: CalculiX "
+                    "moves its nodes to the surface; let it begin there"
+                )
         for k, tie in enumerate(self.model.ties):
             title = self.scene.named(f"tie {k}")
             if not k:

@@ -1,6 +1,7 @@
 """Supports on the nodes of a mesh: a node is held where all functions of the support's space that act there are."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,7 @@ class Held:
         support, motion = model.supports[k], model.motions[k]
         assert isinstance(support, Support), "whoever asks has refused mean motions and springs"
         self.motion, self.body = motion, support.body
+        self._share = partial(model.share, motion.clock.table)
         self.first, self.space = int(model.first_node[support.body]), trace.space
         self.components, self.tied = (
             sorted("xyz".index(letter) for letter in letters) for letters in (support.components, support.tied)
@@ -93,17 +95,19 @@ class Held:
 
     def _prescribed(self, factor: float) -> Array:
         nodal = np.zeros((self.space.nodes, 3))
-        nodal.ravel()[self.motion.dofs - 3 * self.first] = self.motion.at(factor)
+        nodal.ravel()[self.motion.dofs - 3 * self.first] = self.motion.at(self._share(factor))
         return nodal
 
-    def centre(self, displacement: Array) -> Array:
-        """Return the mean of the held carriers' present positions, the mesh's nodes displaced by ``(nodes, 3)``."""
+    def centre(self, displacement: Array, moved: bool) -> Array:
+        """Return the mean of the held carriers' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
         carriers = self.functions & self.space.is_carrier
-        moved = self._prescribed(1.0)[carriers].mean(axis=0)
+        if not moved:
+            return np.asarray(self.space.positions[carriers].mean(axis=0))
+        change = self._prescribed(1.0)[carriers].mean(axis=0)
         free = np.setdiff1d(np.arange(3), self.components)
         if free.size:
-            moved[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
-        return np.asarray(self.space.positions[carriers].mean(axis=0) + moved)
+            change[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
+        return np.asarray(self.space.positions[carriers].mean(axis=0) + change)
 
 
 def all_of(source: Mesh, model: Model) -> dict[int, Held]:

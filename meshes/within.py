@@ -1,14 +1,17 @@
-"""Where points are in the cells of a mesh: by positions of its nodes, or by parameters, functions of the cells too."""
+"""Where points are in the cells of a mesh: by positions of its nodes, or by the parameters of a rod."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod
 from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 
 # A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial; that
 # of a coarse tetrahedron may be straight.
 _OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
+# How far the rim of a section may be from the cells', as a share of half of its height.
+_OFF = 0.2
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
 # Determinants that are less, of tangents of size 1, are zero.
@@ -47,54 +50,33 @@ class Places:
     ----------
     shape, order, reference
         Of the cells, as in `meshes.mesh.Mesh`.
-    parameters
-        Of each cell's nodes, or their positions, shape ``(cells, nodes per cell, 3)``.
-    period
-        How much ``u`` grows once round a closed rod; None if it has ends.
+    nodes
+        Positions of each cell's nodes, shape ``(cells, nodes per cell, 3)``.
     """
 
-    def __init__(
-        self, shape: CellShape, order: int, reference: Array, parameters: Array, period: float | None = None
-    ) -> None:
-        self.shape, self.order, self.reference, self.parameters, self.period = (
-            shape,
-            order,
-            reference,
-            parameters,
-            period,
-        )
+    def __init__(self, shape: CellShape, order: int, reference: Array, nodes: Array) -> None:
+        self.shape, self.order, self.reference, self.nodes = shape, order, reference, nodes
         self._middle = reference.mean(axis=0)
-        u = parameters[:, :, 2]
-        # Of the size of the disk's cells, so that near cells are near in all three parameters.
-        across = np.ptp(parameters[:, :, :2], axis=1).mean()
-        self._scale = np.array([1.0, 1.0, across / np.ptp(u, axis=1).mean()])
-        self._tree = cKDTree(parameters.mean(axis=1) * self._scale)
+        self._tree = cKDTree(nodes.mean(axis=1))
 
     def find(self, points: Array) -> tuple[Index, Array]:
-        """Return cell and reference position of points, by what nodes are given by, shape ``(m, 3)``.
+        """Return cell and reference position of points, shape ``(m, 3)``.
 
         Raises
         ------
         InputError
             If a point is in no cell.
         """
-        cell, where, outside = self._search(points)
-        lost = np.flatnonzero(outside > _INSIDE)
-        if self.period is not None and lost.size:
-            found = self._search(points[lost] + np.array([0.0, 0.0, self.period]))
-            better = found[2] < outside[lost]
-            for own, other in zip((cell, where, outside), found, strict=True):
-                own[lost[better]] = other[better]
+        cell, where, outside = self.search(points)
         if (outside > _OUTSIDE[self.shape]).any():
-            x, y, u = points[int(np.argmax(outside))]
-            said = f"xi ({x:.4g}, {y:.4g}), u {u:.4g}" if self.shape == "hexahedron" else f"({x:.4g}, {y:.4g}, {u:.4g})"
-            raise InputError(f"mesh: no cell has the point {said}")
+            x, y, z = points[int(np.argmax(outside))]
+            raise InputError(f"mesh: no cell has the point ({x:.4g}, {y:.4g}, {z:.4g})")
         return cell, where
 
-    def _search(self, points: Array) -> tuple[Index, Array, Array]:
+    def search(self, points: Array) -> tuple[Index, Array, Array]:
         """Return cells, reference positions, and how far outside of the cell these are."""
-        count = min(_TRIED, len(self.parameters))
-        _, tried = self._tree.query(points * self._scale, k=count)
+        count = min(_TRIED, len(self.nodes))
+        _, tried = self._tree.query(points, k=count)
         tried = tried.reshape(len(points), count)
         cell = tried[:, 0].astype(np.int64)
         best, outside = np.tile(self._middle, (len(points), 1)), np.full(len(points), np.inf)
@@ -114,7 +96,7 @@ class Places:
         where = np.tile(self._middle, (len(points), 1))
         left = np.arange(len(points))
         for step in range(_NEWTON_STEPS):
-            nodes, here = self.parameters[cells[left]], where[left]
+            nodes, here = self.nodes[cells[left]], where[left]
             values = lagrange(self.order, self.reference, here)
             slopes = gradients(self.shape, self.order, self.reference, here)
             gap = points[left] - np.einsum("mn,mna->ma", values, nodes)
@@ -132,4 +114,70 @@ class Places:
             left = left[going]
             if not left.size:
                 break
+        # Where Newton's method goes to and fro the point is in another cell.
+        where[left] = -_FAR
         return where
+
+
+class Layers:
+    """Bricks of a rod, the same quadrilaterals in layer after layer, in which points are looked for by its parameters.
+
+    Where a point is in its section is told in space: between nodes a cell is nearer to the rod there than by
+    parameters, which are uneven round flat outlines.
+
+    Parameters
+    ----------
+    rod
+        The rod.
+    order, reference
+        Of the cells, as in `meshes.mesh.Mesh`.
+    parameters
+        ``xi_1, xi_2, u`` of each cell's nodes, layer by layer (`meshes.bricks.tensored`), shape ``(cells, nodes per
+        cell, 3)``; ``u`` of a closed rod grows on beyond its end.
+    """
+
+    def __init__(self, rod: Rod, order: int, reference: Array, parameters: Array) -> None:
+        self._rod = rod
+        first = parameters[:, 0, 2]
+        self._count = int(np.count_nonzero(first == first[0]))
+        self._ends = np.append(first[:: self._count], parameters[-1, :, 2].max())
+        # A section in the middle of a layer, where no kink can be.
+        self._u = float(self._ends[self._ends.size // 2 - 1 :][:2].mean())
+        nodes = parameters[: self._count]
+        flat = rod.grid(nodes[..., :2].reshape(-1, 2), [self._u])[0][0]
+        self._origin = flat.mean(axis=0)
+        self._ways = np.linalg.svd(flat - self._origin, full_matrices=False)[2][:2]
+        thick = np.ptp(flat @ self._ways[1])
+        height = np.tile(thick * reference[:, 2], len(nodes))
+        plane = np.column_stack([(flat - self._origin) @ self._ways.T, height]).reshape(nodes.shape)
+        self._section = Places("hexahedron", order, reference, plane)
+        self._half = 0.5 * thick
+
+    def find(self, points: Array) -> tuple[Index, Array]:
+        """Return cell and reference position of points ``xi_1, xi_2, u``, shape ``(m, 3)``.
+
+        Raises
+        ------
+        InputError
+            If a point is in no cell.
+        """
+        xi, which = np.unique(points[:, :2], axis=0, return_inverse=True)
+        flat = (self._rod.grid(xi, [self._u])[0][0] - self._origin) @ self._ways.T
+        there = np.column_stack([flat, np.full(len(flat), self._half)])
+        quad, where, _ = self._section.search(there)
+        # Corners of a grid in a smooth outline are flat, and just outside of them is far in the cell's own terms.
+        where = np.clip(where, 0.0, 1.0)
+        shares = lagrange(self._section.order, self._section.reference, where)
+        gap = np.linalg.norm(np.einsum("mn,mna->ma", shares, self._section.nodes[quad]) - there, axis=1)
+        if gap.max() > _OFF * self._half:
+            x, y = xi[int(np.argmax(gap))]
+            raise InputError(f"mesh: no cell has the point xi ({x:.4g}, {y:.4g})")
+        low, high = self._ends[[0, -1]]
+        u = points[:, 2]
+        if self._rod.closed:
+            u = low + np.mod(u - low, high - low)
+        layer = np.clip(np.searchsorted(self._ends, u, side="right") - 1, 0, self._ends.size - 2)
+        which = which.ravel()
+        found = where[which]
+        found[:, 2] = (u - self._ends[layer]) / (self._ends[layer + 1] - self._ends[layer])
+        return quad[which] + self._count * layer, found

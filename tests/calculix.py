@@ -1,10 +1,16 @@
-"""CalculiX on input files of ``isorod mesh``, and what it prints beside what isorod answers."""
+"""CalculiX on input files of ``isorod mesh``, and what it prints beside what isorod answers.
+
+``python -m tests.calculix [NAME ...]`` prints the table of all examples, or of those that are named.
+"""
 
 import os
 import re
 import shutil
 import subprocess
+import sys
+import tempfile
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -16,6 +22,37 @@ from meshes.__main__ import main
 calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (apt: calculix-ccx)")
 
 EXAMPLES = Path(files.__file__).parent / "examples"
+
+# By how much CalculiX may differ, on the mesh that is chosen.  Measured: 2.9e-3 of taper, 2.6e-3 of wing, 3.9e-3 of
+# spring, 2.2e-3 of coil, 1.7e-3 of bar, 1.3e-3 of arc and starter, 1.2e-3 of cable, 6.4e-3 of tendon, 1.3e-2 of stent,
+# whose own error is as large, 4.5e-3 of contacts, 2.3e-3 of weld and buckling.
+BOUNDS = {"arc": 2e-3, "bar": 2.5e-3, "buckling": 3e-3, "cable": 2e-3, "coil": 3e-3, "crossing": 8e-3, "press": 8e-3}
+BOUNDS |= {"screw": 5e-3, "spring": 5e-3, "starter": 2e-3, "stent": 2e-2, "taper": 4e-3, "tendon": 8e-3}
+BOUNDS |= {"trefoil": 1e-3, "weld": 3e-3, "wing": 4e-3}
+BOUNDS |= {"s_hook": 5e-3, "conical_spring": 5e-3, "extension_spring": 5e-3, "torsion_spring": 5e-3}
+BOUNDS |= {"clock_spring": 5e-3}
+
+_MEANS = "mean motions and springs are not written"
+REFUSED = {
+    "coat_hanger": "tie neck: an end 1.46 within the other rod is not written",
+    "drum": "an obstacle that turns or moves along a path is not written",
+    "hose": "Cylinder as an obstacle is not written",
+    "muscle": "law Muscle has no counterpart",
+    "paddle_shaft": _MEANS,
+    "stabiliser_bar": _MEANS,
+    "wave_spring": _MEANS,
+}
+# CalculiX takes six minutes and more.
+LONG = ("bend", "cord", "three_wire_cable")
+GEOMETRY = ("flower", "ring")
+# Where the mesh that is chosen takes long.
+LEVELS = {"clock_spring": 2}
+
+
+def found(name):
+    """The file of an example."""
+    (path,) = EXAMPLES.rglob(f"{name}.toml")
+    return path
 
 
 def run(job):
@@ -60,9 +97,10 @@ def displacements(job):
 def answers(name, job, level=None):
     """Write the input file of an example or a file, run it, and return each measure by CalculiX and by isorod.
 
-    Displacements are those of the node at the place; moments those of the nodes' forces about the middle of the face.
+    Displacements are those of the node at the place; moments those of the nodes' forces about the middle of the face;
+    stiffnesses, of supports that move, follow from these.  Stresses are left out: of nodes they are extrapolated.
     """
-    path = str(EXAMPLES / f"{name}.toml") if "." not in name else name
+    path = str(found(name)) if "." not in name else name
     assert main([path, f"{job}.inp", *([] if level is None else ["--level", str(level)])]) == 0
     scene = files.find(path)
     model, settings = scene.model(), scene.settings()
@@ -77,8 +115,10 @@ def answers(name, job, level=None):
         mine = frequencies(printed)[: len(own)]
         return {f"mode {k + 1}": pair for k, pair in enumerate(zip(mine, own, strict=True))}
     own = scene.measure(isorod.statics.solve(model, **settings))
-    found = {}
+    linear, values = all(law.linear for body in model.bodies for law in body.laws), {}
     for what, asked in scene.content["measure"].items():
+        if "stress" in asked:
+            continue
         component = "xyz".index(asked["component"]) if "component" in asked else slice(None)
         if "reaction" in asked:
             title = f"SUPPORT_{asked['reaction'].upper()}"
@@ -89,8 +129,15 @@ def answers(name, job, level=None):
         elif "moment" in asked:
             rows = forces(printed, f"SUPPORT_{asked['moment'].upper()}")
             at = rows[:, 0].astype(int) - 1
-            where = nodes(job)[at] + displacements(job)[at]
+            # Of laws of small displacements forces are at rest.
+            where = nodes(job)[at] + (0.0 if linear else displacements(job)[at])
             value = np.cross(where - 0.5 * (where.min(axis=0) + where.max(axis=0)), rows[:, 1:]).sum(axis=0)[component]
+        elif "stiffness" in asked:
+            support = asked["stiffness"]
+            moved = np.asarray(scene.content["support"][support].get("displacement", np.zeros(3)))
+            if not moved.any():
+                continue
+            value = sums(printed)[f"SUPPORT_{support.upper()}"] @ moved / (moved @ moved)
         elif "contact_force" in asked:
             # Normal forces of all pairs, at the end.
             rows = re.findall(r"normal force \(\+ = tension\) and shear force \(size\)\n\n +\S+ +(\S+)", printed)
@@ -105,5 +152,28 @@ def answers(name, job, level=None):
             far = np.linalg.norm(nodes(job) - place, axis=1)
             assert far.min() < 1e-9 * np.ptp(nodes(job))
             value = displacements(job)[far.argmin()][component]
-        found[what] = value, np.asarray(own[what])
-    return found
+        values[what] = value, np.asarray(own[what])
+    return values
+
+
+def beside(name, job, level=None):
+    """Measures of an example by CalculiX and by isorod, and how far apart they are; rigid motions are left out."""
+    for what, (theirs, ours) in answers(name, job, level).items():
+        if name in ("trefoil", "stent") and what in [f"mode {k}" for k in range(1, 7)]:
+            assert abs(theirs) < 1.0
+        else:
+            yield what, theirs, float(np.linalg.norm(theirs - ours) / np.linalg.norm(ours))
+
+
+def table(names):
+    """Print a line a measure of examples."""
+    os.chdir(tempfile.mkdtemp())
+    for name in names or sorted({*BOUNDS, *LONG}):
+        start = perf_counter()
+        for what, theirs, off in beside(name, "job", LEVELS.get(name)):
+            print(f"{name}: {what} {theirs}, {100 * off:.3f} %", flush=True)
+        print(f"{name}: {perf_counter() - start:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    table(sys.argv[1:])

@@ -40,9 +40,9 @@ def two_bodies():
     return Model([Body(wire, NeoHookean(50.0, 0.2)), Body(hoop, LinearElastic(80.0, 0.35))], supports)
 
 
-def spinning(speed=0.1):
+def spinning(speed=0.1, elements=4):
     """A clamped spring rotating about a line askew to everything."""
-    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=4, order=2)
+    space = Space.paper(Spring(helix="paper", coils=1, section_points=4).rod(), elements=elements, order=2)
     supports = [Support.end(space, "start", displacement=(0.3, -0.2, 0.5)), Support([space.nodes - 1], "x")]
     spin = Spin((0.3 * speed, -0.4 * speed, speed), (1.0, 2.0, -3.0))
     return Model([Body(space, NeoHookean(5e3, 0.3), 2.0)], supports, spin)

@@ -232,6 +232,10 @@ def test_what_is_not_known_is_refused_in_one_line():
     for model, said in (
         (Model([body], [end], contacts=[Contact(0, Plane((0.0, 0.0, 20.0), (0.0, 0.0, -1.0)))]), "contact"),
         (Model([body], [end], Spin((1.0, 0.0, 0.0))), "a spin"),
+        (
+            Model([body], [end, Support.end(space, "end")], loads=[SectionLoad.end(space, "end", (0.0, 0.0, -1.0))]),
+            "the loads act on what supports hold alone",
+        ),
         (Model([body], [end, pressed]), "'during'"),
         (Model([body], [end], loads=[Pressure(1.0, follows=True)]), "is symmetric only if"),
         (Model([body], loads=[BodyForce((0.0, 0.0, 1.0))]), "free"),

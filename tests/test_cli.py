@@ -125,7 +125,8 @@ def test_bad_input_to_other_scenes_is_one_line(arguments, message, refused):
         (["--json", "run", "ring"], "option --json: it goes behind the command: isorod run SCENE --json"),
         (
             ["run", "--json", "rng"],
-            "scene missing; known: biceps, blade, clasp, coil, flower, knot, ring, rope, spring, strand; put it first",
+            "scene missing; known: biceps, blade, clasp, coil, creep, flower, knot, ring, rope, set, spring, strand; "
+            "put it first",
         ),
         (["run", "--radius", "2"], "scene missing; .*put it first: isorod run SCENE --radius"),
         (["run", "--output", "ring"], "scene missing; "),

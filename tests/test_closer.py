@@ -200,13 +200,47 @@ def test_patches_are_where_contact_presses_and_as_wide():
     refined = replace(model, contacts=[replace(model.contacts[0], across=6.0)])
     ((finer,),) = patches(refined, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
     assert finer.size == pytest.approx(seen.size * model.contacts[0].across / 6.0)
-    # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line.
+    # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line, unless asked for.
     enough = replace(results[0], cells_across=ENOUGH * model.contacts[0].across)
     assert not patches(model, [enough])
     assert patches(refined, [enough])
     assert not patches(pressed(section_points=16), results)
     plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
-    assert not patches(plane, ContactOperator(plane).results(moved))
+    assert not patches(plane, ContactOperator(plane).results(moved), lines=False)
+
+
+def between_planes():
+    """A bar that two planes at right angles reach into, by a twenty-fifth of its radius."""
+    space = Space(straight(8, degree=2, height=6.0), 12, 3, order=2, section_points=8)
+    planes = [Plane((0.0, -0.96, 0.0), (0.0, 1.0, 0.0)), Plane((-0.96, 0.0, 0.0), (1.0, 0.0, 0.0))]
+    return Model([Body(space, LAW)], contacts=[Contact(0, plane) for plane in planes])
+
+
+def test_lines_of_contact_are_looked_at_closer_round_the_section_alone():
+    model = between_planes()
+    operator = ContactOperator(model)
+    operator.see_better(np.zeros(model.dofs), between=True)
+    results = operator.results(np.zeros(model.dofs))
+    (found,) = patches(model, results).values()
+    assert [one.angle for one in found] == pytest.approx([-0.5 * np.pi, -np.pi], abs=1e-9)
+    # A gap of x^2 / 2 is closed up to the root of 0.08.
+    half = np.sqrt(0.08)
+    for one in found:
+        assert one.arc == pytest.approx(2.0 * half / model.contacts[0].across, rel=0.25)
+        assert one.around > half
+    space = closer(model.bodies[0].space.rod, found)
+    short = np.diff(space.basis.joints) < 0.16
+    middles = 0.5 * (space.basis.joints[1:] + space.basis.joints[:-1])
+    ways = [np.abs(np.angle(np.exp(1j * (middles - angle)))) for angle in (-0.5 * np.pi, np.pi)]
+    assert short[np.min(ways, axis=0) < half].all()
+    assert not short[np.min(ways, axis=0) > 3.0 * half].any()
+    assert space.axis.elements == Space(straight(8, degree=2, height=6.0)).elements
+    # They are as fine as they get; where steps would be taken anew, and where lines wind, they stay as they are.
+    again = replace(model, bodies=[replace(model.bodies[0], space=space)])
+    assert not patches(again, results)
+    assert not patches(model, results, lines=False)
+    winding = [replace(one, parameters=one.parameters + one.parameters[:, :1] * [0.0, 2.0]) for one in results]
+    assert not patches(model, winding)
 
 
 def test_a_finer_space_begins_where_the_one_before_ended():

@@ -44,7 +44,8 @@ def test_help_with_a_single_dash_is_ours_where_petsc_has_none(capsys):
 def test_all_scenes_and_examples_are_listed_with_their_analyses(capsys):
     assert cli.main(["list"]) == 0
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
-    listed = [one[0] for one in words if len(one) > 2 and one[1] in ("statics", "modal", "buckling", "dynamics")]
+    analyses = ("statics", "modal", "buckling", "harmonic", "dynamics")
+    listed = [one[0] for one in words if len(one) > 2 and one[1] in analyses]
     assert {*scenes.SCENES, *EXAMPLES} - {*listed} == {"flower", "ring"}
 
 

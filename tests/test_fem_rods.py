@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import dolfinx.fem
 
+from comparisons.catalogue import FOLDER
 from comparisons.fem import modal
 from comparisons.fem import statics as elements
 from comparisons.fem.domain import Domain
@@ -37,7 +38,7 @@ from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Su
 from isorod.space import Space
 from meshes import rods
 from meshes.mesh import gradients
-from meshes.within import Places, lagrange
+from meshes.within import Layers, lagrange
 
 HEIGHT = 4.0
 
@@ -308,7 +309,7 @@ def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
     mesh = rods.build([rod], 1, 2)
     held = Elements(mesh, [rod])
     low, high = rod.axis.breaks[[0, -1]]
-    places = Places(mesh.shape, 2, mesh.reference, held.parameters, high - low)
+    places = Layers(rod, 2, mesh.reference, held.parameters)
     rng = np.random.default_rng(1)
     angle, u = 2.0 * np.pi * rng.random(60), np.append(rng.uniform(low, high, 58), [low, high])
     points = np.stack([0.98 * np.cos(angle), 0.98 * np.sin(angle), u], axis=1)
@@ -320,7 +321,7 @@ def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
     assert np.einsum("mn,mna->ma", values, held.parameters[cell])[:, :2] == pytest.approx(points[:, :2])
     middles = held.middles(0)[1]
     assert middles.min() > low and middles.max() < high
-    with pytest.raises(InputError, match="no cell has the point"):
+    with pytest.raises(InputError, match="not in the unit disk"):
         places.find(np.array([[1.3, 0.0, low]]))
 
 
@@ -361,3 +362,25 @@ def test_what_nothing_holds_is_refused():
     space = Space(straight(8, height=HEIGHT), elements=2, degree=2, section_degree=2)
     with pytest.raises(SolveError, match="free to"):
         found(Model([Body(space, LinearElastic(200.0, 0.3))], [Support.end(space, "start", "z")]))
+
+
+def test_points_on_the_rim_of_a_flat_strip_are_found():
+    scene = files.find(str(FOLDER / "clock_spring.toml"))
+    model = scene.model()
+    mesh, rod = mesh_of(model), model.bodies[0].space.rod
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    u = np.full(angle.size, rod.axis.breaks[:2].mean())
+    points = np.stack([np.cos(angle), np.sin(angle), u], axis=1)
+    cell, where = Layers(rod, 2, mesh.reference, mesh.parameters[mesh.cells]).find(points)
+    found = np.einsum("mn,mna->ma", lagrange(2, mesh.reference, where), mesh.points[mesh.cells[cell]])
+    # The strip is 0.4 by 3, and the mesh of level 1 cuts its corners.
+    assert found == pytest.approx(rod.grid(points[:, :2], u[:1])[0][0], abs=0.03)
+
+
+def test_layers_of_thin_wires_that_bend_are_told():
+    straight_one = Space(straight(8, height=HEIGHT), elements=4, degree=2).rod
+    assert rods.locking(straight_one) == pytest.approx(0.0)
+    # Four layers of a quarter of a circle each turn by 45 degrees: L^2 / (R t) is R / t times that squared.
+    hook = files.find(str(FOLDER / "s_hook.toml")).model().bodies[0].space.rod
+    assert rods.locking(hook) <= 1.1 * (10.0 / 5.0) * (np.pi / 4.0) ** 2
+    assert rods.locking(files.find(str(FOLDER / "clock_spring.toml")).model().bodies[0].space.rod) > 5.0

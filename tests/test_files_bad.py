@@ -253,8 +253,8 @@ def test_bad_data_are_refused_with_their_line(data, said, refused, tmp_path):
 @pytest.mark.parametrize(
     ("analysis", "option", "why"),
     [
-        ("statics", "--checkpoint=state", r"only dynamics \(\[analysis.dynamics\]\) can be restarted"),
-        ("modal", "--resume", "only dynamics"),
+        ("modal", "--checkpoint=state", "only statics and dynamics can be restarted"),
+        ("modal", "--resume", "only statics and dynamics"),
         ("dynamics", "--no-estimate", "no error estimate in dynamics; compare runs"),
         ("dynamics", "--tolerance=0.1", "no error estimate in dynamics"),
     ],

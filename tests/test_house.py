@@ -12,9 +12,9 @@ HOUSE = ROOT / "src" / "isorod"
 # From the ground up; what stands before them is a file of its own.
 ROOMS = [
     *"geometry material petsc fenics space model contact assembly output checks dynamics statics modal".split(),
-    *"buckling scenes files command".split(),
+    *"buckling harmonic random scenes files design command".split(),
 ]
-GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options", "memory"]
+GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options", "memory", "choices"]
 # What ``python -m isorod`` runs, and what ``import isorod`` offers: they stand on the ground and lead to the top.
 DOORS = ("__init__", "__main__")
 FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "cosseratbench", "comparisons", "meshes"}

@@ -142,7 +142,7 @@ def test_load_steps_are_those_from_kink_to_kink_and_cut_steps_leave_no_trace():
     assert there[0] == pytest.approx(there[1], abs=1e-7) and np.abs(cut.displacement).max() < 1e-9
 
 
-def on_plane(end, friction=0.0):
+def on_plane(end, friction=0.0, load_steps=2):
     """A bar over a plane that is pressed on it and, rubbing, drawn to and fro along it."""
     space = Space(straight(4.0).sweep(circle(8, 0.5)), elements=4, degree=2, section_degree=2)
     rows = [[0, 0, 0, 0], [1, 0, 0.02, 0], [2, 0, 0.02, 0.2], [4, 0, 0.02, -0.2], [6, 0, 0.02, 0.2], [7, 0, 0, 0.2]]
@@ -150,7 +150,7 @@ def on_plane(end, friction=0.0):
     held = [Support.end(space, which) for which in ("start", "end")]
     contact = Contact(0, plane, friction=friction, first_elements=[1, 2])
     return statics.solve(
-        Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), 2, end_time=end, keep=True
+        Model([Body(space, NeoHookean(E=E, nu=NU))], held, contacts=[contact]), load_steps, end_time=end, keep=True
     )
 
 

@@ -112,7 +112,7 @@ def test_cycles_of_what_relaxes_lose_what_the_loss_modulus_says() -> None:
     times = np.linspace(0.0, 4.0 * np.pi, 49)
     end = {"turn": (0.0, 0.0, 4e-3), "history": np.column_stack([times, np.sin(times)]).tolist()}
     asked = model(Viscoelastic(E, NU, [[0.5, 1.0]]), end=end, quadrature="4x2x4", elements=2)
-    found = statics.solve(asked, end_time=times[-1], keep=True)
+    found = statics.solve(asked, 1, end_time=times[-1], keep=True)
     lost = {round(time / np.pi, 3): one.dissipated(0) for time, one in found.frames()}
     area = np.sinc(1.0 / 24.0) ** 4 * np.pi * 0.25 * G * 0.5 * np.pi * 1e-6 * 4.0
     assert lost[4.0] - lost[2.0] == pytest.approx(area, rel=3e-3)
@@ -158,9 +158,13 @@ def _touching() -> Model:
 
 test_what_is_refused = refused(
     (
-        lambda: statics.solve(_touching(), end_time=1.0, checkpoint="x"),
+        lambda: statics.solve(_touching(), 4, end_time=1.0, checkpoint="x"),
         "checkpoint: statics keeps none with contact, ties, mean supports or finite element bodies",
     ),
+    (
+        lambda: statics.solve(model(), end_time=2.0, checkpoint="x"),
+        "checkpoint: give load steps, which else are doubled",
+    ),
     (lambda: statics.solve(model(), end_time=2.0, resume=True), "resume: got no checkpoint"),
-    (lambda: statics.solve(model(), end_time=2.0, checkpoint="x", every=-1.0), "time between checkpoints: got -1"),
+    (lambda: statics.solve(model(), 4, end_time=2.0, checkpoint="x", every=-1.0), "time between checkpoints: got -1"),
 )

@@ -68,7 +68,7 @@ def test_every_name_that_isorod_offers_is_told_of(pages):
     told = {one for text in pages[0].values() for one in attributes(text, "id")}
     # Modules are told of by what is in them.
     functions = {"dynamics": "solve", "modal": "solve", "statics": "solve", "options": "initialize", "scenes": "find"}
-    functions |= {"fenics": "Solid", "buckling": "solve"}
+    functions |= {"fenics": "Solid", "buckling": "solve", "harmonic": "solve", "random": "solve"}
     for name in isorod.__all__:
         if name == "errors":
             continue

@@ -158,6 +158,8 @@ def test_a_chain_of_ties_carries_what_hangs_on_it():
 
 BAD = {
     "apart": (Tie(EndFace(1, "end"), EndFace(0, "end")), "apart at"),
+    # Where one touches the rod, but at its other end.
+    "other end": (Tie(EndFace(1, "start"), EndFace(0, "start")), "apart at"),
     "no body": (Tie(EndFace(2, "end"), EndFace(0, "end")), "tie 0: body 2 is not one of the model's 2"),
     "no hole": (Tie(LateralSurface(1, surface="inner"), EndFace(0, "end")), "the rod has no hole"),
     "no joint": (Tie(LateralSurface(1, (0.0, 0.7)), EndFace(0, "end"), gap=9.0), "is no joint of elements"),

@@ -1,10 +1,22 @@
-"""``python -m comparisons.catalogue [NAME ...]``: the table of catalogue rods, printed."""
+"""``python -m comparisons.catalogue [NAME ...]``: the table of catalogue rods, printed row by row."""
 
 import sys
 
-from comparisons.catalogue import compare
+from comparisons.catalogue import REFERENCES, compare
+from comparisons.catalogue.computed import compute
+from isorod import options
 
-for row in compare(sys.argv[1:]):
-    one = row.reference
-    print(f"{one.name}: {one.measure} {row.value:.6g}, {one.by} {one.value:.6g}, {100 * row.off:+.2f} %", end=", ")
-    print(f"{row.seconds:.0f} s, {len(row.warnings)} warnings", flush=True)
+options.initialize([])
+print("rod | quantity | isorod | reference | difference | known to | mesh | seconds, warnings of isorod")
+for name in sys.argv[1:] or dict.fromkeys(one.name for one in REFERENCES):
+    rows = list(compare([name]))
+    computed = compute(name, [row.reference.measure for row in rows])
+    for row in rows:
+        one = row.reference
+        value, known, by = one.value, "stored", one.by
+        if computed is not None:
+            limit = computed.limits[one.measure]
+            value, known, by = limit.values[0], f"{100 * limit.uncertainty:.2g} %", computed.by
+        off = 100.0 * (row.value / value - 1.0)
+        said = (name, one.measure, f"{row.value:.6g}", f"{value:.6g}", f"{off:+.2f} %", known, by)
+        print(" | ".join(said), f"{row.seconds:.0f}, {len(row.warnings)}", sep=" | ", flush=True)

@@ -11,9 +11,16 @@ _EASY = 6
 
 
 def lead(
-    newton: Newton, load: Callable[[float], None], full: float, first: float, name: str, halvings: int = HALVINGS
+    newton: Newton,
+    load: Callable[[float], None],
+    full: float,
+    first: float,
+    name: str,
+    halvings: int = HALVINGS,
+    begin: float = 0.0,
+    reached: Callable[[float], None] | None = None,
 ) -> dict[str, int]:
-    """Lead from rest to a load, in a first step of a size.
+    """Lead from a load, as a rule from rest, to another, in a first step of a size.
 
     Each step starts from the last two equilibria, extrapolated.  A step that fails is halved, one that was easy doubles
     the next.
@@ -28,6 +35,10 @@ def lead(
         All of it, and that of the first step.
     name
         Of the load, for errors.
+    begin
+        The load at which the state is.
+    reached
+        Called at each equilibrium, of which the path then is made: no step is larger than the first.
 
     Returns
     -------
@@ -38,12 +49,12 @@ def lead(
     SolveError
         If it fails however small the step.
     """
-    done, size = 0.0, first
+    done, size = begin, first
     counts = {"steps": 0, "cuts": 0, "newton_iterations": 0, "linear_iterations": 0}
     last, slope, guess = newton.x.copy(), newton.x.duplicate(), newton.x.duplicate()
     slope.set(0.0)
     while done < full * (1.0 - 1e-12):
-        target = min(done + size, full)
+        target = full if done + size > full * (1.0 - 1e-12) else done + size
         load(target)
         newton.norms.clear()
         guess.waxpy(target - done, slope, last)
@@ -62,6 +73,9 @@ def lead(
             counts["steps"] += 1
             if newton.snes.getIterationNumber() <= _EASY:
                 size *= 2.0
+            if reached is not None:
+                reached(done)
+                size = min(size, first)
         counts["newton_iterations"] += newton.snes.getIterationNumber()
         counts["linear_iterations"] += newton.snes.getLinearSolveIterations()
     for vector in (last, slope, guess):

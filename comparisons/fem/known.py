@@ -50,7 +50,7 @@ class Steps:
 
 
 # What is known of each analysis, by the names of its settings.
-_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
+_SETTINGS = {"statics": ("load_steps", "end_time"), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
 
 
 def settings_of(scene: Any) -> dict[str, Any]:
@@ -103,10 +103,12 @@ def _wanted(model: Model, settings: Mapping[str, Any]) -> str:
 
 def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
     """Raise `InputError` for the first thing in a model that finite elements have no counterpart of."""
-    pressures = with_pressures(model)
+    if model.remembers:
+        _refuse_beside_memory(model, analysis)
+    pressures = [] if model.remembers else with_pressures(model)
     laws = [law for body in model.bodies for law in body.laws]
     timed = any(getattr(one, "history", None) is not None for one in (*model.supports, *model.loads, *laws, model.spin))
-    if timed and analysis != "dynamics":
+    if timed and analysis != "dynamics" and not model.remembers:
         raise InputError("history: finite elements go to the full load alone; compare without steps and histories")
     for b, body in enumerate(model.bodies):
         for law in body.laws:
@@ -159,6 +161,21 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
                 f"material of body {pressures[0]}: nearly incompressible, which finite elements have in statics and "
                 "modes alone; compare these, or with nu up to 0.49"
             )
+
+
+def _refuse_beside_memory(model: Model, analysis: str) -> None:
+    """Raise `InputError` for what finite elements do not know of laws with memory."""
+    beside = {
+        "modes and motions": analysis != "statics",
+        "nearly incompressible bodies": any(body.formulation == "mixed" for body in model.bodies),
+        "contact": bool(model.contacts),
+        "ties and bodies": bool(model.ties or model.solids),
+        "mean motions and springs": any(isinstance(one, MeanSupport) for one in model.supports),
+        "loads that turn with the body, and spin": bool(model.following) or model.spin is not None,
+    }
+    for what, found in beside.items():
+        if found:
+            raise InputError(f"material: a law has a memory, beside which finite elements have no {what}")
 
 
 def _refuse_contact(model: Model, k: int) -> None:

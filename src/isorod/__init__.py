@@ -1,8 +1,8 @@
 """Rods as full 3-D continua, solved through surface control points alone.
 
 What a script needs is here by name: rods (`helix`, `circle`, ...), models (`Space`, `Body`, `Model`, ...) and the
-analyses (`statics.solve`, `modal.solve`, `buckling.solve`, `dynamics.solve`).  Each is loaded when it is first asked
-for.
+analyses (`statics.solve`, `modal.solve`, `buckling.solve`, `harmonic.solve`, `random.solve`, `dynamics.solve`).  Each
+is loaded when it is first asked for.
 """
 
 import ast

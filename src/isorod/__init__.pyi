@@ -3,8 +3,10 @@ from isorod import buckling as buckling
 from isorod import dynamics as dynamics
 from isorod import errors as errors
 from isorod import fenics as fenics
+from isorod import harmonic as harmonic
 from isorod import modal as modal
 from isorod import options as options
+from isorod import random as random
 from isorod import scenes as scenes
 from isorod import statics as statics
 from isorod.buckling import BucklingModes as BucklingModes

@@ -51,7 +51,7 @@ class Laws:
 
     def __init__(self, elements: Elements, model: Model, rule: int) -> None:
         self.elements, self.rule = elements, rule
-        self.place, self.laws, densities = _places(elements, model)
+        self.place, self.laws, densities = places_of(elements, model)
         mixed = np.zeros(len(self.laws), dtype=bool)
         mixed[self.place[elements.mixed]] = True
         stored = [law.stored for law in self.laws]
@@ -172,11 +172,11 @@ class Laws:
 
 def densities_of(elements: Elements, model: Model) -> Array:
     """Return the mass per volume of each cell, in the source's order, shape ``(cells,)``."""
-    place, _, densities = _places(elements, model)
+    place, _, densities = places_of(elements, model)
     return np.asarray(densities[place])
 
 
-def _places(elements: Elements, model: Model) -> tuple[Index, list[Material], Array]:
+def places_of(elements: Elements, model: Model) -> tuple[Index, list[Material], Array]:
     """Return `Laws.place`, all laws, and the density of each."""
     place = np.empty(len(elements.source.cells), dtype=np.int64)
     laws: list[Material] = []

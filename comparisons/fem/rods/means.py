@@ -16,7 +16,7 @@ from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 from isorod.space.trace import Trace
 from meshes.mesh import Array, Index
-from meshes.within import Places, lagrange
+from meshes.within import Layers, lagrange
 
 # Stiffness of what is held, in shear moduli times the section's size.  Stiffer springs, without a force of their own,
 # are as good as rigid in modes, and lose that many digits of what they carry.
@@ -43,10 +43,11 @@ def ring_on(elements: Elements, body: int, u: float) -> Trace:
     xi = rod.rings[-1] * np.column_stack([np.cos(angles), np.sin(angles)])
     position, jacobian = rod.grid(xi, [u])
     weights = np.linalg.norm(jacobian[0, ..., 1] * xi[:, :1] - jacobian[0, ..., 0] * xi[:, 1:], axis=1)
-    cells = source.cells[elements.cells(body)]
-    found, where = Places(source.shape, source.order, source.reference, source.points[cells]).find(position[0])
+    own = elements.cells(body)
+    layers = Layers(rod, source.order, source.reference, elements.parameters[own])
+    found, where = layers.find(np.column_stack([xi, np.full(len(xi), u)]))
     shares = lagrange(source.order, source.reference, where)
-    return _trace(position[0], weights * 2.0 * np.pi / _AROUND, cells[found], shares)
+    return _trace(position[0], weights * 2.0 * np.pi / _AROUND, source.cells[own[found]], shares)
 
 
 def _trace(points: Array, weights: Array, supports: Index, shares: Array) -> Trace:

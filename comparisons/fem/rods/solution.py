@@ -14,15 +14,17 @@ from isorod.files.solid import OfBody
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.model.model import Model
+from isorod.model.past import Past
 from isorod.output import rotations
 from isorod.output.places import parameters
 from isorod.output.section_forces import SectionForces, centroids, frames, normals
 from isorod.output.state import Deformation
 from isorod.output.stress import von_mises
+from isorod.statics.path import Step
 from isorod.tensors import determinant
 from meshes.joined_mesh import Joined
 from meshes.mesh import Array, Index, Mesh, gauss, gradients
-from meshes.within import Places, lagrange
+from meshes.within import Layers, Places, lagrange
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
@@ -69,6 +71,10 @@ class Solution:
         Outcome of each contact.
     bodies
         What holds and loads the model's bodies.
+    past
+        Equilibria that laws with memory have gone on from, displacements of the mesh's nodes.
+    path
+        The load steps of these, with the supports' forces.
     ties
         What each tie carries (`comparisons.fem.rods.ties.Carried`).
     frequencies, eigenvalues, residuals
@@ -115,6 +121,8 @@ class Solution:
     residual_norms: Sequence[float] = ()
     bodies: Sequence[OfBody] = ()
     ties: Sequence[Any] = ()
+    past: Sequence[Past] = ()
+    path: Sequence[Step] = ()
 
     @property
     def cells(self) -> int:
@@ -137,7 +145,8 @@ class Solution:
         """Return the stress at points of a rod, ``"cauchy"`` or ``"pk1"``, as `isorod.output.state.State` does."""
         points, cells, where = self._located(rod, u, xi)
         F, _ = self._gradients(cells, where, _EACH)
-        found = self._pk1(cells, F[:, None], self._functions(where)[:, None])[:, 0]
+        gone = self._gone(cells, where, _EACH)
+        found = self._pk1(cells, F[:, None], self._functions(where)[:, None], [one[:, None] for one in gone])[:, 0]
         return (found if kind == "pk1" else _cauchy(found, F)).reshape(*points.shape, 3, 3)
 
     def energy(self, rod: int) -> float:
@@ -149,7 +158,7 @@ class Solution:
         at = np.einsum("qn,cnp->cqp", functions, self.cell_parameters[cells])
         volumes = weights * determinant(jacobian)
         total = 0.0
-        for own, law in self._laws(cells, at):
+        for own, law in self._laws(cells, at, self._gone(cells, where, _ALL)):
             p = self._pressures(cells[own], functions)
             stored = law.energy(F[own])
             if p is not None:
@@ -161,7 +170,7 @@ class Solution:
     def internal_forces(self, cells: Index, where: Array, weights: Array) -> Array:
         """Return the nodal forces ``(nodes, 3)`` of the stress in some cells, by a rule on the reference cell."""
         F, jacobian = self._gradients(cells, where, _ALL)
-        stress = self._pk1(cells, F, self._functions(where))
+        stress = self._pk1(cells, F, self._functions(where), self._gone(cells, where, _ALL))
         slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
         pull = stress @ np.linalg.inv(jacobian).swapaxes(2, 3) * (weights * determinant(jacobian))[:, :, None, None]
         found = np.zeros_like(self.mesh.points)
@@ -205,30 +214,39 @@ class Solution:
         points = Deformation(self.model, np.empty(0))._points(rod, u, xi)
         t, q = len(points.u), len(points.xi)
         if isinstance(self.mesh, Joined):
-            # Cells' own map of parameters is less exact than where points are.
             grid = self.model.bodies[points.number].space.rod.grid(points.xi, points.u)[0].reshape(-1, 3)
         else:
             grid = np.concatenate([np.tile(points.xi, (t, 1)), np.repeat(points.u, q)[:, None]], axis=1)
         cell, where = self._places(points.number).find(grid)
         return points, self.mesh.regions[f"rod {points.number}"][cell], where
 
-    def _gradients(self, cells: Index, where: Array, which: str) -> tuple[Array, Array]:
+    def _gone(self, cells: Index, where: Array, which: str) -> list[Array]:
+        """Return the deformation gradients of each state gone through."""
+        return [self._gradients(cells, where, which, one.displacement)[0] for one in self.past]
+
+    def _gradients(self, cells: Index, where: Array, which: str, nodal: Array | None = None) -> tuple[Array, Array]:
         """Return deformation gradients and ``dx/d`` reference position, at `_ALL` points of cells or at `_EACH`."""
         slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
-        nodes = self.mesh.cells[cells]
-        jacobian, change = (np.einsum(which, slopes, one[nodes]) for one in (self.mesh.points, self._nodal))
+        nodes, moved = self.mesh.cells[cells], self._nodal if nodal is None else nodal
+        jacobian, change = (np.einsum(which, slopes, one[nodes]) for one in (self.mesh.points, moved))
         return np.eye(3) + change @ np.linalg.inv(jacobian), jacobian
 
-    def _laws(self, cells: Index, parameters: Array) -> Iterator[tuple[Index, Any]]:
-        """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``."""
+    def _laws(self, cells: Index, parameters: Array, gone: Sequence[Array]) -> Iterator[tuple[Index, Any]]:
+        """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``.
+
+        Its state is that after the deformation gradients of what the points have gone through.
+        """
         laws: list[tuple[Rod | None, Any]] = [(body.space.rod, law) for body in self.model.bodies for law in body.laws]
         laws += [(None, solid.law) for solid in self.model.solids]
         for k, (rod, law) in enumerate(laws):
             (own,) = np.nonzero(self.place[cells] == k)
             if own.size:
-                yield own, law if rod is None else law.placed(on_rod(rod, parameters[own]))
+                placed = law if rod is None else law.placed(on_rod(rod, parameters[own]))
+                for one, F in zip(self.past, gone, strict=True):
+                    placed = placed.advanced(F[own], one.factor)
+                yield own, placed.reached(1.0)
 
-    def _pk1(self, cells: Index, F: Array, functions: Array) -> Array:
+    def _pk1(self, cells: Index, F: Array, functions: Array, gone: Sequence[Array]) -> Array:
         """Return the first Piola-Kirchhoff stress at points of cells, shape of ``F`` ``(c, q, 3, 3)``.
 
         Parameters
@@ -238,7 +256,7 @@ class Solution:
         """
         which = "qn,cnp->cqp" if functions.ndim == 2 else "cqn,cnp->cqp"
         found, parameters = np.empty_like(F), np.einsum(which, functions, self.cell_parameters[cells])
-        for own, law in self._laws(cells, parameters):
+        for own, law in self._laws(cells, parameters, gone):
             p = self._pressures(cells[own], functions if functions.ndim == 2 else functions[own])
             if p is None:
                 found[own] = law.stress(F[own])
@@ -257,15 +275,13 @@ class Solution:
     def _functions(self, where: Array) -> Array:
         return lagrange(self.mesh.order, self.mesh.reference, where)
 
-    def _places(self, rod: int) -> Places:
-        own = self.model.bodies[rod].space.rod
-        low, high = own.axis.breaks[[0, -1]]
+    def _places(self, rod: int) -> Places | Layers:
         cells = self.mesh.regions[f"rod {rod}"]
-        period = float(high - low) if own.closed else None
-        shape, order, reference = self.mesh.shape, self.mesh.order, self.mesh.reference
         if isinstance(self.mesh, Joined):
-            return Places(shape, order, reference, self.mesh.points[self.mesh.cells[cells]])
-        return Places(shape, order, reference, self.cell_parameters[cells], period)
+            nodes = self.mesh.points[self.mesh.cells[cells]]
+            return Places(self.mesh.shape, self.mesh.order, self.mesh.reference, nodes)
+        own = self.model.bodies[rod].space.rod
+        return Layers(own, self.mesh.order, self.mesh.reference, self.cell_parameters[cells])
 
     def fields(self) -> dict[str, Array]:
         """Return displacement or shapes at the nodes, and the von Mises stress where it is most exact.
@@ -312,7 +328,7 @@ class Solution:
         every = np.arange(len(mesh.cells))
         F, _ = self._gradients(every, where, _ALL)
         places = np.einsum("qn,cnp->cqp", values, self.cell_parameters)
-        stress = self._pk1(every, F, values)
+        stress = self._pk1(every, F, values, self._gone(every, where, _ALL))
         rods = np.full(len(mesh.cells), -1)
         for b, body in enumerate(self.model.bodies):
             rods[mesh.regions[f"rod {b}"]] = b

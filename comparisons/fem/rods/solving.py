@@ -6,7 +6,7 @@ from typing import Any
 from mpi4py import MPI
 
 from comparisons.fem.known import Steps, refuse
-from comparisons.fem.rods import equilibrium, motion
+from comparisons.fem.rods import equilibrium, motion, remembered
 from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.statics import Element
 from isorod.errors import InputError
@@ -24,7 +24,8 @@ def solve(
     modes: int = 10,
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
-    load_steps: int = 1,
+    load_steps: int | None = None,
+    end_time: float | None = None,
     bodies: Sequence[OfBody] = (),
     steps: Steps | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
@@ -47,7 +48,9 @@ def solve(
     flags
         C compiler flags for the forms.
     load_steps
-        Equal steps to start with (statics).
+        Equal steps to start with (statics): 1, or with laws with memory as many as their error wants.
+    end_time
+        Of histories of laws with memory (statics).
     bodies
         What holds and loads the model's bodies, which have that of their own meshes alone.
     steps
@@ -67,8 +70,10 @@ def solve(
         raise InputError("ties and finite element bodies: need a mesh of all as one solid, and got each rod for itself")
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
+    if analysis == "statics" and model.remembers:
+        return remembered.solve(model, mesh, rule, load_steps, end_time, options, flags, comm)
     if analysis == "statics":
-        return equilibrium.solve(model, mesh, rule, load_steps, options, flags, bodies, comm)
+        return equilibrium.solve(model, mesh, rule, load_steps or 1, options, flags, bodies, comm)
     if analysis == "modal":
         return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies, comm)
     if analysis == "dynamics" and steps is not None:

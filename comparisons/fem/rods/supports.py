@@ -52,6 +52,7 @@ class Supports:
 
     def __init__(self, elements: Elements, model: Model, bodies: Sequence[OfBody] = ()) -> None:
         self._elements = elements
+        self._objective = [all(law.objective for law in body.laws) for body in model.bodies]
         self._all, self._count = all_of(elements.source, model), max(1, len(model.supports))
         # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
         self._owner = np.full((len(elements.source.points), 3), -1)
@@ -108,7 +109,8 @@ class Supports:
     def forces(self, nodal: Array, displacement: Array) -> tuple[Array, Array]:
         """Return force and moment of each support that holds nodes, both ``(supports, 3)``, at least one row.
 
-        Moments are about the mean of the present positions of its carriers, as isorod's.
+        Moments are about the mean of its carriers, as isorod's: in present positions, and in those at rest where a body
+        has a law of small strains, whose stress balances there.
 
         Parameters
         ----------
@@ -120,6 +122,8 @@ class Supports:
         reactions, moments = (np.zeros((self._count, 3)) for _ in range(2))
         for k, one in self._all.items():
             own = np.where(self._owner[one.nodes] == k, nodal[one.nodes], 0.0)
-            arms = self._elements.source.points[one.nodes] + displacement[one.nodes] - one.centre(displacement)
+            moved = self._objective[one.body]
+            arms = self._elements.source.points[one.nodes] + moved * displacement[one.nodes]
+            arms -= one.centre(displacement, moved)
             reactions[k], moments[k] = own.sum(axis=0), np.cross(arms, own).sum(axis=0)
         return reactions, moments

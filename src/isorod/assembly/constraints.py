@@ -307,9 +307,16 @@ class Constraints:
 
     def _refuse_gap(self, tie: Tie, trace: Trace, near: Rows) -> None:
         """Raise `InputError` where the surfaces are farther apart than they may be."""
-        gap, most = float(near.gap.max()), _GAP * _size(trace) if tie.gap is None else tie.gap
+        apart, most = near.gap, _GAP * _size(trace) if tie.gap is None else tie.gap
+        if isinstance(tie.master, EndFace):
+            # Within the rod it is the end that is far.
+            face = trace_of(self._model, tie.master, 1, tie.slave).points
+            normal = np.linalg.svd(face - face.mean(axis=0), full_matrices=False)[2][-1]
+            uneven = np.abs((face - face.mean(axis=0)) @ normal).max()
+            apart = np.maximum(apart, np.abs((trace.points - face.mean(axis=0)) @ normal) - uneven)
+        gap = float(apart.max())
         if gap > most:
-            where = ", ".join(f"{x:.4g}" for x in trace.points[np.argmax(near.gap)])
+            where = ", ".join(f"{x:.4g}" for x in trace.points[np.argmax(apart)])
             raise InputError(
                 f"the surfaces are {gap:.3g} apart at ({where}), more than {most:.3g}; move the bodies together, name "
                 "other surfaces, or give a larger gap"

@@ -52,6 +52,17 @@ class Loaded(Parts):
             part.padded(pressing.forces(part.nodal(local))) for part, pressing in followed
         )
 
+    def load(self, model: Model, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> None:
+        """Fill ``out`` with the forces on the unknowns of the loads of a model at load factor 1.
+
+        It is this one's, or the same with other loads, of which none follows; ``x`` is a state at some load factor.
+        """
+        if model is not self.model:
+            self._store(self._once(model.external), out)
+            return
+        self._reach(1.0)
+        self._store(self._loads(self._state(x, factor)), out)
+
     @cached_property
     def _external(self) -> Array:
         """Forces of the loads as they are now."""

@@ -5,7 +5,7 @@ from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
 
@@ -85,7 +85,11 @@ class Tangents:
         moved = assembler.displacement(self.rate, 0.0)
         driven = (model.prescribed(factor + _DELTA) - model.prescribed(factor)) / _DELTA
         fastest = max(float(np.abs(one).max(initial=0.0)) for one in (moved, driven))
-        if not (np.isfinite(fastest) and fastest > 0.0):
+        if fastest == 0.0:
+            raise InputError(
+                "buckling: the loads act on what supports hold alone, and move nothing; free it along them"
+            )
+        if not np.isfinite(fastest):
             raise SolveError(f"load factor {factor:.6g}: the tangent stiffness is singular")
         return _STEP * min(body.space.rod.radius for body in model.bodies) / fastest
 

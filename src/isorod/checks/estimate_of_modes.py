@@ -11,7 +11,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.coriolis import coriolis
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import correction
+from isorod.checks import correction, stresses
 from isorod.checks.finer import Finer
 from isorod.model.model import Model
 from isorod.output.state import State
@@ -21,6 +21,9 @@ _SETTLED = 1e-8
 
 # The same near a load factor at which a state may move by itself, and rounding does more.
 _SLIGHTLY = 1e-4
+
+# Displacements of modes whose stresses are compared, over the size of the model: stresses are linear in them.
+_TINY = 1e-7
 
 # Shift, in first eigenvalues, with which the tangent of a free body corrects its equilibrium: rigid motions stay within
 # rounding over it, and the rest converges as fast as without.
@@ -38,6 +41,7 @@ def of_modes(
     quarter: Array | None = None,
     ranks: int = 1,
     solids: Sequence[Array] = (),
+    counted: Array | None = None,
 ) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes; None where there is none.
 
@@ -59,13 +63,52 @@ def of_modes(
         Of a body that spins the shapes a quarter of a period later.
     solids
         Shapes ``(m, 3 nodes)`` of finite element bodies, on this rank, whose meshes stay.
+    counted
+        Which of the modes count, shape ``(m,)``; all where not given.
     """
     if not eigenvalues.size:
         return None
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter, solids)
+        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter, solids, counted)
         return np.array([np.nan if found is None else found])
+
+    return correction.total(model, directions, ranks, change, 1)[0]
+
+
+def of_stress(
+    model: Model, eigenvalue: float, vector: Array, directions: Sequence[str] = (), ranks: int = 1
+) -> float | None:
+    """Return how far stresses of a mode about the state of rest are off, relative to the largest, away from edges.
+
+    On finer spaces the mode is that of one step of inverse iteration (`isorod.checks.stresses`).  None where there is
+    no finer one, of free bodies, and in the mixed formulation.
+
+    Parameters
+    ----------
+    eigenvalue, vector
+        ``omega^2`` and its shape ``(dofs,)``.
+    directions, ranks
+        As for `isorod.checks.estimate.of_equilibrium`.
+    """
+    if not eigenvalue > 0.0 or any(body.formulation != "displacement" for body in model.bodies):
+        return None
+    small = _TINY * model.size / np.abs(vector).max() * vector
+
+    def change(finer: Finer, comm: PETSc.Comm) -> Array:
+        assembler = assembler_for(finer.model, comm)
+        matrix, mass = assembler.matrix(), assembler.mass_operator()
+        ksp, found = correction.solver(assembler, matrix), assembler.vector()
+        assembler.tangent(assembler.vector(), 0.0, matrix)
+        before = finer.displacement(small)
+        ksp.setOperators(matrix)
+        ksp.solve(eigenvalue * (mass * assembler.state(before)), found)
+        after = assembler.shapes(assembler.all_unknowns(found)[None])[0]
+        for one in (ksp, matrix, mass):
+            one.destroy()
+        # Both as large: stresses are told over the amplitude.
+        after *= np.sqrt(before @ before / (after @ after))
+        return np.array([stresses.change(finer, small, after) / (1.0 - finer.left)])
 
     return correction.total(model, directions, ranks, change, 1)[0]
 
@@ -108,6 +151,7 @@ def _modes(
     about: State | None,
     quarter: Array | None,
     solids: Sequence[Array],
+    counted: Array | None,
 ) -> float | None:
     """Return the change on finer spaces."""
     assembler = assembler_for(finer.model, comm)
@@ -153,7 +197,8 @@ def _modes(
         for one in (ksp, matrix, mass, whirl):
             if one is not None:
                 one.destroy()
-    error = float(np.abs(frequencies / better - 1.0).max()) / (1.0 - finer.left)
+    changes = np.abs(frequencies / better - 1.0)
+    error = float((changes if counted is None else changes[counted]).max()) / (1.0 - finer.left)
     return error if np.isfinite(error) else None
 
 

@@ -149,6 +149,8 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         typed |= {name: getattr(found, name, None) for name in ("load_steps", "at_rest")}
     elif scene.analysis == "buckling":
         typed = {"modes": found.modes, "linear_at": found.linear_at}
+    elif scene.analysis in ("harmonic", "random"):
+        typed = {}
     elif scene.analysis == "dynamics":
         typed = {"integrator": found.integrator}
     else:

@@ -9,6 +9,8 @@ USAGES = {
     "plot": "DIR [--option value ...]",
     "view": "DIR [--run int] [--port int] [--no-browser]",
     "sweep": f"{_SCENE} {_PETSC}",
+    "design": f"{_SCENE} --vary NAME=LOWER:UPPER --target NAME=VALUE",
+    "identify": f"{_SCENE} --table FILE.csv --vary NAME=LOWER:UPPER",
     "matrices": f"{_SCENE} {_PETSC} --output DIR",
     "mesh": "SCENE [FILE ...] [--option value ...]",
     "section": f"{_SCENE} {_PETSC}",
@@ -52,6 +54,21 @@ Solves a scene for all combinations of option values, and prints them as a table
 reads    the scene, and the data files that its file names
 writes   with --output FILE.csv: the table, and beside it a record of each point (.jsonl); with --png: a plot
 example  isorod sweep spring --travel 0:10:21 --nu 0.3,0.4 --output force.csv --png force.png""",
+    "design": """\
+Changes numbers of a scene, within bounds, until what is measured meets targets and limits, with the least, or the
+largest, of something: mass, volume, or what is measured.
+reads    the scene, and the data files that its file names
+writes   with --output FILE.toml: the file with the numbers found; else nothing
+example  isorod design spring --vary wire_radius=0.6:1.5,coils=2:6 --target force=8 --minimise volume
+         isorod design my.toml --vary rod.beam.section.circle=2:8 --limit "deflection>-1" --minimise volume
+more     isorod run SCENE --derivatives: the numbers that may vary, and the derivatives by them""",
+    "identify": """\
+Finds numbers of a scene, as the constants of its laws, with which it answers as was measured: by least squares, with
+standard errors. The table has a column of each number that was set (as --set names it), and of what was measured.
+reads    the scene, the data files that its file names, and the table
+writes   nothing
+example  isorod identify my.toml --table test.csv --vary rod.beam.law.NeoHookean
+more     isorod run SCENE --derivatives: the numbers that may vary""",
     "matrices": """\
 Writes stiffness and mass of a scene, for other programs.
 reads    the scene, and the data files that its file names

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from isorod.command import vibrations
 from isorod.output.words import duration, percent
 
 _WIDTH, _INDENT = 80, 20
@@ -63,6 +64,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     rows = [
         *_answer(record, scene.units, scene.stresses),
         *(_buckling(record, scene) if "factors" in record else ()),
+        *(vibrations.rows(record) if "resonances" in record else ()),
         *_shape(record, scene),
         *_effort(record),
         *_origin(record, scene),

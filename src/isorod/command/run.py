@@ -74,7 +74,7 @@ def more(parser: Parser, scene: Any) -> None:
             action="store_true",
             help="restart from the checkpoint; a later end time of a motion takes more outputs",
         )
-    if {"statics", "modal", "buckling"} & {*analyses}:
+    if {"statics", "modal", "buckling", "harmonic", "random"} & {*analyses}:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",
@@ -84,6 +84,12 @@ def more(parser: Parser, scene: Any) -> None:
         )
         parser.add_argument(
             "--no-estimate", action="store_true", help="skip the error estimate, which takes about as long as the run"
+        )
+    if {"statics", "modal"} & {*analyses}:
+        parser.add_argument(
+            "--derivatives",
+            action="store_true",
+            help="derivatives of the answer by each number of the scene, of what is solved",
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument(
@@ -149,6 +155,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
             refined = solving.estimate(solution, shown)
     solving.warn_of_embedded(scene, solution)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
+    if getattr(found, "derivatives", False):
+        from isorod.design import derivatives
+
+        rates = derivatives.of(scene, solution)
+        record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
     solving.refuse_unused()
     return record, solution
 
@@ -170,7 +181,14 @@ def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, sc
             lost = str(problem) or memory.SHORT
         text = results.line(record)
     notes.show()
-    return text if found.json else printing.summary(record, scene), lost
+    if found.json:
+        return text, lost
+    words = [printing.summary(record, scene)]
+    if "derivatives" in record:
+        from isorod.command import rates
+
+        words += rates.lines(record)
+    return "\n".join(words), lost
 
 
 def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> dict[str, Any]:
@@ -203,6 +221,8 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
             each = [scene.measure(one, scene.along) for _, one in solution.frames() if hasattr(one, "reactions")]
         found = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
         rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in found.items()}
+    elif "response" in record:
+        return swinging(scene, record["response"])
     else:
         rows = {}
     curves: dict[str, Array] = {}
@@ -212,4 +232,14 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
         unit = f" ({scene.units[name].strip('()')})" if scene.units.get(name) else ""
         names = [f"{name}{unit}"] if values.ndim == 1 else [f"{name}[{k}]{unit}" for k in parts]
         curves |= dict(zip(names, several, strict=True))
+    return curves
+
+
+def swinging(scene: Any, response: Any) -> "dict[str, Array]":
+    """Return amplitude and phase, or spectral density, of what a scene measures, by names with their units."""
+    curves: dict[str, Array] = {}
+    for name, one in response.items():
+        unit = scene.units.get(name.partition("[")[0], "").strip("()")
+        units = {"amplitude": f" ({unit})", "density": f" ({unit}^2 / frequency)"} if unit else {}
+        curves |= {f"{name} {what}{units.get(what, '')}": values for what, values in one.items()}
     return curves

@@ -76,7 +76,7 @@ def more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analysis, and of the sweep."""
     parser.epilog = f"{_HOW} {pages.PETSC}"
     chosen.with_analysis(parser, scene)
-    if {"statics", "modal", "buckling"} & {*scenes.analyses(scene)}:
+    if {"statics", "modal", "buckling", "harmonic", "random"} & {*scenes.analyses(scene)}:
         parser.add_argument(
             "--no-estimate", action="store_true", help="skip error estimates, which take about as long as the runs"
         )

@@ -52,6 +52,7 @@ __all__ = [
     "original_cells",
     "original_nodes",
     "petsc_vector",
+    "quadrature_element",
     "reference_nodes",
     "version",
 ]
@@ -108,6 +109,16 @@ def mixed_element(parts: Sequence[Any]) -> Any:
     import basix.ufl
 
     return basix.ufl.mixed_element(list(parts))
+
+
+def quadrature_element(mesh: Any, degree: int, size: int) -> Any:
+    """Return the element of ``size`` values at each point of the default rule of a degree."""
+    if _UFL_ELEMENTS:
+        cell = mesh.ufl_cell()
+        return ufl.VectorElement("Quadrature", cell, degree=degree, dim=size, quad_scheme="default")
+    import basix.ufl
+
+    return basix.ufl.quadrature_element(mesh.basix_cell(), (size,), "default", degree)
 
 
 def interpolation_points(space: Any) -> Array:

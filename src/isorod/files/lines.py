@@ -17,21 +17,32 @@ _TOKEN = re.compile(
 def longest_key(text: str) -> tuple[int, int]:
     """Return how many names a key of a text has at most, dotted ones together, and the line of the longest."""
     longest, names, at = 0, 0, 1
-    for kind, word, line in _tokens(text):
+    for kind, word, line, _ in _tokens(text):
         names = 0 if kind == "mark" else names + (1 if kind == "text" else len(word.replace(".", " ").split()))
         longest, at = max((longest, -at), (names, -line))
         at = -at
     return longest, at
 
 
-def lines(text: str) -> dict[Path, int]:
-    """Return the line, counted from 1, of each table and key of a valid TOML text, by what leads to it."""
+def places(text: str) -> dict[Path, tuple[int, int]]:
+    """Return where in a valid TOML text each value that is no text, list or table begins and ends."""
+    spans: dict[Path, tuple[int, int]] = {}
+    lines(text, spans)
+    return spans
+
+
+def lines(text: str, spans: dict[Path, tuple[int, int]] | None = None) -> dict[Path, int]:
+    """Return the line, counted from 1, of each table and key of a valid TOML text, by what leads to it.
+
+    ``spans`` is filled with what `places` returns.
+    """
     found: dict[Path, int] = {}
+    spans = {} if spans is None else spans
     begun: dict[Path, int] = {}
     key: list[str] = []
     start, brackets = 0, 0
     frames = [_Frame(())]
-    for kind, word, line in _tokens(text):
+    for kind, word, line, span in _tokens(text):
         frame = frames[-1]
         if frame.entry is not None:
             # An array, whose entries are between commas.
@@ -42,8 +53,10 @@ def lines(text: str) -> dict[Path, int]:
             elif word != "\n":
                 _note(found, entry := (*frame.path, frame.entry), line)
                 frames += _opened(entry, word)
+                spans |= {entry: span} if kind == "bare" else {}
         elif frame.value is not None:
             frames += _opened(frame.value, word)
+            spans |= {frame.value: span} if kind == "bare" else {}
             if word in (",", "\n"):
                 frame.value = None
             elif word == "}":
@@ -96,10 +109,10 @@ def _header(keys: list[str], several: bool, begun: dict[Path, int]) -> Path:
     return path
 
 
-def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
+def _tokens(text: str) -> Iterator[tuple[str, str, int, tuple[int, int]]]:
     line, end = 1, 0
     for match in _TOKEN.finditer(text):
         line += text.count("\n", end, match.start())
         end = match.start()
         if match.lastgroup:
-            yield match.lastgroup, match.group(), line
+            yield match.lastgroup, match.group(), line, match.span()

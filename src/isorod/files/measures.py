@@ -12,6 +12,7 @@ from isorod.output.words import Component as Stress
 
 if TYPE_CHECKING:
     from isorod.dynamics.history import History
+    from isorod.harmonic.response import Response
     from isorod.modal.kinds import Like
     from isorod.modal.modes import Modes
     from isorod.statics.analysis import Equilibrium
@@ -87,7 +88,7 @@ def moment(
 
 
 def displacement(
-    solution: "Equilibrium | History",
+    solution: "Equilibrium | History | Response",
     rod: int,
     u: float | None = None,
     xi: tuple[float, float] | None = None,
@@ -107,6 +108,8 @@ def displacement(
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
     found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
+    if hasattr(solution, "told"):
+        return component_of(found, component)
     return component_of(rounded(found, _largest(solution.displacement)), component)
 
 
@@ -139,7 +142,7 @@ def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None
 
 
 def stress(
-    solution: "Equilibrium | History",
+    solution: "Equilibrium | History | Response",
     rod: int,
     component: Stress = "von_mises",
     u: float | None = None,
@@ -168,6 +171,10 @@ def stress(
     from isorod.files import peaks
 
     sought = peaks.Sought(rod, component, u, xi, away)
+    if hasattr(solution, "told"):
+        from isorod.files import swings
+
+        return swings.find(sought, solution)  # type: ignore[arg-type]
     found = _each(solution, sought.find)
     # Of a motion that in the end.
     state: Any = solution

@@ -101,7 +101,10 @@ class Sought(NamedTuple):
             _, jacobian = state.model.bodies[self.rod].space.rod.grid(xi, u)
             moved = state.deformation_gradient(self.rod, u, xi) @ jacobian
             normals = np.cross(moved[..., 0], moved[..., 1])
-        return component(state.stress(self.rod, u, xi), self.name, normals)
+        found = state.stress(self.rod, u, xi)
+        if hasattr(state, "amplitude"):
+            return np.asarray(state.amplitude(found, self.name, normals))
+        return component(found, self.name, normals)
 
     def _largest(self, state: Any, u: float | None, xi: tuple[float, float] | None, away: float) -> Largest:
         """Return the largest stress so far from all that holds the rod: of components that have two signs in size."""

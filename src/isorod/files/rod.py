@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from isorod import choices
 from isorod.arrays import Array
 from isorod.files import schema
 from isorod.files.data import Points
@@ -255,8 +256,8 @@ class RodPlan:
         if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
             from isorod.space import choice as chosen
 
-            if use.bonded or chosen.is_short(rod, reach):
-                rod = chosen.with_rim(rod)
+            rim = choices.chosen(lambda: use.bonded or chosen.is_short(rod, reach))
+            rod = chosen.with_rim(rod) if rim else rod
         joints, rings = self._joints(rod), len(rod.rings) - 1
         places = len(joints) - 1 if rings == 1 else rings
         if len(laws) not in (1, places):

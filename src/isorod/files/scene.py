@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import Field, dataclass, field, replace
 from functools import partial
-from math import dist
+from math import dist, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
-from isorod.files import cases, schema, steps
+from isorod.files import cases, schema, steps, vibrations
 from isorod.files.copies import Copies, placed
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, call, choice
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.closer import Patch
     from isorod.space.space import Space
-
-# Of each analysis the class of its solutions.
-_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "buckling": "BucklingModes", "dynamics": "History"}
 
 # Options of all spaces.
 _SPACE = ("elements", "order", "section_points", "section_degree", "degree", "continuity", "quadrature")
@@ -73,7 +70,7 @@ class FileScene(Scene):
     cases
         The names of the load cases.
     analysis
-        ``"statics"``, ``"modal"``, ``"buckling"``, ``"dynamics"`` or ``"geometry"``.
+        ``"statics"``, ``"modal"``, ``"buckling"``, ``"harmonic"``, ``"random"``, ``"dynamics"`` or ``"geometry"``.
     units
         Of each number that is the answer, in words.
     stresses
@@ -190,7 +187,7 @@ class FileScene(Scene):
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
             touching=touching and self.analysis in ("statics", "modal"),
             surface=touching or held,
-            stressed=self.analysis == "statics",
+            stressed=self.analysis in ("statics", *schema.SWINGING),
             buckles=self.analysis == "buckling",
             explicit=self._explicit,
             loaded=[*(float(u) for u in places if isinstance(u, float | int)), *self._names.landed(number)],
@@ -204,7 +201,8 @@ class FileScene(Scene):
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
-        return choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+        found = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+        return vibrations.settled(found, self._names.loads)
 
     def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
         """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""
@@ -222,7 +220,7 @@ class FileScene(Scene):
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
-        kind = _SOLUTIONS.get(self.analysis, "none")
+        kind = schema.SOLUTIONS.get(self.analysis, "none")
         fitting = {word: form for word, form in schema.MEASURES.items() if kind in str(form.solution)}
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
@@ -246,6 +244,8 @@ class FileScene(Scene):
         elif self.analysis == "buckling":
             self.units["factors"] = "(times the loads and moved supports)"
             yield "factors", lambda solution: solution.factors
+        elif self.analysis in schema.SWINGING and "measure" not in self.content:
+            raise place.error("nothing is measured: [measure.NAME], as displacement = ROD")
         elif fitting and "measure" not in self.content:
             for k, name in enumerate(self._names.supports):
                 self.units[f"reaction_{name}"] = _FORCE
@@ -300,18 +300,17 @@ class FileScene(Scene):
         return replace(self, spaces=chosen, **rest)
 
     def closer(self, solution: Any) -> "FileScene | None":
-        """Return the same scene on spaces that see the patches of a solution's contacts; None where these are seen.
-
-        Rods whose space is told keep it.
-        """
+        """Return the scene on spaces that see patches of contact, but of rods whose space is given; None if seen."""
         # Over time where most energy was stored: in the end nothing may touch.
         solution = getattr(solution, "largest", None) or solution
         if not getattr(solution, "contacts", ()):
             return None
         from isorod.contact.patches import patches
 
-        plans = list(self.plans.values())
-        found = {k: here for k, here in patches(solution.model, solution.contacts).items() if plans[k].free}
+        plans, model, state = list(self.plans.values()), solution.model, getattr(solution, "equilibrium", solution)
+        # Steps over time, and those that friction needs, would be taken anew: too much for what lines gain.
+        lines = 0 < getattr(state, "load_steps", 0) <= (1 if any(one.friction for one in model.contacts) else inf)
+        found = {k: here for k, here in patches(model, solution.contacts, lines).items() if plans[k].free}
         return replace(self, patches=found) if found else None
 
     def model(self) -> "Model":
@@ -379,6 +378,8 @@ class FileScene(Scene):
             if peaks:
                 found[name] = [one.value for one in peaks] if several else value.value
                 places[name] = [one.place for one in peaks] if several else value.place
+        if hasattr(solution, "told"):
+            found = solution.told(found)
         return found | ({"places": places} if places else {})
 
     def named(self, text: str) -> str:

@@ -15,6 +15,8 @@ from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPP
 from isorod.files.material import BULK, CONSTANTS, FIBRE, VARIABLES
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
+from isorod.files.vibrations import DAMPING, FREQUENCIES, PSD
+from isorod.files.vibrations import LOADS as SEVERAL_LOADS
 from isorod.files.warmth import EXPANSION, TEMPERATURE
 
 _WINDING = {"radius": VARYING, "pitch": VARYING}
@@ -147,13 +149,19 @@ TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE,
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
 _RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep solids".split())
+_SWING = {"damping": DAMPING, "loads": SEVERAL_LOADS}
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),
     "buckling": Form("isorod.buckling:solve", left=_RUN),
+    "harmonic": Form("isorod.harmonic:solve", left=_RUN, kinds={"frequencies": FREQUENCIES} | _SWING),
+    "random": Form("isorod.random:solve", left=_RUN, kinds={"psd": PSD} | _SWING),
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
+# Those that tell amplitudes, and of each that measures something the class of its solutions.
+SWINGING = ("harmonic", "random")
+SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"} | dict.fromkeys(SWINGING, "Response")
 
 
 def analysis(place: Place, said: Any) -> tuple[str, bool]:
@@ -181,6 +189,7 @@ MEASURES = {
     "reaction": _measure("reaction", support=SUPPORT),
     "moment": _measure("moment", support=SUPPORT),
     "displacement": _measure("displacement", rod=ROD),
+    "acceleration": _measure("vibrations:acceleration", rod=ROD),
     "rotation": _measure("rotation", rod=ROD),
     "stress": _measure("stress", rod=ROD),
     "section_force": _measure("section_force", rod=ROD),
@@ -225,5 +234,6 @@ RESERVED = frozenset(
     "momentum_error steps time_step critical_step microseconds_a_step resumed integrator added_kinetic_share "
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
-    "critical_load critical_loads obstacle_forces obstacle_moments end_time".split()
+    "critical_load critical_loads obstacle_forces obstacle_moments end_time response peaks apparent resonances ratios "
+    "left_out".split()
 )

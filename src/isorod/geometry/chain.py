@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isorod.arrays import Array, Numbers
+from isorod.choices import chosen
 from isorod.errors import Checked, InputError, finite
 from isorod.geometry.axis import Axis
 from isorod.geometry.coils import Winding, check_angle, wound
@@ -90,7 +91,7 @@ class Arc(Checked):
     def line(self, tip: Tip) -> CenterLine:
         """Return it from a tip on, which it moves."""
         tip.roll(self.roll)
-        sense, count = np.sign(self.angle), int(np.ceil(abs(self.angle) / 90.0 - 1e-9))
+        sense, count = np.sign(self.angle), chosen(lambda: int(np.ceil(abs(self.angle) / 90.0 - 1e-9)))
         turn = np.radians(abs(self.angle)) / count
         about, to_centre = sense * tip.triad[:, 1], sense * self.radius * tip.triad[:, 0]
         centre = tip.place + to_centre

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array, Numbers
+from isorod.choices import chosen
 from isorod.errors import InputError, expect, numbers
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
 from isorod.geometry.fitting import evaluate, inside, nearest
@@ -43,7 +44,7 @@ def arc(radius: float, angle: float, *, phase: float = 0.0) -> CenterLine:
     """
     check_length("centre line radius", radius)
     check_angle("arc: angle", angle)
-    count = int(np.ceil(abs(angle) / 90.0 - 1e-9))
+    count = chosen(lambda: int(np.ceil(abs(angle) / 90.0 - 1e-9)))
     winding = Winding(_even(radius), _even(0.0), abs(angle) / 360.0, phase, angle < 0.0)
     return _arcs(winding, count, closed=abs(angle) == 360.0)
 
@@ -106,7 +107,7 @@ def helix(
     if winding.places.size > 2 or np.size(radius) > 1 or np.size(pitch) > 1:
         raise InputError("helix: arcs a turn: they go with one radius and one pitch")
     _check_count(turns * arcs_per_turn)
-    return _arcs(winding, max(1, int(np.ceil(turns * arcs_per_turn - 1e-9))))
+    return _arcs(winding, chosen(lambda: max(1, int(np.ceil(turns * arcs_per_turn - 1e-9)))))
 
 
 class Along(NamedTuple):
@@ -168,7 +169,7 @@ class Winding:
     def line(self) -> CenterLine:
         """Return the spline, 8 elements a turn; it comes forward evenly in turns."""
         places = self.places
-        parts = np.maximum(1, np.ceil(HELIX_ELEMENTS * np.diff(places) - 1e-9).astype(int))
+        parts = chosen(lambda: np.maximum(1, np.ceil(HELIX_ELEMENTS * np.diff(places) - 1e-9).astype(int)))
         count = int(parts.sum())
         each = self.turns / count
         cuts = [a + (b - a) * np.arange(n) / n for a, b, n in zip(places[:-1], places[1:], parts, strict=True)]

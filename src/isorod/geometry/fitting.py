@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from isorod.arrays import Array, Index
+from isorod.choices import chosen
 from isorod.errors import InputError
 from isorod.geometry import bspline
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
@@ -60,6 +61,14 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, fl
         If no number of knots will do: the field jumps.
     """
     power = 1.0 / (axis.degree + 1)
+
+    def more() -> Index | None:
+        """Return how many parts elements are to have, None where the field is as near as wanted."""
+        if errors.max() <= tolerance:
+            return None
+        # The error falls with that power of the element's length.
+        return np.clip(np.ceil(1.05 * (errors / tolerance) ** power), 1, 4).astype(int)
+
     for _ in range(_ROUNDS):
         fit = np.sort(np.concatenate([inside(axis, 2 * axis.degree).ravel(), axis.breaks]))
         wanted = field(fit)
@@ -68,10 +77,9 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, fl
         u = inside(axis, _POINTS * axis.degree)
         off = evaluate(axis, coefficients, u.ravel())[0] - field(u.ravel())
         errors = np.linalg.norm(off, axis=-1).reshape(axis.elements, -1).max(axis=1)
-        if errors.max() <= tolerance:
+        parts = chosen(more)
+        if parts is None:
             return axis, coefficients, float(errors.max())
-        # The error falls with that power of the element's length.
-        parts = np.clip(np.ceil(1.05 * (errors / tolerance) ** power), 1, 4).astype(int)
         if parts.sum() > MAX_ELEMENTS // 10:
             break
         axis = axis.cut(parts)

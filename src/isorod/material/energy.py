@@ -59,9 +59,9 @@ class Energy:
 
     @cached_property
     def rests(self) -> bool:
-        """Whether neither energy nor stress is there at rest, of an energy of invariants and stretches alone."""
-        whole = self.whole
-        if self.small or whole.free_symbols & {*s.F, *s.C, s.I8, s.activation}:
+        """Whether it is of invariants and stretches alone, and zero at rest without activation, as is its stress."""
+        whole = self.whole.subs(s.activation, 0)
+        if self.small or whole.free_symbols & {*s.F, *s.C, s.I8}:
             return False
         fibres = sum(abs(sp.diff(whole, one).subs(_REST)) for one in (s.I4a, s.I4b))
         return bool(sp.simplify(whole.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(whole))) == 0)

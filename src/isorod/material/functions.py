@@ -150,7 +150,7 @@ _SMALL = 4e-12
 
 
 @njit(**FAST)
-def of_small(f: tuple[float, ...], work: Array, k: int, energy: float) -> float:
+def of_small(f: tuple[float, ...], p: tuple[float, ...], energy: float) -> float:
     """Return an energy that is free of stress at rest; of small strains half the stress by strain in its place.
 
     There terms of an energy cancel, of which rounding leaves nothing at strains of 1e-8.  That half is right to the
@@ -158,10 +158,8 @@ def of_small(f: tuple[float, ...], work: Array, k: int, energy: float) -> float:
 
     Parameters
     ----------
-    f
-        Components of the deformation gradient ``(9,)``.
-    work, k
-        Where the first Piola-Kirchhoff stress of the point is (`isorod.material.points`).
+    f, p
+        Components of the deformation gradient and of its first Piola-Kirchhoff stress ``(9,)``.
     energy
         What its expression says.
     """
@@ -169,12 +167,9 @@ def of_small(f: tuple[float, ...], work: Array, k: int, energy: float) -> float:
     c22, c01 = f[2] * f[2] + f[5] * f[5] + f[8] * f[8] - 1.0, f[0] * f[1] + f[3] * f[4] + f[6] * f[7]
     c02, c12 = f[0] * f[2] + f[3] * f[5] + f[6] * f[8], f[1] * f[2] + f[4] * f[5] + f[7] * f[8]
     size = c00 * c00 + c11 * c11 + c22 * c22 + 2.0 * (c01 * c01 + c02 * c02 + c12 * c12)
-    p0, p1, p2 = work[ROWS[0] + k], work[ROWS[1] + k], work[ROWS[2] + k]
-    p3, p4, p5 = work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k]
-    p6, p7, p8 = work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k]
-    x = (f[0] * p0 + f[3] * p3 + f[6] * p6) * c00 + (f[0] * p1 + f[3] * p4 + f[6] * p7) * c01
-    x += (f[0] * p2 + f[3] * p5 + f[6] * p8) * c02 + (f[1] * p0 + f[4] * p3 + f[7] * p6) * c01
-    x += (f[1] * p1 + f[4] * p4 + f[7] * p7) * c11 + (f[1] * p2 + f[4] * p5 + f[7] * p8) * c12
-    x += (f[2] * p0 + f[5] * p3 + f[8] * p6) * c02 + (f[2] * p1 + f[5] * p4 + f[8] * p7) * c12
-    x += (f[2] * p2 + f[5] * p5 + f[8] * p8) * c22
+    x = (f[0] * p[0] + f[3] * p[3] + f[6] * p[6]) * c00 + (f[0] * p[1] + f[3] * p[4] + f[6] * p[7]) * c01
+    x += (f[0] * p[2] + f[3] * p[5] + f[6] * p[8]) * c02 + (f[1] * p[0] + f[4] * p[3] + f[7] * p[6]) * c01
+    x += (f[1] * p[1] + f[4] * p[4] + f[7] * p[7]) * c11 + (f[1] * p[2] + f[4] * p[5] + f[7] * p[8]) * c12
+    x += (f[2] * p[0] + f[5] * p[3] + f[8] * p[6]) * c02 + (f[2] * p[1] + f[5] * p[4] + f[8] * p[7]) * c12
+    x += (f[2] * p[2] + f[5] * p[5] + f[8] * p[8]) * c22
     return 0.25 * x if size < _SMALL else energy

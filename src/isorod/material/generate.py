@@ -79,7 +79,6 @@ def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
 # Components of F^T F.
 _SQUARES = {(A, B): " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)) for A in range(3) for B in range(A, 3)}
 
-
 # Scalars of which the derivative by F is twice what is computed of it.
 _TWICE = (s.I1, s.I2, s.I4a, s.I4b)
 
@@ -163,8 +162,7 @@ class _Body:
                 a1, a2, A1, A2 = (a + 1) % 3, (a + 2) % 3, (A + 1) % 3, (A + 2) % 3
                 lines.append(f"g{a}{A} = f{a1}{A1} * f{a2}{A2} - f{a1}{A2} * f{a2}{A1}")
         stretched = s.stretches[0] in has
-        if s.I2 in has:
-            lines += [f"c{A}{B} = {value}" for (A, B), value in _SQUARES.items()]
+        lines += [f"c{A}{B} = {value}" for (A, B), value in _SQUARES.items() if s.I2 in has]
         if has & {s.I1, s.I2}:
             lines.append("I1 = " + " + ".join(f"f{a}{A} * f{a}{A}" for a, A in _COMPONENTS))
         if s.I2 in has:
@@ -201,8 +199,7 @@ class _Body:
 
     def _slopes(self, second: bool = False) -> list[str]:
         """Return lines that compute the derivatives of the energy, NaN where an element is inverted."""
-        names = [f"w_{one}" for one in self.scalars]
-        values = list(self.first.values())
+        names, values = [f"w_{one}" for one in self.scalars], list(self.first.values())
         if second:
             wanted = {pair: value for pair, value in self.second.items() if value != 0}
             names += [f"w_{p}_{q}" for p, q in wanted]
@@ -252,8 +249,11 @@ class _Body:
         body = [*self._read(), *self._kinematics(), *self._slopes(), *self._stress()]
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
         lines = self._head("block", "work, constants, activation, wanted") + self._loop(body) + ["    if wanted:"]
-        energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
-        energies += [f"rest = of_small({_nine('f')}, work, k, rest)"] if self.energy.rests else []
+        # With the slopes of the stress without activation, which the energy of small strains is made of.
+        slopes = {f"w_{one}": w.subs(s.activation, 0) for one, w in self.first.items()} if self.energy.rests else {}
+        values = {"rest": self.rest, "active": self.active} | slopes
+        energies = [*self._read(), *self._kinematics(), *assignments(list(values), list(values.values()))]
+        energies += [*self._stress(), f"rest = of_small({_nine('f')}, p, rest)"] if slopes else []
         # Laws of small strains are linear: of a mode of any size too, which is no deformation.
         if not self.energy.small:
             energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, kron
 from slepc4py import SLEPc
 
 from isorod.arrays import Array
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
 from isorod.modal.pencil import BAD_RESIDUAL, Found, Pencil, just_above
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
@@ -117,6 +117,9 @@ class Quadratic:
     def _find(self, wanted: int, scale: float) -> tuple[list[_Pair], int, dict[str, str]]:
         """Solve once; return what has converged, ascending, restarts and what was used."""
         stiffness = self.pencil.stiffness
+        if not np.diff(stiffness.getOwnershipRanges()).all():
+            # SLEPc's basis becomes NaN.
+            raise InputError("modes of a spin: a rank has no unknowns; start fewer ranks, or take more elements")
         pep = SLEPc.PEP().create(stiffness.getComm())
         pep.setOperators([stiffness, self.coriolis, self.pencil.mass])
         pep.setProblemType(SLEPc.PEP.ProblemType.GENERAL)

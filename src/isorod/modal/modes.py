@@ -1,6 +1,6 @@
 """What vibration modes answer: frequencies, shapes, errors."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from isorod.statics.analysis import Equilibrium
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
     from isorod.output.matrices import Matrices
+    from isorod.statics.derivatives import Derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +175,17 @@ class Modes:
         from isorod.output.matrices import matrices
 
         return matrices(self.model, self.equilibrium, self.lumped)
+
+    def derivatives(
+        self,
+        make: "Callable[[Mapping[str, float]], Model]",
+        at: "Mapping[str, float]",
+        measure: "Callable[[Modes], Mapping[str, object]]",
+    ) -> "Derivatives":
+        """Return the derivatives of what is measured by parameters (`isorod.modal.derivatives.derivatives`)."""
+        from isorod.modal.derivatives import derivatives
+
+        return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them, and of how the equilibrium was found."""

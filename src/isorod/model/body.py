@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isorod import choices
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError, finite, representable
 from isorod.geometry.quadrature import ring_of
@@ -20,7 +21,8 @@ from isorod.model.history import rigid_velocity
 from isorod.model.joints import warn_of_smooth_joints
 from isorod.model.past import Past, gone_through
 from isorod.space import choice
-from isorod.space.space import CHOICES, Space, Table
+from isorod.space.chosen import CHOICES
+from isorod.space.space import Space, Table
 
 if TYPE_CHECKING:
     from isorod.space.pressure import Pressures
@@ -118,7 +120,7 @@ class Body(Checked):
                 else f"material: got {given} laws for {rings} rings, need one law, one a ring, or such for elements"
             )
         if self.formulation is None:
-            self._set(formulation="mixed" if self._nearly_incompressible() else "displacement")
+            self._set(formulation="mixed" if choices.chosen(self._nearly_incompressible) else "displacement")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):
@@ -345,8 +347,7 @@ class Body(Checked):
         xi
             Shape ``(q, 2)``; where two rings meet the outer one is meant.
         """
-        breaks = self.space.axis.breaks
-        elements = np.searchsorted(breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
+        elements = np.searchsorted(self.space.axis.breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
         rings = self._rings
         if rings == 1:
             laws = Laws.of([self.laws[e] for e in elements])
@@ -358,8 +359,7 @@ class Body(Checked):
             return laws
         if self.past is None:
             raise InputError(
-                "law: of motions what laws with memory know is kept at points of quadrature alone; stresses, section "
-                "forces and energies of a rod are told in statics"
+                "law: states with memory are at quadrature points alone in motions; take stress and energy in statics"
             )
         laws = gone_through(laws, self.past, self.space, u, xi)
         return laws.frozen if self.settled else laws

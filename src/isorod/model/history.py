@@ -55,8 +55,9 @@ class TimeTable:
     def at(self, time: float, before: bool = False) -> float:
         """Return the factor at a time; where it jumps that after it, or that ``before``."""
         first, last = self._piece(time, before)
-        begin = self.factors[first]
-        return begin if first == last else begin + (time - self.times[first]) * self.slope(time, before)
+        begin, end = self.factors[first], self.factors[last]
+        # Of a row that is met the factor is what it says, to the last digit: else tables would jump there.
+        return end if time == self.times[last] else begin + (time - self.times[first]) * self.slope(time, before)
 
     def slope(self, time: float, before: bool = False) -> float:
         """Return how fast the factor grows after a time, or ``before``."""

@@ -25,6 +25,7 @@ _VARIED, _NO_ANSWERS = "# varied: ", ("error_estimate", "unknowns", "status")
 # Of what a column is, by its name, and in which unit; the first that fits.
 _QUANTITIES = (
     (r"\(.*\)$", "", ""),
+    (r" phase$", "phase", "degrees"),
     (r"error", "relative error", ""),
     (r"residual", "relative residual", ""),
     (r"\bforce\b", "force", "unit of E × length²"),
@@ -36,6 +37,9 @@ _QUANTITIES = (
     (r"frequenc", "frequency", "cycles per time"),
     (r"^time$", "time", "unit of time"),
 )
+
+# Transfer functions: their columns, what they are over, and how wide a range has a logarithmic axis.
+_SWINGS, _OVER, _WIDE = r" (amplitude|density)( \(.*\))?$", "frequency", 100.0
 
 # The units that files name with what they measure (`isorod.output.reading.Result.units`), by quantity.
 _NAMED = {"displacement": "length", "penetration": "length"}
@@ -202,11 +206,17 @@ def draw(
         figure.suptitle(title)
         for axis, panel in zip(axes.flat, shown, strict=False):
             separate = panel.curves[0][0] == "mode"
+            swings = re.search(_SWINGS, panel.curves[0][1]) is not None
             for over, name in panel.curves:
-                axis.plot(columns[over], columns[name], "o" if separate else ".-", label=name, linewidth=1.3)
+                style = "o" if separate else "-" if over == _OVER else ".-"
+                axis.plot(columns[over], columns[name], style, label=name, linewidth=1.3)
             axis.set_xlabel(panel.below)
             axis.set_ylabel(panel.beside)
             axis.grid(alpha=0.3)
+            if swings:
+                axis.set_yscale("log")
+            if panel.curves[0][0] == _OVER and _WIDE * columns[_OVER][0] < columns[_OVER][-1]:
+                axis.set_xscale("log")
             if separate:
                 axis.xaxis.get_major_locator().set_params(integer=True)
             if len(panel.curves) > 1 or panel.curves[0][1] not in panel.beside:

@@ -213,13 +213,16 @@ def _make_room(work: Elimination, c: int, bottom: int) -> None:
     """Forget columns before ``c`` where there is no room for those before ``bottom``, and clear what is new."""
     now, band, border = work.progress[0], work.band, work.border
     if bottom - now.band > band.shape[0]:
+        # Number by number: rows at once are 30 functions more to compile.
         for j in range(now.cleared - c):
-            band[j] = band[c - now.band + j]
+            for e in range(band.shape[1]):
+                band[j, e] = band[c - now.band + j, e]
         now.band = c
     if border.size and bottom - now.border > border.shape[0]:
         left = max(border.shape[0] - (c - now.border), 0)
         for j in range(left):
-            border[j] = border[c - now.border + j]
+            for e in range(border.shape[1]):
+                border[j, e] = border[c - now.border + j, e]
         border[left:] = 0.0
         now.border = c
     for j in range(now.cleared, bottom):

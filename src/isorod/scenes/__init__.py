@@ -19,8 +19,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from isorod.errors import Checked, InputError
 
 if TYPE_CHECKING:
+    from isorod.arrays import Array
     from isorod.geometry.rod import Rod
+    from isorod.material.law import Material
+    from isorod.model.model import Model
     from isorod.space.space import Space
+    from isorod.statics.equilibrium import Equilibrium
 
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
@@ -180,6 +184,63 @@ class Scene(Checked):
 
 def _fields(scene: Scene) -> tuple[dataclasses.Field[Any], ...]:
     return dataclasses.fields(cast(Any, scene))
+
+
+@dataclasses.dataclass(frozen=True)
+class Wound(Scene):
+    """A scene of round wire in coils, both end faces held, that are pressed together over time."""
+
+    coils: float = option(2, "number of turns, not necessarily whole")
+    coil_radius: float = option(10.0, "radius of the helix, to the wire's centre [length]")
+    pitch: float = option(11.079, "rise per turn [length]")
+    wire_radius: float = option(1.0, "radius of the wire [length]")
+    E: float = option(210e3, "Young's modulus [force/area]")
+    nu: float = option(0.3, "Poisson's ratio")
+    elements_per_turn: int | None = option(None, "elements a turn, a multiple of 8 (chosen)")
+    section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
+    degree: int | None = option(None, "degree along the axis, 4 to 6 (5)")
+    continuity: int | None = option(None, "continuity at inserted knots, below degree (degree - 3)")
+    quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
+
+    @property
+    def per_turn(self) -> int:
+        """Elements a turn of the wire as first built."""
+        from isorod.geometry.coils import HELIX_ELEMENTS
+
+        return HELIX_ELEMENTS
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [force/area]."""
+        return self.E / (2.0 + 2.0 * self.nu)
+
+    def rod(self) -> "Rod":
+        """Return the wire as first built, a quartic spline that climbs evenly."""
+        from isorod.geometry import section
+        from isorod.geometry.coils import helix
+
+        return helix(self.coil_radius, self.pitch, self.coils).sweep(section.circle(8, self.wire_radius))
+
+    def pressed(self, law: "Material", travel: float, history: Sequence[Sequence[float]]) -> "Model":
+        """Return the model of a law, start clamped, end clamped and moved down by a travel times a table."""
+        import isorod
+
+        rod, own, each = self.rod(), self.per_turn, self.elements_per_turn
+        if each is not None and (each < own or each % own):
+            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
+        space = self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+        moved = isorod.Support.end(space, "end", displacement=(0.0, 0.0, -travel), history=history)
+        return isorod.Model([isorod.Body(space, law)], [isorod.Support.end(space, "start"), moved])
+
+    def way(self, solution: "Equilibrium") -> tuple["Array", "Array", "Array"]:
+        """Return times, travels over the whole one, and forces at each load step."""
+        import numpy as np
+
+        model, factors = solution.model, [one.factor for one in solution.path]
+        assert model.times is not None, "solved with an end_time"
+        times = [model.times.time(one) for one in factors]
+        shares = [model.share(model.motions[1].clock.table, one) for one in factors]
+        return np.array(times), np.array(shares), np.array([-one.reactions[1, 2] for one in solution.path])
 
 
 class Preset(Scene):

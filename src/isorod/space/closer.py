@@ -11,7 +11,7 @@ from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.quadrature import WHOLE
 from isorod.geometry.rod import Rod
 from isorod.space import choice
-from isorod.space.graded import Graded
+from isorod.space.graded import ORDER, Graded
 from isorod.space.space import Space
 
 # Along the axis.
@@ -34,7 +34,7 @@ class Patch(NamedTuple):
     along, around
         Half its length along the axis, and half the angle [rad] that it takes round the section.
     size
-        Length that elements are to have there, at most.
+        Length that elements are to have there, at most; that of the rod where it presses on a line along it.
     arc
         The same of arcs, if that is another; else 0.
     """
@@ -59,10 +59,11 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
         raise InputError("patches: name one at least, with extents and a size that are positive")
     if rod.rings != WHOLE:
         raise InputError("patches: hollow and layered rods cannot be refined locally; use section_degree")
-    degree = max(DEGREE, rod.axis.degree)
     # Where there is no patch the rod is seen as it is without one.
-    parts = choice.axis(rod, None, degree, None)[0] // rod.axis.elements
-    made = rod.refine(parts, degree, degree - 1)
+    own, least = rod.axis.elements, max(DEGREE, rod.axis.degree)
+    lines = all(one.size >= rod.arc_length.total for one in patches)
+    parts, degree, continuity, _ = choice.axis(rod, None, None if lines else least, None if lines else least - 1)
+    made = rod.refine(parts // own, degree, continuity)
     length, breaks = rod.arc_length, made.axis.breaks
     middles = length(np.array([one.u for one in patches])).tolist()
     stretches = [(middle, one.along, one.size) for middle, one in zip(middles, patches, strict=True)]
@@ -72,11 +73,12 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
         cuts = np.cumsum(_cut(ends[k], ends[k + 1], count, stretches, period))[:-1] / count
         for share in cuts:
             made = made.insert(float(breaks[k] + share * (breaks[k + 1] - breaks[k])))
-    return Space.paper(made, quadrature="auto", order=1, section_basis=_section(rod, patches))
+    basis = _section(rod, patches, choice.ORDER if lines else ORDER)
+    return Space.paper(made, continuity=continuity, quadrature="auto", order=1, section_basis=basis)
 
 
-def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
-    """Return section functions, whose arcs are as many everywhere along the rod."""
+def _section(rod: Rod, patches: Sequence[Patch], order: int) -> Graded:
+    """Return section functions of an order, whose arcs are as many everywhere along the rod."""
     n, radius = rod.section_points, float(rod.radii(rod.axis.breaks, 16)[1].max())
     arcs = [(one.angle, one.around, (one.arc or one.size) / radius) for one in patches]
     whole = 2.0 * np.pi / n
@@ -86,7 +88,7 @@ def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
     found: list[int] = []
     for k in range(n):
         found += _cut((k - 0.5) * whole, (k + 0.5) * whole, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
-    return Graded(n, tuple(found))
+    return Graded(n, tuple(found), order)
 
 
 def _evenly(length: float, patches: Sequence[tuple[float, float, float]]) -> int:

@@ -52,6 +52,8 @@ class Polynomials:
         The geometry.
     degree
         Total degree ``N``, 1 to 8.
+    frame
+        The `frame` of a section much like this one, whose directions are to be taken, not its own principal ones.
 
     Attributes
     ----------
@@ -68,7 +70,7 @@ class Polynomials:
     on_surface: ClassVar[bool] = False
     most: ClassVar[int] = MAX_DEGREE
 
-    def __init__(self, rod: Rod, degree: int) -> None:
+    def __init__(self, rod: Rod, degree: int, frame: Array | None = None) -> None:
         self._kept: dict[bytes, tuple[Array, Array]] = {}
         self.degree = degree = whole_number("section degree", degree, 1, self.most)
         points = rod.control_points
@@ -89,6 +91,12 @@ class Polynomials:
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
         self._polygon, self._extents, share = _principal_frame(self._polygon, area, values, first, second)
+        if frame is not None:
+            # The nearest to it that turning, and turning over, makes of the principal one.
+            across = self.frame
+            left, _, right = np.linalg.svd(across.T @ frame)
+            self._extents = 0.5 * np.ptp(turned := across @ left @ right, axis=0)
+            self._polygon = turned / self._extents
         self.across = max(2, ceil(degree * max(0.5, _roundness(arms)) - 1e-9))
         self._powers = monomials(degree, self.across)
         self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
@@ -105,6 +113,11 @@ class Polynomials:
     def is_carrier(self) -> NDArray[np.bool_]:
         """Whether a function is a carrier: the first alone is, shape ``(count,)``."""
         return np.arange(self.count) == 0
+
+    @property
+    def frame(self) -> Array:
+        """Control points of the section by its own directions, units of length, ``(n, 2)``."""
+        return self._polygon * self._extents
 
     @property
     def polygon(self) -> Array:

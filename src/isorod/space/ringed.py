@@ -55,6 +55,10 @@ class Ringed(Polynomials):
         The geometry, whose section has a hole, or layers.
     degree
         Total degree ``N``, 1 to 12.
+    frame
+        As of `Polynomials`.
+    taken
+        Which functions are taken of those of which some are sums of others; where not given the most independent ones.
 
     Raises
     ------
@@ -64,13 +68,15 @@ class Ringed(Polynomials):
 
     most: ClassVar[int] = 12
 
-    def __init__(self, rod: Rod, degree: int) -> None:
-        super().__init__(rod, degree)
+    def __init__(
+        self, rod: Rod, degree: int, frame: Array | None = None, taken: "NDArray[np.intp] | None" = None
+    ) -> None:
+        super().__init__(rod, degree, frame)
         self._rings = rod.rings
         self._kinds = _kinds(rod.rings, degree, self.across)
         xi, area = self._fine_points()
         turn = np.einsum("qib,ic->qbc", harmonic_functions(rod.section_points, xi)[1], self._polygon)
-        self._mix, self._taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area)
+        self._mix, self.taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area, taken)
 
     def __str__(self) -> str:
         return f"{super().__str__()} in rings {' '.join(f'{radius:g}' for radius in self._rings)}"
@@ -84,14 +90,14 @@ class Ringed(Polynomials):
     @property
     def count(self) -> int:
         """Number of functions."""
-        return self._taken.size
+        return self.taken.size
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, outside of a hole."""
         points = np.asarray(xi, dtype=float).reshape(-1, 2)
         values, gradients = self._candidates(points, self._powers, self._kinds)
-        mixed = np.swapaxes(gradients[:, self._taken], 1, 2) @ self._mix
-        return values[:, self._taken] @ self._mix, np.ascontiguousarray(np.swapaxes(mixed, 1, 2))
+        mixed = np.swapaxes(gradients[:, self.taken], 1, 2) @ self._mix
+        return values[:, self.taken] @ self._mix, np.ascontiguousarray(np.swapaxes(mixed, 1, 2))
 
     def _candidates(self, xi: Array, exponents: Index, kinds: Index) -> tuple[Array, Array]:
         """Return values ``(q, c)`` and gradients ``(q, c, 2)`` of monomials, then of ring functions, at disk points.
@@ -265,7 +271,9 @@ def _kinds(rings: tuple[float, ...], degree: int, across: int) -> Index:
     return np.array(kinds, dtype=np.int64).reshape(-1, 5)
 
 
-def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) -> tuple[Array, NDArray[np.intp]]:
+def orthogonalised(
+    values: Array, gradients: Array, turn: Array, area: Array, taken: "NDArray[np.intp] | None" = None
+) -> tuple[Array, NDArray[np.intp]]:
     """Return the matrix that makes functions of a section of orthonormal gradients, and which of them were taken.
 
     The first three, 1 and the coordinates, stay first, the others have no mean; of them those are left out whose
@@ -281,6 +289,8 @@ def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) ->
         Derivatives ``(q, 2, 2)`` of the section's coordinates (last) by the disk's.
     area
         Weights of the points on the disk, shape ``(q,)``.
+    taken
+        Those that are to be taken.
     """
     weight = area * np.abs(np.linalg.det(turn))
     weight /= weight.sum()
@@ -288,16 +298,21 @@ def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) ->
     radius = np.sqrt(weight @ np.square(values[:, 1:3] - means[1:3]).mean(axis=1))
     slopes = gradients[:, 1:] @ (np.swapaxes(np.linalg.inv(turn), 1, 2) * (radius * np.sqrt(weight))[:, None, None])
     slopes = np.vstack([*np.moveaxis(slopes, 2, 0)])
-    frame = np.linalg.qr(slopes[:, :2])[0]
-    rest = slopes[:, 2:] / np.linalg.norm(slopes[:, 2:], axis=0)
-    # Twice is enough.
-    for _ in range(2):
-        rest = rest - frame @ (frame.T @ rest)
-    _, triangle, order = qr(rest, mode="economic", pivoting=True)
-    taken = np.concatenate([[0, 1, 2], 3 + order[np.abs(np.diag(triangle)) > _NEW]])
+    taken = _independent(slopes) if taken is None else taken
     # candidates = own functions @ whole
     whole = np.zeros((taken.size, taken.size))
     whole[0] = means[taken]
     whole[1:, 1:] = np.linalg.qr(slopes[:, taken[1:] - 1])[1]
     whole *= np.where(np.diag(whole) < 0.0, -1.0, 1.0)[:, None]
     return np.linalg.inv(whole), taken
+
+
+def _independent(slopes: Array) -> NDArray[np.intp]:
+    """Return which functions have gradients, columns of ``slopes`` but for the first's, that are no sums of others."""
+    frame = np.linalg.qr(slopes[:, :2])[0]
+    rest = slopes[:, 2:] / np.linalg.norm(slopes[:, 2:], axis=0)
+    # Twice is enough.
+    for _ in range(2):
+        rest = rest - frame @ (frame.T @ rest)
+    _, triangle, order = qr(rest, mode="economic", pivoting=True)
+    return np.concatenate([[0, 1, 2], 3 + order[np.abs(np.diag(triangle)) > _NEW]])

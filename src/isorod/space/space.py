@@ -17,7 +17,7 @@ from isorod.geometry.disk import check_count
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod, section_gradient
 from isorod.geometry.section import refinement_turn
-from isorod.space import choice
+from isorod.space import choice, chosen
 from isorod.space.basis import SectionBasis
 from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
@@ -26,9 +26,6 @@ from isorod.tensors import inverse
 
 # Jacobian matrices, their inverses, and what both are made of.
 _BYTES_A_POINT = 8 * 32
-
-# What is chosen where it is not given.
-CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,25 +90,10 @@ class Space(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = {name for name in CHOICES if getattr(self, name) is not None}
-        if self.elements is not None and self.knots is None:
-            self._set(knots=())
-            given.add("knots")
-        self._choose_section()
-        self._set(**choice.axis(self.rod, self.elements, self.degree, self.continuity, self.knots)._asdict())
-        if self.quadrature is None:
-            self._set(quadrature=str(choice.rule(self)))
-        self._set(chosen=tuple(name for name in CHOICES if name not in given and getattr(self, name) is not None))
+        self._set(**chosen.choices(self))
         # What they refuse is refused now, not when an analysis first asks for them.
         self.basis, self.axis, self.rule  # noqa: B018
-
-    def _choose_section(self) -> None:
-        """Choose section functions, if none are given, or the order of those that are."""
-        if self.section_basis is not None or self.section_degree is not None:
-            return
-        if self.order is None:
-            points = self.section_points is not None
-            self._set(**({"order": choice.ORDER} if points else choice.section(self.rod)))
+        self._set(basis=chosen.basis(self))
 
     @classmethod
     def paper(

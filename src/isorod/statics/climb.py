@@ -55,6 +55,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
     if in_steps and start is not None and load_steps == 1 and model.times is None:
         solver.guess = solver.assembler.state(start)
     stops = sorted({*stages, *path.outputs})
+    solver.left = path.left
 
     def first(factor: float) -> float:
         """Return the step to begin with: a part of all the way or, over time, of that to where a table goes on."""
@@ -69,7 +70,6 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         there = factor + min(step, longest)
         target = end if there > end - 1e-12 else there
         guessed = solver.guess is not None
-        path.left(solver.x, factor)
         try:
             if policy is not None and in_steps:
                 solves, updates = policy.step(factor, target)

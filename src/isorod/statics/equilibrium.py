@@ -1,6 +1,6 @@
 """What statics answers: an equilibrium, the way to it, and estimates of its errors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,9 @@ from isorod.statics.path import Step, Turn
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
     from isorod.contact.result import ContactResult
+    from isorod.model.model import Model
     from isorod.output.matrices import Matrices
+    from isorod.statics.derivatives import Derivatives
 
 
 # Forces, or moments, that are a smaller share of the other, whatever the unit of length, are none.
@@ -168,14 +170,17 @@ class Equilibrium(State, WithSolids, Animated):
 
     @cached_property
     def steps_error(self) -> float | None:
-        """The error of supports' forces, and of displacements in the end, by few load steps; None without memory.
+        """The error of supports' forces, and of displacements in the end, by few load steps.
+
+        They depend on these with laws with memory, and over time with friction; elsewhere None.
 
         It is relative to the largest on the way, and that of twice or half as many load steps apart, where what they
         err by halves as they double.
         """
         if self.coarser is not None:
             return self.coarser._apart(self)
-        if not self.model.remembers or self.in_more_steps is None:
+        rubs = self.model.times is not None and any(one.friction for one in self.model.contacts)
+        if not (self.model.remembers or rubs) or self.in_more_steps is None:
             return None
         # It takes a run in twice as many once.
         return 2.0 * self._apart(self.in_more_steps(self))
@@ -237,6 +242,17 @@ class Equilibrium(State, WithSolids, Animated):
         from isorod.output.matrices import matrices
 
         return matrices(self.model, self, lumped)
+
+    def derivatives(
+        self,
+        make: "Callable[[Mapping[str, float]], Model]",
+        at: "Mapping[str, float]",
+        measure: "Callable[[Equilibrium], Mapping[str, object]]",
+    ) -> "Derivatives":
+        """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`)."""
+        from isorod.statics.derivatives import derivatives
+
+        return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""

@@ -16,8 +16,9 @@ from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.past import Past
 from isorod.output import checkpoint
-from isorod.statics.newton import Before, Newton
+from isorod.statics.newton import Newton
 from isorod.statics.path import Path, Step, Turn
+from isorod.statics.predictor import Before
 
 
 class Reached(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -21,6 +21,7 @@ from isorod.statics.contact_policy import ContactPolicy
 from isorod.statics.convergence import Convergence, worst_place
 from isorod.statics.line_search import LineSearch
 from isorod.statics.preconditioner import prepare
+from isorod.statics.predictor import Ahead, Before
 from isorod.statics.proximal import FEW, NEARLY
 from isorod.statics.steps import Diverged, Steps
 
@@ -47,14 +48,6 @@ _LAGS = 0.2
 _SMOOTH = 8
 
 
-class Before(NamedTuple):
-    """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
-
-    step: float
-    x: PETSc.Vec
-    rate: PETSc.Vec
-
-
 class Newton:
     """SNES on an assembler, at one load factor after the other.
 
@@ -78,6 +71,8 @@ class Newton:
         Called in each iteration with what says how far it is.
     guess
         State that the next load step begins at in the place of its predictor, or None.
+    left
+        Called with state and load factor where a step begins, also again.
     history, solves
         The equilibrium before the last, or None, and linear solves of the last step.
     """
@@ -91,6 +86,7 @@ class Newton:
         self.cuts = 0
         self.tell: Callable[[Callable[[], str]], None] = lambda line: None
         self.guess: PETSc.Vec | None = None
+        self.left: Callable[[PETSc.Vec, float], None] = lambda x, factor: None
         self._trial = assembler.vector()
         self._force = assembler.vector()
         self._change = assembler.vector()
@@ -100,6 +96,7 @@ class Newton:
         self._filled = self._fresh = self._settles = False
         self._convergence = Convergence(assembler)
         self.history: Before | None = None
+        self._ahead: Ahead | None = None
         self.steps = Steps(assembler)
         self.stabilisation: Proximal | None = None
         self.policy: ContactPolicy | None = None
@@ -309,6 +306,8 @@ class Newton:
     def _predict(self, factor: float, step: float) -> tuple[float | None, PETSc.Vec]:
         """Set the trial state of a step; return the norm of the force that drives it, if any, and the path's slope."""
         assembler = self.assembler
+        if self.history is None:
+            self.left(self.x, factor)
         assembler.extrapolate()
         if not step and self._filled:
             # What has changed at one load factor is contact, which Newton's iterations see.
@@ -317,18 +316,13 @@ class Newton:
         self._filled = True
         self._fill(self.x, factor, self._matrix)
         if not step:
-            # Newton's first iteration from here has this tangent.
             self._fresh = True
             self.x.copy(self._trial)
             return None, assembler.vector()
-        # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
-        fraction = 1.0 if self.history is None else _DELTA
-        assembler.load_forces(self.x, factor, fraction * step, self._force)
-        self._force.scale(1.0 / fraction)
-        self._solve_linear(factor)
-        rate = self._change.copy()
-        rate.scale(-1.0 / step if step else 0.0)
-        self._trial.waxpy(-1.0, self._change, self.x)
+        force, rate = self._slope(factor, step)
+        # Where a path goes on, so does flow; once laws have left, the tangent at its surface is that of unloading.
+        self.left(self.x, factor)
+        self._trial.waxpy(step, rate, self.x)
         if self._bend(rate, step):
             # The extrapolated stress belongs to a straight step.
             assembler.extrapolate()
@@ -337,7 +331,22 @@ class Newton:
         if self.guess is not None:
             self.guess.copy(self._trial)
             self.guess = None
-        return self._force.norm(), rate
+        return force, rate
+
+    def _slope(self, factor: float, step: float) -> tuple[float, PETSc.Vec]:
+        """Return the norm of the force that drives a step, and the path's slope where it begins."""
+        ahead = self._ahead
+        if ahead is None or ahead.factor != factor:
+            # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
+            fraction = 1.0 if self.history is None else _DELTA
+            self.assembler.load_forces(self.x, factor, fraction * step, self._force)
+            self._force.scale(1.0 / fraction)
+            self._solve_linear(factor)
+            rate = self._change.copy()
+            rate.scale(-1.0 / step)
+            ahead = Ahead(factor, rate, self._force.norm() / step)
+            self._ahead = None if self.history is None else ahead
+        return ahead.force * step, ahead.rate
 
     def _solve_linear(self, factor: float) -> None:
         """Set the change of state that the force makes."""
@@ -357,22 +366,13 @@ class Newton:
             )
 
     def _bend(self, rate: PETSc.Vec, step: float) -> bool:
-        """Make the predictor follow the curve of the path: the cubic through the last two equilibria and tangents."""
-        if self.history is None or not step or (self.assembler.contact is not None and self.solves > _SMOOTH):
+        """Make the predictor follow the curve of the path, if it can be told."""
+        if self.history is None or (self.assembler.contact is not None and self.solves > _SMOOTH):
             return False
-        length, past, slope = self.history
-        gap = past - self.x
-        gap.axpy(length, rate)
-        turn = slope - rate
-        turn.scale(length)
-        fraction = step / length
-        # x + v t + a t^2 + b t^3 with the values and slopes of both ends.
-        gap.scale(3.0 * fraction**2 + 2.0 * fraction**3)
-        gap.axpy(fraction**2 + fraction**3, turn)
-        if not gap.norm() <= self._change.norm():
-            return False
-        self._trial.axpy(1.0, gap)
-        return True
+        gap = self.history.bend(self.x, rate, step)
+        bends = bool(gap.norm() <= step * rate.norm())
+        self._trial.axpy(float(bends), gap)
+        return bends
 
     def _correct(self, scale: float | None) -> int:
         """Bring the trial state into balance; return the number of linear solves, the predictor's included."""

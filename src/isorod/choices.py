@@ -1,0 +1,75 @@
+"""What is chosen as a model is built, kept so that it can be built of other numbers on the same discretisation.
+
+Numbers of elements, of functions and of points jump as lengths change.  A derivative is that of one discrete model: the
+models beside it are built with the choices of this one, in the order in which they were made.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from isorod.errors import InputError
+
+T = TypeVar("T")
+
+
+class Choices:
+    """Choices in the order in which they were made, and the one that is next where they are repeated."""
+
+    def __init__(self) -> None:
+        self.made: list[Any] = []
+        self.next: int | None = None
+
+
+_current: Choices | None = None
+
+
+@contextmanager
+def kept() -> Iterator[Choices]:
+    """Keep the choices that are made within."""
+    choices = Choices()
+    with _as_current(choices):
+        yield choices
+
+
+@contextmanager
+def repeated(choices: Choices) -> Iterator[None]:
+    """Let what is built within have these choices.
+
+    Raises
+    ------
+    InputError
+        If it makes more of them, or fewer: it is another model.
+    """
+    choices.next = 0
+    with _as_current(choices):
+        yield
+    if choices.next != len(choices.made):
+        raise InputError("the discretisation changes with the parameter")
+
+
+def chosen(choose: Callable[[], T]) -> T:
+    """Return a choice: what is repeated, else what ``choose`` returns; choices within that are a part of it."""
+    choices = _current
+    if choices is None:
+        return choose()
+    if choices.next is None:
+        with _as_current(None):
+            found = choose()
+        choices.made.append(found)
+        return found
+    if choices.next == len(choices.made):
+        raise InputError("the discretisation changes with the parameter")
+    choices.next += 1
+    known: T = choices.made[choices.next - 1]
+    return known
+
+
+@contextmanager
+def _as_current(choices: Choices | None) -> Iterator[None]:
+    global _current
+    before, _current = _current, choices
+    try:
+        yield
+    finally:
+        _current = before

@@ -1,0 +1,230 @@
+"""``isorod design``: numbers of a scene that meet targets and limits, with the least of something."""
+
+import argparse
+import json
+import shlex
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isorod import options, scenes
+from isorod.command import chosen, ending, notes
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+
+# Rounds on new discretisations until the answer of a model solved as if it were new is that of the design.
+_ROUNDS = 3
+
+# So far these may differ.
+_SAME = 1e-3
+
+
+def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Design a scene with our options and PETSc's; return the exit code: 2 where what is wanted is not met."""
+    from isorod.command import printing
+
+    if chosen.usage("design", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("design", ours, theirs, more)
+    if scenes.analyses(scene)[0] not in ("statics", "modal"):
+        raise InputError(f"design: not in {scene.analysis}; it is in statics and modal analysis")
+    options.initialize(theirs)
+    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record = _design(scene, found)
+    if ending.rank() == 0:
+        print(json.dumps(record) if found.json else "\n".join(lines(record)), flush=True)
+        notes.show()
+    return ending.fail("isorod", record["missed"]) if record["missed"] else 0
+
+
+def more(parser: Parser, scene: Any) -> None:
+    """Add options of the scene's analysis, and of the design."""
+    chosen.with_analysis(parser, scene)
+    add = parser.add_argument
+    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="numbers that may change, with bounds")
+    add("--target", action="append", default=[], metavar="NAME=VALUE", help="what is measured is to be this")
+    add("--limit", action="append", default=[], metavar="NAME<VALUE", help="what is measured is to be below, or above")
+    least = parser.add_mutually_exclusive_group()
+    least.add_argument("--minimise", "--minimize", metavar="NAME", help="mass, volume, or what is measured")
+    least.add_argument("--maximise", "--maximize", metavar="NAME", help="the same, to be the largest")
+    add("--json", action="store_true", help="print the result as one line of JSON")
+    add("--output", metavar="FILE.toml", help="write the file with the numbers found")
+
+
+def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
+    from isorod.design import evaluations, optimise, wanted
+
+    several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}
+    several = several or {"": scene}
+    scene = next(iter(several.values()))
+    _check(scene, found)
+    varied = wanted.varied(found.vary, scene)
+    settings = chosen.settings(scene, found)
+    own = evaluations.Evaluations(several, [one.name for one in varied], settings)
+    x = np.array([one.start for one in varied])
+    with scene.locating():
+        own.freeze(x)
+        before = own.answer(x)
+    asked = wanted.wanted(found.target, "--target", "=", before.values)
+    asked += wanted.wanted(found.limit, "--limit", "<>", before.values)
+    objective = None
+    if found.minimise or found.maximise:
+        option = "--minimise" if found.minimise else "--maximise"
+        name = wanted.named(option, found.minimise or found.maximise, before.values)
+        objective = name, 1.0 if found.minimise else -1.0
+    if not asked and objective is None:
+        raise InputError("design: say what is wanted: --target, --limit, --minimise or --maximise")
+    problem = optimise.Problem(own, varied, asked, objective, tell)
+    with scene.locating():
+        best, after, error = _found(problem, own, x, _concerned(asked, objective), several, settings)
+    if best.trouble and best.missed[0] <= optimise.MET:
+        warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
+    missed = f"what is wanted is not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
+    held = [name for name in best.prices if " bound " in name]
+    if missed and held:
+        missed += f", with {' and '.join(held)}"
+    if missed and best.trouble:
+        missed += f" ({best.trouble})"
+    values = dict(zip(own.names, map(float, best.x), strict=True))
+    record = {
+        "scene": scene.name,
+        "parameters": {
+            one.name: {"before": one.start, "after": values[one.name], "lower": one.lower, "upper": one.upper}
+            for one in varied
+        },
+        "answers": {name: {"before": before.values[name], "after": after[name]} for name in after},
+        "wanted": [str(one) for one in asked],
+        "objective": None if objective is None else objective[0],
+        "extreme": "largest" if found.maximise else "least",
+        "active": best.prices,
+        "solves": own.solves,
+        "error_estimate": error,
+        "missed": missed,
+        "again": again(scene, values),
+    }
+    if found.output and ending.rank() == 0:
+        from isorod.files.rewritten import rewritten
+        from isorod.output import results
+
+        text = rewritten(Path(scene.path).read_text(encoding="utf-8"), _typed(scene) | values)
+        results.write_whole(Path(found.output), text.encode())
+        record["again"] = f"isorod run {shlex.quote(found.output)}"
+    return record
+
+
+def _found(
+    problem: Any, own: Any, x: Any, concerned: Sequence[str], several: Mapping[str, Any], settings: Mapping[str, Any]
+) -> tuple[Any, dict[str, float], float | None]:
+    """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
+    for attempt in range(_ROUNDS):
+        if attempt:
+            own.freeze(x)
+        best = problem.solve(x)
+        x = best.x
+        # As if it were new: on the discretisation that suits it, from rest.
+        after, error = _solve_anew(several, x, own.names, settings)
+        own.solves += len(several)
+        off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
+        if off <= _SAME:
+            break
+    else:
+        warnings.warn(
+            f"solved as new the design answers {100.0 * off:.2g} % otherwise than on the way: the discretisation, "
+            "or the branch of the answer, changes with it",
+            stacklevel=2,
+        )
+    return best, after, error
+
+
+def _check(scene: Any, found: argparse.Namespace) -> None:
+    """Refuse an output that could not be written, before anything is solved."""
+    if not found.output:
+        return
+    if scene.content is None:
+        raise InputError("--output: a ready scene has no file; leave it out, and take the command printed")
+    if not found.output.endswith(".toml"):
+        raise InputError(f"--output {found.output}: need a name that ends in .toml")
+    if not Path(found.output).parent.is_dir():
+        raise InputError(f"--output {found.output}: there is no folder {Path(found.output).parent}")
+
+
+def _typed(scene: Any) -> dict[str, float]:
+    """Return the numbers that were set on the command line."""
+    found = {}
+    for change in scene.changes:
+        path, _, value = change.partition("=")
+        try:
+            found[path.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"--output: --set {change} is no number; write it into the file") from None
+    return found
+
+
+def again(scene: Any, values: Mapping[str, float]) -> str:
+    """Return the command that runs a scene with numbers that were found."""
+    numbers = {name: f"{value:.9g}" for name, value in values.items()}
+    if scene.content is None:
+        words = [word for name, value in numbers.items() for word in (f"--{name.replace('_', '-')}", value)]
+        return shlex.join(["isorod", "run", scene.name, *words])
+    words = [word for name, value in numbers.items() for word in ("--set", f"{name}={value}")]
+    return shlex.join(["isorod", "run", scene.path, *words])
+
+
+def _solve_anew(
+    several: Mapping[str, Any], x: Any, names: Sequence[str], settings: Mapping[str, Any]
+) -> tuple[dict[str, float], float | None]:
+    """Return what is measured of models that know nothing of the way, and the largest error."""
+    from isorod.command import solving
+    from isorod.design import evaluations, parameters
+
+    values: dict[str, float] = {}
+    worst: float | None = None
+    for case, scene in several.items():
+        there = parameters.at(scene, dict(zip(names, map(float, x), strict=True)))
+        solution, _ = solving.solve(there, settings)
+        error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
+        worst = error if worst is None else max(worst, error or 0.0)
+        found = evaluations.flat(evaluations.measured(there, solution))
+        values |= evaluations.of_case(case, found)
+    return values, worst
+
+
+def _concerned(asked: Sequence[Any], objective: tuple[str, float] | None) -> list[str]:
+    return [*(one.name for one in asked), *([objective[0]] if objective else [])]
+
+
+def _apart(one: float, other: float) -> float:
+    return abs(one - other) / (max(abs(one), abs(other)) or 1.0)
+
+
+def tell(words: str) -> None:
+    """Say on a terminal how far it is."""
+    if ending.rank() == 0 and sys.stderr.isatty():
+        print(f"isorod: {words}", file=sys.stderr, flush=True)
+
+
+def lines(record: Mapping[str, Any]) -> list[str]:
+    """Return a design in words: a table before and after, what is active and what it costs, how to run it."""
+    rows = [("", "before", "after", "")]
+    for name, one in record["parameters"].items():
+        bounds = f"between {one['lower']:.6g} and {one['upper']:.6g}"
+        rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", bounds))
+    asked = {text.split()[0]: text for text in record["wanted"]}
+    for name, one in record["answers"].items():
+        what = f"wanted {asked[name].partition(' ')[2]}" if name in asked else ""
+        what = record["extreme"] if name == record["objective"] else what
+        rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", what))
+    widths = [max(len(row[k]) for row in rows) for k in range(3)]
+    text = [f"{row[0]:{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}".rstrip() for row in rows]
+    for name, price in record["active"].items():
+        worth = f": 1 % of it is worth {abs(price):.3g} % of {record['objective']}" if record["objective"] else ""
+        text.append(f"active: {name}{worth}")
+    error = record["error_estimate"]
+    text.append(f"{record['solves']} solves" + ("" if error is None else f"; error about {100.0 * error:.2g} %"))
+    text.append(record["again"])
+    return text

@@ -1,0 +1,96 @@
+"""``isorod identify``: numbers of a scene, as constants of its laws, from measured curves."""
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isorod import options, scenes
+from isorod.command import chosen, ending, notes
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+
+
+def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Identify numbers of a scene with our options and PETSc's; return the exit code."""
+    from isorod.command import printing
+
+    if chosen.usage("identify", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("identify", ours, theirs, more)
+    if scenes.analyses(scene)[0] not in ("statics", "modal"):
+        raise InputError(f"identify: not in {scene.analysis}; it is in statics and modal analysis")
+    if scene.cases and not scene.case:
+        raise InputError("identify: the file has load cases; choose one with --case")
+    if found.table is None:
+        raise InputError("identify: the table of measured values is missing: --table test.csv")
+    options.initialize(theirs)
+    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record = _identify(scene, found)
+    if ending.rank() == 0:
+        print(json.dumps(record) if found.json else "\n".join(lines(record)), flush=True)
+        notes.show()
+    return 0
+
+
+def more(parser: Parser, scene: Any) -> None:
+    """Add options of the scene's analysis, and of the identification."""
+    chosen.with_analysis(parser, scene)
+    add = parser.add_argument
+    add("--table", metavar="FILE.csv", help="measured values: a column each of numbers of the scene, and of answers")
+    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="numbers to be found, with bounds")
+    add("--json", action="store_true", help="print the result as one line of JSON")
+
+
+def _identify(scene: Any, found: Any) -> dict[str, Any]:
+    from isorod.command.design import again, tell
+    from isorod.design import evaluations, identify, wanted
+    from isorod.output import curves
+
+    several = wanted.varied(found.vary, scene)
+    table = identify.curve(curves.read(Path(found.table)), scene, several)
+    names = [one.name for one in several]
+    own = evaluations.Evaluations(identify.scenes_of(scene, table), names, chosen.settings(scene, found))
+    with scene.locating():
+        best = identify.identify(own, several, table, tell)
+    deviation = np.sqrt(np.diag(best.covariance))
+    values = dict(zip(own.names, map(float, best.x), strict=True))
+    return {
+        "scene": scene.name,
+        "parameters": {
+            one.name: {"before": one.start, "found": values[one.name], "standard_error": float(deviation[k])}
+            for k, one in enumerate(several)
+        },
+        "bounds": [
+            one.name
+            for one in several
+            if min(abs(values[one.name] - one.lower), abs(values[one.name] - one.upper)) <= 1e-6 * abs(one.start)
+        ],
+        "covariance": best.covariance.tolist(),
+        "curves": {
+            name: {"measured": wanted_.tolist(), "answered": best.fitted[name].tolist()}
+            for name, wanted_ in table.measured.items()
+        },
+        "misfit": best.misfit,
+        "solves": own.solves,
+        "again": again(scene, values),
+    }
+
+
+def lines(record: Mapping[str, Any]) -> list[str]:
+    """Return what was found in words: numbers with their standard errors, curves beside what was measured."""
+    text, width = [], max(len(name) for name in record["parameters"])
+    for name, one in record["parameters"].items():
+        bound = ", at its bound: what is best lies beyond" if name in record["bounds"] else ""
+        text.append(
+            f"{name:{width}}  {one['found']:.8g} +- {one['standard_error']:.2g} (began at {one['before']:g}){bound}"
+        )
+    for name, one in record["curves"].items():
+        text.append(f"{name:>14}      answered")
+        text += [f"{a:14.6g}{b:14.6g}" for a, b in zip(one["measured"], one["answered"], strict=True)]
+    text.append(f"misfit {100.0 * record['misfit']:.2g} % of the largest; {record['solves']} solves")
+    text.append(record["again"])
+    return text

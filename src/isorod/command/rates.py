@@ -1,0 +1,25 @@
+"""Derivatives in words: a line for each parameter, with what one percent of it changes."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+# Entries of a list that are shown.
+_ENTRIES = 4
+
+
+def lines(record: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the derivatives of a record, a table for each number that is measured."""
+    for parameter, why in record["no_derivatives"].items():
+        yield f"no derivative by {parameter}: {why}"
+    for name, by in record["derivatives"].items():
+        values = np.atleast_1d(np.asarray(record[name], dtype=float)).ravel()
+        for k, value in enumerate(values[:_ENTRIES]):
+            own = name if values.size == 1 else f"{name}[{k}]"
+            width = max((len(one) for one in by), default=0)
+            yield f"{own.replace('_', ' ')} = {value:.6g} by".ljust(width + 2) + "derivative".rjust(14) + "  1 % of it"
+            for parameter, found in by.items():
+                rate = float(np.asarray(found["derivative"]).ravel()[k])
+                share = f"{found['at'] * rate / value:+10.3g} %" if value else ""
+                yield f"  {parameter:{width}}{rate:14.6g}{share}"

@@ -1,0 +1,1 @@
+"""Derivatives of what scenes measure by their parameters, and what these are for: design, and identification."""

@@ -1,0 +1,208 @@
+"""Design by SciPy's SLSQP (Kraft, DFVLR-FB 88-28, 1988): sequential quadratic programming with exact derivatives.
+
+All is scaled: what varies by where it begins, what is wanted by its value, what is least by its first value.  Answers
+are on one discretisation, so that they are smooth; where the best is found the model is solved as if it were new
+(`isorod.command.design`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear, minimize
+
+from isorod.arrays import Array
+from isorod.design.evaluations import Answer, Evaluations
+from isorod.design.wanted import Vary, Wanted
+from isorod.errors import InputError, SolveError
+
+# What is wanted is met to this share, and what is least does not fall any more by this one.
+MET, _LEAST = 1e-4, 1e-7
+_MOST = 60
+
+# A limit or a bound is active that is as near as this.
+_NEAR = 1e-3
+
+# What a design that cannot be solved counts, so that the step to it is shortened.
+_BAD = 1e3
+
+
+class Design(NamedTuple):
+    """The best that was found.
+
+    Attributes
+    ----------
+    x
+        The numbers that vary.
+    answer
+        What is measured there.
+    missed
+        By how much what is wanted is missed at most, as a share of it, and what it is.
+    prices
+        Of what is active, in words, by how much what is least would change, as a share, if it gave way by 1 %.
+    trouble
+        What went wrong on the way last, if that ended it; empty where it did not.
+    """
+
+    x: Array
+    answer: Answer
+    missed: tuple[float, str]
+    prices: Mapping[str, float]
+    trouble: str
+
+
+class Problem:
+    """What is to be least, and what is wanted, of numbers that vary.
+
+    Parameters
+    ----------
+    evaluations, several
+        Answers, and what varies.
+    wanted
+        Targets and limits.
+    objective
+        Name of what is to be least, and 1, or -1 where it is to be largest; None: the least change from the start.
+    tell
+        Is told in words how far it is.
+    """
+
+    def __init__(
+        self,
+        evaluations: Evaluations,
+        several: Sequence[Vary],
+        wanted: Sequence[Wanted],
+        objective: tuple[str, float] | None,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._evaluations, self._wanted, self._objective, self._tell = evaluations, wanted, objective, tell
+        self._start = np.array([one.start for one in several])
+        self._size = np.abs(self._start)
+        self._bounds = np.array([(one.lower, one.upper) for one in several]) / self._size[:, None]
+        self._names = [one.name for one in several]
+        self._answers: dict[bytes, Answer] = {}
+        self._rates: dict[bytes, dict[str, Array]] = {}
+        self._first = 1.0
+        self.trouble = ""
+
+    def solve(self, x: Array) -> Design:
+        """Return the best near some numbers; raises `InputError` or `SolveError` if these themselves have no answer."""
+        self._answers.clear()
+        self._rates.clear()
+        y = x / self._size
+        first = self._answer(y)
+        if self._objective is not None:
+            self._first = abs(first.values[self._objective[0]]) or 1.0
+        kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
+        constraints = [
+            {
+                "type": kinds[one.relation],
+                "fun": lambda z, one=one: self._room(z, one)[0],
+                "jac": lambda z, one=one: self._room(z, one)[1],
+            }
+            for one in self._wanted
+        ]
+        found = minimize(
+            lambda z: self._cost(z)[0],
+            y,
+            jac=lambda z: self._cost(z)[1],
+            bounds=self._bounds,
+            constraints=constraints,
+            method="SLSQP",
+            options={"ftol": _LEAST, "maxiter": _MOST},
+        )
+        best = self._best(found.x)
+        missed = self._missed(best)
+        trouble = self.trouble or (str(found.message) if not found.success else "")
+        return Design(best * self._size, self._answer(best), missed, self._prices(best), trouble)
+
+    def _best(self, y: Array) -> Array:
+        """Return where it ended, or where of all that was tried least is missed, if there that is too much."""
+        y = np.clip(y, *self._bounds.T)
+        try:
+            self._answer(y)
+            if self._missed(y)[0] <= MET:
+                return y
+        except (InputError, SolveError) as problem:
+            self.trouble = str(problem)
+        tried = [np.frombuffer(key) for key in self._answers]
+        return min(tried, key=lambda one: self._missed(one)[0])
+
+    def _answer(self, y: Array) -> Answer:
+        key = np.ascontiguousarray(y, dtype=float).tobytes()
+        if key not in self._answers:
+            self._answers[key] = self._evaluations.answer(y * self._size)
+            told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
+            if self._objective is not None:
+                told = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {told}"
+            self._tell(f"solve {self._evaluations.solves}: {told.rstrip(', ')}")
+        return self._answers[key]
+
+    def _slopes(self, y: Array) -> dict[str, Array]:
+        """Return the derivatives by scaled numbers; of what cannot be solved those of what was tried last."""
+        key = np.ascontiguousarray(y, dtype=float).tobytes()
+        if key not in self._rates:
+            found = self._evaluations.derivatives(y * self._size, self._answer(y))
+            self._rates[key] = {name: one * self._size for name, one in found.items()}
+        return self._rates[key]
+
+    def _room(self, y: Array, one: Wanted) -> tuple[float, Array]:
+        """Return what is left to a limit, or what a target is missed by, as a share of it, and its derivative."""
+        scale = (-1.0 if one.relation == "<" else 1.0) / (abs(one.value) or 1.0)
+        y = self._solvable(y)
+        return scale * (self._answer(y).values[one.name] - one.value), scale * self._slopes(y)[one.name]
+
+    def _cost(self, y: Array) -> tuple[float, Array]:
+        there = self._solvable(y)
+        bad = 0.0 if there is y else _BAD
+        if self._objective is None:
+            change = y - self._start / self._size
+            return bad + float(change @ change), 2.0 * change
+        name, sign = self._objective
+        return bad + sign * self._answer(there).values[name] / self._first, sign * self._slopes(there)[
+            name
+        ] / self._first
+
+    def _solvable(self, y: Array) -> Array:
+        """Return the numbers, or the last that could be solved where these cannot."""
+        try:
+            self._answer(y)
+            self._last = y
+        except (InputError, SolveError) as problem:
+            self.trouble = str(problem)
+            return self._last
+        return y
+
+    def _missed(self, y: Array) -> tuple[float, str]:
+        """Return the largest share by which what is wanted is missed, and which that is."""
+        found = [(0.0, "")]
+        for one in self._wanted:
+            value = self._answer(y).values[one.name]
+            off = (value - one.value) / (abs(one.value) or 1.0)
+            off = {"=": abs(off), "<": max(off, 0.0), ">": max(-off, 0.0)}[one.relation]
+            found.append((off, f"{one.name} = {value:.6g}, wanted {one.relation} {one.value:g}"))
+        return max(found)
+
+    def active(self, y: Array) -> dict[str, Any]:
+        """Return the slopes of what is active, as what is left of it, by its name in words."""
+        found = {}
+        for one in self._wanted:
+            left, slope = self._room(y, one)
+            if one.relation == "=" or left < _NEAR:
+                found[str(one)] = slope
+        for k, (lower, upper) in enumerate(self._bounds):
+            for side, bound, way in (("lower", lower, 1.0), ("upper", upper, -1.0)):
+                if abs(y[k] - bound) <= _NEAR * abs(bound):
+                    words = f"{self._names[k]} at its {side} bound {bound * self._size[k]:g}"
+                    found[words] = way * np.eye(y.size)[k] / abs(bound)
+        return found
+
+    def _prices(self, y: Array) -> dict[str, float]:
+        """Return Lagrange's multipliers of what is active."""
+        held = self.active(y)
+        if self._objective is None or not held:
+            return dict.fromkeys(held, 0.0)
+        # As a share of what it is here.
+        gradient = self._cost(y)[1] * self._first / (abs(self._answer(y).values[self._objective[0]]) or 1.0)
+        lower = [-np.inf if "=" in one.split() else 0.0 for one in held]
+        found = lsq_linear(np.array([*held.values()]).T, gradient, (lower, np.inf)).x
+        return {name: float(price) for name, price in zip(held, found, strict=True)}

@@ -1,0 +1,104 @@
+"""What a design is to be: words of the command line, held to a scene."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from isorod.design import parameters
+from isorod.errors import InputError
+
+# Bounds of what varies where none are given, as shares of the value.
+_LOWER, _UPPER = 0.5, 2.0
+
+_RELATION = re.compile(r"\s*(.+?)\s*(<=|>=|=|<|>)\s*(\S+)\s*")
+
+
+class Vary(NamedTuple):
+    """A number that varies: its name, where it begins, and its bounds."""
+
+    name: str
+    start: float
+    lower: float
+    upper: float
+
+
+class Wanted(NamedTuple):
+    """A number that is to have, or not to pass, a value: its name, ``=``, ``<`` or ``>``, and the value."""
+
+    name: str
+    relation: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.relation} {self.value:g}"
+
+
+def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
+    """Return what varies: ``NAME=lower:upper`` or ``NAME``, of a list or a table all its numbers.
+
+    Raises
+    ------
+    InputError
+        If the scene has no such number, or its value is not between the bounds.
+    """
+    known, found = parameters.parameters(scene), dict[str, Vary]()
+    for text in _words(texts):
+        name, given, bounds = (part.strip() for part in text.partition("="))
+        own = [one for one in known if one == name or one.startswith(f"{name}.")]
+        if not own:
+            parameters.value(scene, name)
+        for one in own:
+            start = known[one]
+            lower, upper = sorted((_LOWER * start, _UPPER * start))
+            if given:
+                ends = bounds.split(":")
+                if len(ends) != 2:
+                    raise InputError(f"--vary {text}: need bounds lower:upper, such as {name}=0.6:1.2")
+                lower, upper = (_number(f"--vary {text}", end) for end in ends)
+            if not lower < upper:
+                raise InputError(f"--vary {text}: need a lower bound below the upper one")
+            if not lower <= start <= upper:
+                raise InputError(
+                    f"--vary {text}: it begins at {start:g}, need bounds about that (--set begins elsewhere)"
+                )
+            if lower * upper <= 0.0:
+                raise InputError(f"--vary {text}: bounds on both sides of zero; need both above or below it")
+            found[one] = Vary(one, start, lower, upper)
+    if not found:
+        raise InputError("--vary: name what may change: --vary wire_radius=0.6:1.2")
+    return [*found.values()]
+
+
+def wanted(texts: Sequence[str], option: str, relations: str, known: Mapping[str, float]) -> list[Wanted]:
+    """Return what is wanted of numbers that are measured; raises `InputError`."""
+    found = []
+    for text in _words(texts):
+        match = _RELATION.fullmatch(text)
+        if match is None or match[2][0] not in relations:
+            example = "force=8.0" if "=" in relations else "stress<900"
+            raise InputError(f"{option} {text}: need a name, {' or '.join(relations)} and a number, such as {example}")
+        found.append(Wanted(named(option, match[1], known), match[2][0], _number(f"{option} {text}", match[3])))
+    return found
+
+
+def named(option: str, name: str, known: Mapping[str, float]) -> str:
+    """Return the name of a number that is measured; raises `InputError` with those there are."""
+    if name not in known:
+        if name == "mass":
+            raise InputError(f"{option} mass: no rod has a density; give one, or take the volume")
+        raise InputError(f"{option} {name}: not measured; there are: {', '.join(known)}")
+    return name
+
+
+def _words(texts: Sequence[str]) -> list[str]:
+    return [one.strip() for text in texts for one in text.split(",") if one.strip()]
+
+
+def _number(where: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{where}: got {text!r}, need a number") from None
+    if not abs(value) < float("inf"):
+        raise InputError(f"{where}: got {text}, need a finite number")
+    return value

@@ -1,0 +1,250 @@
+"""Steady vibrations under harmonic loads: ``(K + i omega C - omega^2 M) x = f`` in a space of modes and residuals."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from time import perf_counter
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Numbers
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import factorisation
+from isorod.assembly.formulation import assembler_for
+from isorod.checks import hourglass, rigid_motions
+from isorod.errors import InputError, SolveError, expect
+from isorod.harmonic.basis import Basis, Softer
+from isorod.harmonic.damping import Damping
+from isorod.harmonic.drive import Drive, driven, relaxing, shear_stiffness
+from isorod.harmonic.frequencies import Span, checked
+from isorod.harmonic.response import Response, Ritz
+from isorod.modal import loaded
+from isorod.modal.modes import Modes
+from isorod.modal.pencil import Found, Pencil
+from isorod.model.model import Model, unmoved
+from isorod.options import defaults
+from isorod.output.progress import Teller
+from isorod.petsc.direct import direct, room
+from isorod.petsc.options import in_force
+from isorod.statics.analysis import Equilibrium
+
+# Modes up to so many times the highest frequency; what is left out follows nearly statically.
+_BEYOND = 1.5
+
+# What is left out, relative, in the energy norm, that is mended; how often, and at how many frequencies it is looked.
+_LEFT, _ROUNDS, _LOOKS = 1e-4, 4, 12
+
+_PREFIX = "harmonic_"
+
+
+def solve(
+    model: Model,
+    frequencies: Span | Numbers,
+    damping: Damping | None = None,
+    base: tuple[float, float, float] | None = None,
+    base_displacement: tuple[float, float, float] | None = None,
+    loads: Sequence[int] | None = None,
+    load_steps: int = 1,
+    comm: PETSc.Comm | None = None,
+    petsc: Mapping[str, object] | None = None,
+    progress: bool = False,
+) -> Response:
+    """Return the steady response to loads, or supports, that swing: amplitude and phase at each frequency.
+
+    It is linear, about the state of rest or the equilibrium under what does not swing: static loads, moved supports, a
+    spin, with Coriolis forces.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities, supports and loads.
+    frequencies
+        Cycles per time, in a list, or from one to another (`Span`), with more round each resonance.
+    damping
+        Ratio, Rayleigh's or structural (`Damping`); needed but for viscoelastic laws, whose own is in it.
+    base
+        Amplitude of the acceleration that shakes all supports together, shape ``(3,)``.
+    base_displacement
+        The same of their displacement.
+    loads
+        The loads that swing, all in phase, their values the amplitudes; where not given all, or none where the supports
+        are shaken.  The others are static.
+    load_steps
+        Number of equal steps to the equilibrium to start with.
+    petsc, progress
+        As for `isorod.modal.solve`.
+
+    Raises
+    ------
+    InputError
+        If nothing swings, an argument cannot be used, or the response cannot be told: with contact, of bodies of finite
+        elements, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
+    SolveError
+        If the equilibrium is not found or unstable, or modes are missed.
+    """
+    unmoved(model, "harmonic response")
+    expect("damping", damping, Damping | None)
+    expect("load steps", load_steps, int)
+    asked = checked(frequencies)
+    drive = driven(model, base, base_displacement, loads)
+    soft = relaxing(model)
+    if damping is None and not soft:
+        raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
+    with in_force(petsc), closing(Teller()) as told:
+        loaded.refuse_massless(model)
+        began = perf_counter()
+        if loaded.burdens(drive.still):
+            loaded.refuse(drive.still, "or leave out what is static")
+            if soft:
+                raise InputError(
+                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is told about the state of rest "
+                    "alone; leave out what is static"
+                )
+        state = loaded.find(drive.still, load_steps, comm)
+        taken = {} if state is None else {"equilibrium": perf_counter() - began}
+        return _solve(drive, asked, damping, soft, state, comm, taken, told if progress else None)
+
+
+def _solve(
+    drive: Drive,
+    asked: "Span | Array",
+    damping: Damping | None,
+    soft: Mapping[int, Array],
+    state: Equilibrium | None,
+    comm: PETSc.Comm | None,
+    taken: Mapping[str, float],
+    told: Teller | None,
+) -> Response:
+    start = perf_counter()
+    model = drive.still
+    loose = rigid_motions.free_motions(model) if state is None else []
+    if drive.base.any() and loose:
+        how = rigid_motions.describe(model.bodies[loose[0][0]].space, loose[0][1])
+        raise InputError(f"base: body {loose[0][0]} is free to {how}, and no support shakes it; hold it, or give loads")
+    assembler = assembler_for(model, comm)
+    matrix, mass = assembler.matrix(), assembler.mass()
+    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
+    factor = 0.0 if state is None else 1.0
+    assembler.tangent(x, factor, matrix)
+    pencil = Pencil(
+        matrix,
+        mass,
+        rigid=len(loose),
+        pressures=assembler.unknowns - model.unknowns,
+        factors=factorisation(assembler, "st_"),
+        motions=lambda: rigid_motions.on_unknowns(assembler, loose),
+    )
+    pencil.tell = told if assembler.comm.getRank() == 0 else None
+    setup = perf_counter() - start
+    rigid_motions.refuse_thin(model, loose)
+    shift = pencil.shift()
+    if shift is None:
+        raise SolveError("harmonic: no flexible mode converged from which to choose the shift; add a support")
+    top = _BEYOND * (asked.last if isinstance(asked, Span) else float(asked.max()))
+    most = pencil.size - pencil.rigid
+    wanted = pencil.count_below((2.0 * np.pi * top) ** 2) - pencil.rigid
+    if wanted > most // 2:
+        raise InputError(
+            f"frequencies: {wanted} modes lie below {top:.4g}, too many for {model.unknowns} unknowns; end lower, or "
+            "use more elements"
+        )
+    found = pencil.solve(max(wanted, 1) + pencil.rigid, shift)
+    if found.eigenvalues[pencil.rigid] <= 0.0:
+        raise SolveError("harmonic: the equilibrium is unstable, motions about it grow; check it with modes")
+    modes = _modes(assembler, pencil, found, state)
+    if rules := hourglass.better_rules(model):
+        flexible = slice(pencil.rigid, None)
+        hourglass.check_modes(assembler, rules, modes.eigenvalues[flexible], modes.vectors[flexible], modes.state)
+    shifted = pencil.shifted(shift) if shift else matrix
+    ksp = direct(shifted, factorisation(assembler, _PREFIX), _PREFIX)
+    force = drive.forces(assembler, x, factor)
+    coriolis = _coriolis(assembler) if loaded.spins(model) else None
+    softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in soft.items()]
+    basis = Basis(matrix, mass, ksp, force, damping, drive.by_square, shift, coriolis, softer)
+    with defaults(room(assembler.comm, _PREFIX)):
+        basis.grow([one.array_r.copy() for one in found.vectors])
+        left = _complete(basis, force, asked, top)
+    resonances, ratios = basis.resonances()
+    values = asked.around(resonances, ratios) if isinstance(asked, Span) else asked
+    kept = resonances <= top / _BEYOND
+    return Response(
+        model=model,
+        frequencies=values,
+        coordinates=basis.coordinates(values),
+        ritz=_shapes(assembler, basis.vectors),
+        base=drive.base,
+        asked=asked,
+        resonances=resonances[kept],
+        ratios=ratios[kept],
+        truncation=left,
+        modes=modes,
+        soft=soft,
+        basis=basis,
+        seconds={
+            **taken,
+            "setup": setup,
+            "solve": perf_counter() - start - setup - pencil.check_seconds,
+            "check": pencil.check_seconds,
+        },
+        built=assembler.built,
+        solver=found.solver,
+        ranks=assembler.comm.getSize(),
+        about=loaded.state_of(model, state),
+    )
+
+
+def _shapes(assembler: Assembler, vectors: Array) -> list[Ritz]:
+    """Return displacements and pressures of shapes ``(n, m)`` on the unknowns of this rank."""
+    found, x = [], assembler.vector()
+    for column in vectors.T:
+        x.array_w[:] = column
+        displacement = assembler.shapes(assembler.all_unknowns(x)[None])[0]
+        found.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
+    x.destroy()
+    return found
+
+
+def _modes(assembler: Assembler, pencil: Pencil, found: Found, state: Equilibrium | None) -> Modes:
+    """Return the modes of which responses are made: Coriolis forces are not in them."""
+    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
+    return Modes(
+        model=assembler.model,
+        frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
+        eigenvalues=found.eigenvalues,
+        vectors=vectors,
+        residuals=found.residuals,
+        rigid=pencil.rigid,
+        below=found.below or 0,
+        shift=found.shift,
+        iterations=found.iterations,
+        seconds={},
+        built=assembler.built,
+        solver=found.solver,
+        ranks=assembler.comm.getSize(),
+        equilibrium=state,
+        about=loaded.state_of(assembler.model, state),
+    )
+
+
+def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float) -> float:
+    """Add shapes that residuals ask for; return what is left, relative, in the energy norm."""
+    basis.grow(basis.static())
+    lowest, last = (asked.first, asked.last) if isinstance(asked, Span) else (float(asked.min()), float(asked.max()))
+    between = np.array([one for one in basis.resonances()[0] if lowest <= one <= last])
+    looks = between[np.unique(np.linspace(0, between.size - 1, _LOOKS).astype(int))] if between.size else between
+    looks = np.unique([lowest, *looks, last])
+    for rest in range(_ROUNDS, -1, -1):
+        shares, shapes = basis.left(looks)
+        # Left out is what swings faster than `top`: dynamically it gives way so much more.
+        shares /= 1.0 - (looks / (top or 1.0)) ** 2
+        bad = np.flatnonzero(shares > _LEFT)
+        if not (rest and bad.size):
+            break
+        basis.grow([one for k in bad for one in shapes[2 * k : 2 * k + 2] if one.any()])
+    return float(shares.max())
+
+
+def _coriolis(assembler: Assembler) -> PETSc.Mat:
+    from isorod.assembly.coriolis import coriolis
+
+    return coriolis(assembler)

@@ -1,0 +1,129 @@
+"""Derivatives of frequencies by numbers of the model.
+
+``d lambda = x^T (dK - lambda dM) x``, ``x^T M x = 1``; of modes of one frequency, as round rods have, those are the
+eigenvalues of that matrix of all of them.  ``dK`` is the whole change, also that of the equilibrium which modes are
+about (`isorod.statics.derivatives`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.linalg import eigh
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import is_mixed
+from isorod.assembly.formulation import assembler_for
+from isorod.errors import InputError
+from isorod.model.model import Model
+from isorod.statics.derivatives import Beside, Derivatives, Measured, Moving, numbers, refuse
+
+# Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
+_SAME = 1e-5
+
+
+def derivatives(
+    solution: Any,
+    make: Callable[[Mapping[str, float]], Model],
+    at: Mapping[str, float],
+    measure: Callable[[Any], Mapping[str, object]],
+) -> Derivatives:
+    """Return the derivatives of what is measured of modes, as `isorod.statics.derivatives.derivatives` does.
+
+    Of modes of one frequency each has the derivative of that among them which stays one, ascending.
+
+    Raises
+    ------
+    InputError
+        As there; or if the body spins, has pressures as unknowns, or the frequency of an unstable state is asked for.
+    """
+    model = solution.model
+    refuse(model)
+    if solution.quarter is not None or is_mixed(model):
+        raise InputError("derivatives: of modes with a spin, or of the mixed formulation, they are not told")
+    first = solution.rigid
+    values = solution.eigenvalues[first:]
+    if (values <= 0.0).any():
+        raise InputError("derivatives: the state is unstable: its frequencies are none")
+    with ExitStack() as stack:
+        beside = Beside(make, at, model)
+        moving = None if solution.equilibrium is None else stack.enter_context(closing(Moving(solution.equilibrium)))
+        comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
+
+        def states(models: Sequence[Model], step: float) -> "Sequence[tuple[Assembler, PETSc.Vec]]":
+            if moving is not None:
+                return moving.states(models, step)
+            several = [assembler_for(one, comm) for one in models]
+            return [(one, one.vector()) for one in several]
+
+        factor = 0.0 if moving is None else 1.0
+        own = assembler_for(model, comm)
+        # Scaled so that all matter alike.
+        shapes = [
+            own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
+        ]
+
+        def energies(assembler: Assembler, x: PETSc.Vec) -> Measured:
+            stiffness = assembler.matrix()
+            assembler.tangent(x, factor, stiffness)
+            mass = assembler.mass(solution.lumped)
+            found = {"stiffness": _products(stiffness, shapes), "mass": _products(mass, shapes)}
+            for one in (stiffness, mass):
+                one.destroy()
+            weight = np.sqrt(np.outer(values, values))
+            return found | {"mass": weight * found["mass"]}
+
+        begun = (own, own.vector()) if moving is None else (moving.assembler, moving.x)
+        changes = beside.derivatives(
+            energies(*begun),
+            lambda name, step: [energies(*one) for one in states(beside.models(name, step), step)],
+        )
+    by = {}
+    for name in changes.by:
+        rates, turn = _rates(values, changes.by[name])
+        shape = solution.vectors.copy()
+        shape[first:] = turn.T @ shape[first:]
+        by[name] = _measured(solution, shape, rates, measure)
+    return Derivatives(dict(at), numbers(measure(solution)), by, changes.none)
+
+
+def _products(matrix: PETSc.Mat, shapes: "Sequence[PETSc.Vec]") -> Array:
+    """Return ``x^T A y`` of all pairs of shapes."""
+    found = np.zeros((len(shapes), len(shapes)))
+    image = shapes[0].duplicate()
+    for k, one in enumerate(shapes):
+        matrix.mult(one, image)
+        found[k] = [image.dot(other) for other in shapes]
+    return 0.5 * (found + found.T)
+
+
+def _rates(values: Array, change: Measured) -> tuple[Array, Array]:
+    """Return the relative rates of eigenvalues, and by columns which sums of shapes of one frequency have these."""
+    matrix = change["stiffness"] - change["mass"]
+    rates, turn = np.zeros(values.size), np.eye(values.size)
+    apart = np.flatnonzero(np.diff(values) > _SAME * values[1:]) + 1
+    for group in np.split(np.arange(values.size), apart):
+        own = np.ix_(group, group)
+        rates[group], turn[own] = eigh(0.5 * (matrix[own] + matrix[own].T))
+    return rates, turn
+
+
+def _measured(solution: Any, shapes: Array, rates: Array, measure: Callable[[Any], Mapping[str, object]]) -> Measured:
+    """Return the derivatives of what is measured, of relative rates of the eigenvalues that are not rigid."""
+    step = 1e-3 / (np.abs(rates).max() or 1.0)
+    ends = []
+    for way in (-step, step):
+        # A frequency changes by half as much; what is measured of several is linear in them.
+        change = np.concatenate([np.zeros(solution.rigid), 0.5 * way * rates])
+        moved = replace(
+            solution,
+            frequencies=solution.frequencies * (1.0 + change),
+            eigenvalues=solution.eigenvalues * (1.0 + 2.0 * change),
+            vectors=shapes,
+        )
+        ends.append(numbers(measure(moved)))
+    return {name: (ends[1][name] - ends[0][name]) / (2.0 * step) for name in ends[0]}

@@ -1,0 +1,102 @@
+"""What random vibrations answer: spectral densities, and root mean squares of displacement, acceleration and stress."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.harmonic.response import Response, refuse_principal
+from isorod.output.state import Named
+from isorod.output.stress import component
+from isorod.output.words import Component
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RandomResponse(Response):
+    """A stationary vibration: what a `Response` tells, times the root of the spectral density, at each frequency.
+
+    The square of its size is a spectral density, whose integral is a mean square (`rms`).
+
+    Attributes
+    ----------
+    density
+        That of the signal, shape ``(n,)``.
+    weights
+        Of the integral over frequencies, shape ``(n,)``.
+    """
+
+    density: Array
+    weights: Array
+
+    def rms(self, values: Array) -> Array:
+        """Return the root mean square of what is told at each frequency, ``(n, ...)``, of zero mean."""
+        return np.asarray(np.sqrt(np.tensordot(self.weights, np.abs(values) ** 2, 1)))
+
+    @property
+    def _shaken(self) -> Array:
+        return super()._shaken * np.sqrt(self.density)
+
+    def amplitude(self, stress: Array, name: Component, normals: Array) -> Array:
+        """Return the root of the density of a component of stresses, which needs no phase (D. J. Segalman et al.).
+
+        The mean square of von Mises' stress is that of its quadratic form (J. Vib. Acoust. 122 (2000) 42-48).
+        """
+        refuse_principal(name)
+        if name not in ("von_mises", "shear"):
+            return np.abs(component(stress, name, normals))
+        return np.hypot(component(stress.real, name, normals), component(stress.imag, name, normals))
+
+    def whole(self) -> "Whole":
+        """Return the response over all frequencies, whose stresses are root mean squares."""
+        if self.soft:
+            raise InputError("stress: of viscoelastic bodies its root mean square is not told; ask for displacements")
+        covariance = (self.weights[:, None] * self.coordinates).T @ self.coordinates.conj()
+        sizes, turns = np.linalg.eigh(covariance.real)
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        return Whole(**own | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
+
+    def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a record keeps of what is measured: root mean squares, densities and apparent frequencies.
+
+        The last are how often it passes zero upwards (S. O. Rice), for counts of cycles.
+        """
+        result: dict[str, Any] = {}
+        response: dict[str, Any] = {}
+        apparent: dict[str, float] = {}
+        for name, given in found.items():
+            values = np.asarray(given)
+            size = self.rms(values)
+            result[name] = float(size) if size.ndim == 0 else size
+            columns = np.abs(values.reshape(len(values), -1)).T
+            for k, column in enumerate(columns):
+                label = name if values.ndim == 1 else f"{name}[{'xyz'[k]}]"
+                rms = float(self.rms(column))
+                seen = rms > _ROUNDING * np.max(size)
+                response[label] = {"density": column**2 if seen else np.zeros(len(self))}
+                if seen:
+                    apparent[label] = float(self.rms(column * self.frequencies)) / rms
+        return result | {"response": response, "apparent": apparent}
+
+    def _warn_of_flanks(self, error: float) -> None:
+        """Say nothing: the area below a peak does not depend on where it is."""
+
+
+# What is a smaller share of the largest component is rounding.
+_ROUNDING = 1e-9
+
+
+class Whole(RandomResponse):
+    """Shapes of which each moves by itself, all at once: what is measured is the root of the sum of their squares."""
+
+    def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return the stress of each shape, ``(m, ..., 3, 3)``."""
+        return np.tensordot(self.coordinates, self._stresses(self.ritz, body, u, xi), 1)
+
+    def amplitude(self, stress: Array, name: Component, normals: Array) -> Array:
+        """Return the root mean square of a component."""
+        refuse_principal(name)
+        return np.asarray(np.sqrt((component(stress, name, normals) ** 2).sum(axis=0)))

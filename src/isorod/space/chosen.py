@@ -1,0 +1,51 @@
+"""What of a space is chosen where it is not given, and kept for models beside that of an answer (`isorod.choices`)."""
+
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.choices import chosen
+from isorod.geometry.quadrature import WHOLE
+from isorod.space import choice
+
+# What is chosen where it is not given.
+CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
+
+
+def choices(space: Any) -> dict[str, Any]:
+    """Return all that is given for a space, or chosen, and under ``chosen`` the names of the latter."""
+    breaks, made = chosen(lambda: _choose(space))
+    own = space.rod.axis.breaks
+    if np.array_equal(breaks, own):
+        return made
+    # Where they are between the breaks of the rod, which a parameter has moved.
+    return made | {"knots": tuple(np.interp(made["knots"], breaks, own).tolist())}
+
+
+def basis(space: Any) -> Any:
+    """Return the section functions of a space: polynomials by the directions, and as many, as those that are kept."""
+    found = space.basis
+    if space.section_basis is not None or space.section_degree is None:
+        return found
+    known = [found.frame, *([] if space.rod.rings == WHOLE else [found.taken])]
+    kept = chosen(lambda: known)
+    return found if kept is known else type(found)(space.rod, space.section_degree, *kept)
+
+
+def _choose(space: Any) -> tuple[Array, dict[str, Any]]:
+    given = {name for name in CHOICES if getattr(space, name) is not None}
+    made = {name: getattr(space, name) for name in CHOICES}
+    if space.elements is not None and space.knots is None:
+        made["knots"] = ()
+        given.add("knots")
+    if space.section_basis is None and space.section_degree is None and space.order is None:
+        # Functions of control points, if there is a number of these, have an order.
+        made |= {"order": choice.ORDER} if space.section_points is not None else choice.section(space.rod)
+    along = choice.axis(space.rod, space.elements, space.degree, space.continuity, made["knots"])
+    made |= along._asdict()
+    space._set(**made)
+    if space.quadrature is None:
+        made["quadrature"] = str(choice.rule(space))
+    chose = tuple(name for name in CHOICES if name not in given and made[name] is not None)
+    return space.rod.axis.breaks, made | {"chosen": chose}

@@ -1,0 +1,41 @@
+"""What is known of the path where a load step begins, and how the step's predictor follows it."""
+
+from typing import NamedTuple
+
+from petsc4py import PETSc
+
+
+class Ahead(NamedTuple):
+    """The path's slope at a load factor, and the norm of the force that drives it, a load factor of 1."""
+
+    factor: float
+    rate: PETSc.Vec
+    force: float
+
+
+class Before(NamedTuple):
+    """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
+
+    step: float
+    x: PETSc.Vec
+    rate: PETSc.Vec
+
+    def bend(self, x: PETSc.Vec, rate: PETSc.Vec, step: float) -> PETSc.Vec:
+        """Return what the cubic through two equilibria with their tangents leaves a straight step by.
+
+        Parameters
+        ----------
+        x, rate
+            The last equilibrium, and the path's slope there.
+        step
+            Increment of the load factor.
+        """
+        gap = self.x - x
+        gap.axpy(self.step, rate)
+        turn = self.rate - rate
+        turn.scale(self.step)
+        fraction = step / self.step
+        # x + v t + a t^2 + b t^3 with the values and slopes of both ends.
+        gap.scale(3.0 * fraction**2 + 2.0 * fraction**3)
+        gap.axpy(fraction**2 + fraction**3, turn)
+        return gap

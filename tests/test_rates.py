@@ -1,0 +1,169 @@
+"""Derivatives by numbers of scenes: identities of scale, Taylor's remainder, reciprocity, double frequencies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+from refused import refused
+
+from isorod import InputError, choices, files, modal, scenes, statics
+from isorod.assembly.formulation import assembler_for
+from isorod.design import derivatives, parameters
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from isorod.statics.derivatives import refuse
+
+TIGHT = {"snes_rtol": 1e-13, "snes_atol": 1e-12}
+
+SPRING = Spring(coils=1.25, travel=1.0, nu=0.25, section_degree=3)
+BLADE = Blade(elements=4, section_degree=3, degree=3)
+
+BAR = """
+[rod.bar]
+curve = {straight = 6.0}
+section = {ellipse = {a = 0.5, b = 0.5}}
+law = {LinearElastic = {E = 2.0e4, nu = 0.3}}
+density = 3.0
+space = {elements = 4, section_degree = 4, degree = 5}
+
+[support.wall]
+end = "start"
+
+[analysis.modal]
+modes = 4
+"""
+
+
+def of(scene, comm=PETSc.COMM_SELF, **more):
+    analysis = modal if scene.analysis == "modal" else statics
+    solution = analysis.solve(scene.model(), comm=comm, **more)
+    return derivatives.of(scene, solution).told()
+
+
+def logarithmic(found, name, parameter):
+    return found.by[parameter][name] * found.parameters[parameter] / found.values[name]
+
+
+def pulled(solution):
+    return float(solution.model.prescribed(1.0).max())
+
+
+@pytest.fixture(scope="module")
+def spring():
+    return of(SPRING)
+
+
+@pytest.fixture(scope="module")
+def blade():
+    return of(BLADE, modes=4)
+
+
+def test_a_force_scales_with_the_square_of_lengths_and_with_the_modulus(spring):
+    lengths = ("coil_radius", "pitch", "wire_radius", "travel")
+    assert sum(logarithmic(spring, "force", one) for one in lengths) == pytest.approx(2.0, abs=3e-9)
+    assert logarithmic(spring, "force", "E") == pytest.approx(1.0, abs=1e-10)
+    # Slender limits (Wahl): F = G d^4 s / (8 D^3 n).
+    assert logarithmic(spring, "force", "wire_radius") == pytest.approx(4.0, abs=0.1)
+    assert logarithmic(spring, "force", "coil_radius") == pytest.approx(-3.0, abs=0.2)
+
+
+def test_frequencies_scale_with_lengths_modulus_and_density(blade):
+    lengths = sum(logarithmic(blade, "frequencies", one) for one in ("length", "chord"))
+    np.testing.assert_allclose(lengths, -1.0, atol=1e-8)
+    np.testing.assert_allclose(logarithmic(blade, "frequencies", "E"), 0.5, atol=3e-9)
+    np.testing.assert_allclose(logarithmic(blade, "frequencies", "density"), -0.5, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["wire_radius", "nu", "travel", "pitch", "coils"])
+def test_the_remainder_of_taylor_is_of_second_order(spring, name):
+    """Models beside are on the same discretisation, whole runs of them."""
+    with choices.kept() as made:
+        begin = statics.solve(SPRING.model(), petsc=TIGHT)
+    at, rest = spring.parameters[name], []
+    force, rate = (float(one) for one in (SPRING.measure(begin)["force"], spring.by[name]["force"]))
+    for share in (0.02, 0.01, 0.005):
+        with choices.repeated(made):
+            model = replace(SPRING, **{name: at * (1.0 + share)}).model()
+        moved = float(SPRING.measure(statics.solve(model, petsc=TIGHT))["force"])
+        rest.append(moved - force - rate * at * share)
+    orders = np.log2(np.abs(rest[:-1]) / np.abs(rest[1:]))
+    np.testing.assert_allclose(orders, 2.0, atol=0.15)
+
+
+def test_a_force_by_a_constant_is_the_energy_by_both(spring):
+    """``dF/dnu = d/ds (dW/dnu at rest of u)``, ``F = dW/ds``: one side is of the equilibrium's motion by nu alone."""
+    begin = statics.solve(SPRING.model())
+    with choices.kept() as made:
+        SPRING.model()
+
+    def explicit(solution):
+        energies = []
+        for step in (-1e-3, 1e-3):
+            with choices.repeated(made):
+                model = replace(SPRING, nu=SPRING.nu + step, travel=pulled(solution)).model()
+            assembler = assembler_for(model, PETSc.COMM_SELF)
+            energies.append(assembler.energy(assembler.state(solution.displacement), 1.0))
+        return {"slope": (energies[1] - energies[0]) / 2e-3}
+
+    def make(values):
+        return parameters.at(SPRING, values).model()
+
+    found = begin.derivatives(make, {"travel": SPRING.travel}, explicit).told()
+    # The difference by nu is of second order.
+    assert float(found.by["travel"]["slope"]) == pytest.approx(float(spring.by["nu"]["force"]), rel=3e-5)
+
+
+def test_of_double_frequencies_each_has_its_own(tmp_path):
+    (tmp_path / "bar.toml").write_text(BAR)
+    scene = files.find(str(tmp_path / "bar.toml"))
+    found = of(scene, modes=4)
+    first = logarithmic(found, "frequencies", "rod.bar.section.ellipse.a")[:2]
+    # Bending across the other axis does not see this one, but for shear and rotary inertia.
+    np.testing.assert_allclose(first, [0.0, 1.0], atol=0.03)
+    other = logarithmic(found, "frequencies", "rod.bar.section.ellipse.b")[:2]
+    np.testing.assert_allclose(other, first, atol=1e-6)
+    step = 1e-4
+    moved = modal.solve(parameters.at(scene, {"rod.bar.section.ellipse.a": 0.5 * (1.0 + step)}).model(), modes=2)
+    change = moved.frequencies / found.values["frequencies"][:2] - 1.0
+    np.testing.assert_allclose(change / step, first, atol=1e-3)
+
+
+def on_two():
+    found, alone = of(SPRING, PETSc.COMM_WORLD), of(SPRING)
+    for name in found.parameters:
+        assert float(found.by[name]["force"]) == pytest.approx(float(alone.by[name]["force"]), rel=1e-7)
+
+
+def test_ranks_find_the_same(on_ranks):
+    on_ranks(2, "test_rates.on_two()")
+
+
+def no_derivative(measure, **at):
+    solution = statics.solve(SPRING.model())
+    solution.derivatives(lambda values: parameters.at(SPRING, values).model(), at, measure).told()
+
+
+def kink(solution):
+    """A force that is there from the travel of this model on."""
+    return {"kink": max(pulled(solution) - 1.0, 0.0)}
+
+
+test_what_has_no_derivative_is_refused = refused(
+    (lambda: no_derivative(SPRING.measure, travel=0.0), "travel: got 0: a derivative is found by small shares of it"),
+    (lambda: no_derivative(kink, travel=1.0), "derivative by travel: there is none here: its slope jumps"),
+    (lambda: derivatives.of(scenes.find("ring")(), None), "derivatives: not told in geometry"),
+    (lambda: refuse(scenes.find("clasp")().model()), "derivatives: not told with contact"),
+    (lambda: parameters.value(SPRING, "radius"), "'radius' is no number of the scene that can vary; there are: coils"),
+)
+
+
+def test_choices_are_those_of_the_same_model_alone():
+    with choices.kept() as made:
+        Spring(section_degree=3).rod()
+    with choices.repeated(made):
+        one = replace(Spring(), coils=3.01).rod()
+    assert one.axis.elements == Spring().rod().axis.elements
+    assert replace(Spring(), coils=3.01).rod().axis.elements > Spring().rod().axis.elements
+    with pytest.raises(InputError, match="the discretisation changes"), choices.repeated(made):
+        pass
