@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.spatial.transform import Rotation
 
-from isorod import Body, Dissipative, Model, SolveError, Space, Support, circle, statics, straight
+from isorod import Body, Dissipative, Model, SolveError, Space, Support, circle, dynamics, statics, straight
 from isorod.files.material import dissipative
 from isorod.material.symbols import internal, strain
 from tests.refused import refused
@@ -115,6 +115,30 @@ def test_a_step_to_where_there_is_no_least_is_cut() -> None:
         statics.solve(Model([Body(made, _law())], ends), end_time=1e6)
 
 
+def test_where_no_time_goes_by_it_is_as_stiff_as_at_once() -> None:
+    F = _random(0.05)
+    law = _law().at(0.5)
+    after = law.advanced(F, 0.5)
+    np.testing.assert_allclose(after.frozen.stress(F), law.stress(F), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(after.frozen.tangent(F), after.at(0.5).tangent(F), rtol=0.0, atol=1e-12)
+
+
+def _bar() -> Model:
+    made = Space(straight(2.0).sweep(circle(8, 1.0)), section_degree=2, elements=1, degree=2)
+    return Model(
+        [Body(made, _law(), 1.0)], [Support.end(made, "start"), Support.end(made, "end", displacement=(0.0, 0.0, 0.02))]
+    )
+
+
+test_what_is_lost_is_not_told = refused(
+    (lambda: dynamics.solve(_bar(), 1.0), "material: Dissipative does not tell what it dissipates; use statics"),
+    (
+        lambda: statics.solve(_bar(), 2, end_time=1.0).dissipated(0),
+        "dissipated: Dissipative does not tell what it dissipates",
+    ),
+)
+
+
 test_bad_potentials = refused(
     (lambda: _law(energy=ENERGY + " + strain00"), "energy: at rest there is a stress, or what flows"),
     (lambda: _law(energy=ENERGY + " + s"), "energy: at rest there is a stress, or what flows"),
@@ -135,7 +159,7 @@ test_bad_potentials = refused(
         lambda: _law(energy="*".join(f"(s + {k}*strain00)" for k in range(1, 40))),
         "energy: its second derivatives take about",
     ),
-    (lambda: _law(state={"dissipated": "scalar"}), "state: got the name 'dissipated', which tells what laws have lost"),
+    (lambda: _law(state={"dissipated": "scalar"}), "state: got the name 'dissipated', which records and files"),
     (lambda: _law(state={}), "need 1 to 25 numbers"),
     (lambda: _law(constants=CONSTANTS | {"mu": float("nan")}), "constant mu: got nan, need a finite number"),
     (lambda: _law(constants=CONSTANTS | {"v": 1.0}), "constants: got the name 'v', need one that is not taken"),

@@ -134,6 +134,21 @@ def _yields(table: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
     return np.interp(p, *table.T), p
 
 
+@pytest.mark.parametrize("name", LAWS)
+def test_after_a_step_nothing_flows_where_no_time_goes_by(name: str) -> None:
+    F = _random(0.1)
+    law = LAWS[name]().advanced(0.5 * (np.eye(3) + F), 0.2).at(0.3)
+    after = law.advanced(F, 0.3)
+    scale = np.abs(law.stress(F)).max()
+    for one in (after.frozen, after.lasting(0.0)):
+        np.testing.assert_allclose(one.stress(F), law.stress(F), rtol=0.0, atol=1e-11 * scale)
+        np.testing.assert_allclose(one.energy(F), law.energy(F), rtol=1e-10)
+    # Elastic from there: of stresses that go with the strain, and back.
+    stiff = after.frozen.tangent(F)
+    found = _differences(after.frozen, F, 1e-7)
+    assert np.abs(stiff - found).max() < 1e-5 * np.abs(stiff).max()
+
+
 @pytest.mark.parametrize("name", ["plastic", "recovery"])
 def test_ten_thousand_steps_keep_the_volume_of_what_has_flown(name: str) -> None:
     law, angle = LAWS[name](), 0.0

@@ -16,6 +16,9 @@ from isorod.material.points import STATES, Compiled
 # How many numbers each kind of a variable is in the state.
 KINDS = {"scalar": 1, "symmetric": 6, "deviatoric": 6}
 
+# What is something else wherever fields are told.
+_TAKEN = "dissipated", "displacement", "velocity", "pressure", "contact_pressure", "cauchy", "von_mises", "mean_stress"
+
 # Strains and times of the steps in which a law is checked.
 _STRAIN, _TIMES = 0.02, (1e-3, 1.0, 1e3)
 
@@ -27,8 +30,8 @@ def check_variables(variables: Mapping[str, str]) -> None:
     for name, kind in variables.items():
         if not name.isidentifier():
             raise InputError(f"state: got the name {name!r}, need one of letters and digits")
-        if name == "dissipated":
-            raise InputError("state: got the name 'dissipated', which tells what laws have lost; take another")
+        if name in _TAKEN:
+            raise InputError(f"state: got the name {name!r}, which records and files of fields have; take another")
         if kind not in KINDS:
             raise InputError(f"state {name}: got {kind!r}, need one of {', '.join(KINDS)}")
     width = sum(KINDS[kind] for kind in variables.values())

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.errors import InputError
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.output.stress import known
@@ -45,6 +46,9 @@ def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
     space, total = body.space, 0.0
     if not body.remembers:
         return total
+    dumb = next((law for law in body.laws if law.remembers and "dissipated" not in law.states), None)
+    if dumb is not None:
+        raise InputError(f"dissipated: {type(dumb).__name__} does not tell what it dissipates")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         found = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]
