@@ -11,8 +11,7 @@ from isorod.errors import InputError
 from isorod.material.thermal import Thermal, bare
 from isorod.model.load import Pressure, SectionLoad
 from isorod.model.model import Model
-from isorod.model.support import Support
-from meshes import abaqus, deck_heat, deck_joined, deck_laws, deck_pairs, deck_solids, groups, held, nodal
+from meshes import abaqus, deck_heat, deck_joined, deck_laws, deck_means, deck_pairs, deck_solids, groups, held, nodal
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -121,9 +120,6 @@ class _Problem:
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
         self.scene, self.model, self.mesh = scene, model, mesh
-        for k, support in enumerate(model.supports):
-            if not isinstance(support, Support):
-                raise InputError(f"support {k}: mean motions and springs are not written to .inp")
         self.kind = scene.analysis
         self.modes = settings.get("modes", {"modal": 10, "buckling": 1}.get(self.kind, 0))
         laws = [law for body in model.bodies for law in body.laws] + [
@@ -145,7 +141,8 @@ class _Problem:
         self.names = names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.said: list[str] = []
-        self.held = [*held.all_of(mesh, model).values()]
+        self.held = held.all_of(mesh, model)
+        self.means = deck_means.Means(scene, model, mesh)
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
         if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
@@ -153,14 +150,16 @@ class _Problem:
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
         self.owner = np.full((len(mesh.points), 3), -1)
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             self.owner[one.nodes[:, None], one.components] = k
 
     def _check_buckling(self, settings: dict[str, Any]) -> None:
         """Refuse what changes with the load factor besides loads: CalculiX scales the stress of the state of rest."""
         if settings.get("linear_at"):
             raise InputError("linear_at: buckling about a loaded state is not written to .inp; linear_at = 0 is")
-        if any(np.any(one.at(1.0)) for one in self.model.motions):
+        if any(np.any(one.at(1.0)) for one in self.model.motions) or any(
+            np.any(one.displacement) for one in self.model.means.values()
+        ):
             raise InputError("buckling under supports that move is not written to .inp; load the rod by forces")
         if self.model.following:
             raise InputError("buckling under loads that follow the surface is not written to .inp")
@@ -178,7 +177,7 @@ class _Problem:
 
     def deck(self) -> Deck:
         """Return the file."""
-        supports = {k: self.scene.named(f"support {k}") for k in range(len(self.held))}
+        supports = {k: self.scene.named(f"support {k}") for k in self.held}
         loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
         paired = [
             self.scene.named(f"{what} {k}")
@@ -186,7 +185,7 @@ class _Problem:
             for k in range(len(several))
         ]
         bodies = [f"solid {one.name}" for one in self.bodies]
-        _once([*supports.values(), *loads.values(), *paired, *bodies])
+        _once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
         whole = renamed(self.mesh, self.names)
         self.solids = [
@@ -197,7 +196,7 @@ class _Problem:
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
         self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [whole, *self.solids], self.names)
         joined = [*self.pairs.ties(), *self.pairs.contacts()]
-        self.said += self.pairs.said
+        self.said += [*self.pairs.said, *self.means.said]
         materials = [*self._materials()]
         for mesh in self.pairs.meshes[len(elements) :]:
             elements.append("C3D8" if mesh.order == 1 else abaqus.BRICKS[mesh.order])
@@ -212,7 +211,7 @@ class _Problem:
             text.append(part)
             self.blocks.append(_Block(mesh, element, number, forces))
         self.number = self.blocks[0].number
-        own = list(self._sets())
+        own = [*self._sets(), *self._means(cells)]
         steps = list(self._steps())
         notes = [f"** {one}" for one in self.said]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
@@ -263,7 +262,7 @@ class _Problem:
         """Yield the nodes of supports and of forces on ends, what supports tie, and the temperature at first."""
         if self.warm.any():
             yield from ["*INITIAL CONDITIONS,TYPE=TEMPERATURE", f"{abaqus.ALL_NODES},0."]
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
             on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
@@ -271,15 +270,23 @@ class _Problem:
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
-                face = nodal.face_at(self.mesh, load, self.model)
+                face = nodal.face_at(self.mesh, load.body, load.u, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             if one.tied and one.motion.turn.any():
                 raise InputError(f"support {k}: a face that turns and is tied is not written to .inp")
             first, *others = self.number[one.nodes][self.number[one.nodes] > 0].tolist()
             for component in one.tied:
                 for node in others:
                     yield from ["*EQUATION", "2", f"{node},{component + 1},1.,{first},{component + 1},-1."]
+
+    def _means(self, cells: int) -> Iterator[str]:
+        """Yield the supports of mean motions, behind so many elements."""
+        taken = self.owner >= 0
+        for one in self.held.values():
+            taken[np.ix_(one.nodes, one.tied)] = True
+        last = max(int(block.number.max()) for block in self.blocks)
+        yield from self.means.lines(self.number, taken, last, cells)
 
     def _steps(self) -> Iterator[str]:
         """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
@@ -335,15 +342,17 @@ class _Problem:
     def _boundary(self, factor: float) -> Iterator[str]:
         """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
         bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
-        if self.held or bodies or self.pairs.obstacles:
+        means = [*self.means.held(factor)]
+        if self.held or bodies or self.pairs.obstacles or means:
             yield "*BOUNDARY"
+        yield from means
         for name, one in bodies:
             for component in ("xyz".index(letter) for letter in one.components):
                 title = abaqus.name_of(f"solid {name} {one.group}")
                 yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
         for name, k in self.pairs.obstacles:
             yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             moved = one.displacement(factor)
             for component in one.components:
                 mine = self.owner[one.nodes, component] == k
@@ -382,6 +391,8 @@ class _Problem:
         bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
         for title in [*self.supports.values(), *bodies]:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]
+        for title in self.means.titles:
+            yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF,U"]
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]
