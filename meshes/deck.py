@@ -9,9 +9,22 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.material.thermal import Thermal, bare
-from isorod.model.load import Pressure, SectionLoad
+from isorod.model.load import SectionLoad
 from isorod.model.model import Model
-from meshes import abaqus, deck_heat, deck_joined, deck_laws, deck_means, deck_pairs, deck_solids, groups, held, nodal
+from isorod.model.times import until
+from meshes import (
+    abaqus,
+    deck_heat,
+    deck_joined,
+    deck_laws,
+    deck_loads,
+    deck_means,
+    deck_pairs,
+    deck_solids,
+    groups,
+    held,
+    nodal,
+)
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -92,7 +105,10 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
         If something of it has no counterpart in such files.
     """
     try:
-        return _Problem(scene, model, scene.settings(), mesh, element, sets).deck()
+        settings = scene.settings()
+        if settings.get("end_time") is not None:
+            model = until(model, settings["end_time"])
+        return _Problem(scene, model, settings, mesh, element, sets).deck()
     except InputError as problem:
         said = ":".join(scene.named(part) for part in str(problem).split(":"))
         raise InputError(f"{scene.name}: {said}; {_LATER}") from None
@@ -145,6 +161,8 @@ class _Problem:
         self.means = deck_means.Means(scene, model, mesh)
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
+        if model.times is not None and (self.warm.any() or any(one.turn.any() for one in model.motions)):
+            raise InputError("end_time: temperatures and supports that turn over time are not written to .inp")
         if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
             raise InputError(f"{self.kind} of what is heated is not written to .inp, statics is")
         self.bodies = scene.bodies() if model.solids else []
@@ -177,7 +195,7 @@ class _Problem:
 
     def deck(self) -> Deck:
         """Return the file."""
-        supports = {k: self.scene.named(f"support {k}") for k in self.held}
+        supports = {k: self.scene.named(f"support {k}") for k in range(len(self.model.supports))}
         loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
         paired = [
             self.scene.named(f"{what} {k}")
@@ -262,9 +280,11 @@ class _Problem:
         """Yield the nodes of supports and of forces on ends, what supports tie, and the temperature at first."""
         if self.warm.any():
             yield from ["*INITIAL CONDITIONS,TYPE=TEMPERATURE", f"{abaqus.ALL_NODES},0."]
-        for k, one in self.held.items():
-            yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
-            on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
+        at_ends = {k: (one.nodes, np.where(self.owner == k, self.dead, 0.0)) for k, one in self.held.items()}
+        at_ends |= {k: (nodes, self.dead[nodes]) for k, nodes in self.means.nodes.items()}
+        for k, (nodes, forces) in at_ends.items():
+            yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[nodes]))
+            on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 told = ", ".join(f"{value:.6g}" for value in on)
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
@@ -292,12 +312,12 @@ class _Problem:
         """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
         if self.moves:
             stops = self._stops()
-            for k, factor in enumerate(stops, 1):
-                yield f"** Step {k} of {len(stops)}: supports and loads at {factor:.6g} of what the scene says"
+            for k, (factor, loads) in enumerate(zip(stops, self._loads(stops), strict=True), 1):
+                yield f"** Step {k} of {len(stops)}: supports and loads at {self.model.when(factor)}"
                 yield "*STEP,NLGEOM,INC=10000" if self.large else "*STEP"
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from self._boundary(factor)
-                yield from self._loaded(factor)
+                yield from loads
                 yield from self._printed()
         if self.kind == "buckling":
             share = self._share()
@@ -307,7 +327,7 @@ class _Problem:
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)
-            yield from self._loaded(share)
+            yield from next(self._loads([share]))
             yield from ["*NODE FILE", "U", "*END STEP"]
         if self.kind == "modal":
             from isorod.checks.rigid_motions import moved_freely
@@ -321,6 +341,11 @@ class _Problem:
                 yield from self._boundary(0.0)
             yield from ["*NODE FILE", "U", "*END STEP"]
 
+    def _loads(self, stops: list[float]) -> Iterator[Iterator[str]]:
+        """Yield the lines of loads of each step."""
+        blocks = [(block.number, block.dead) for block in self.blocks]
+        return deck_loads.Loads(self.model, self.mesh, self.names, self.warm, blocks).steps(stops)
+
     def _share(self) -> float:
         """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
         from isorod import buckling
@@ -330,7 +355,7 @@ class _Problem:
 
     def _stops(self) -> list[float]:
         """Return the load factors at which steps end."""
-        if not self.large:
+        if not self.large and self.model.times is None:
             return [1.0]
         found = {*self.model.stages}
         for one in self.model.motions:
@@ -365,34 +390,13 @@ class _Problem:
                     if node:
                         yield f"{node},{dof},{value:.12g}"
 
-    def _loaded(self, factor: float) -> Iterator[str]:
-        """Yield dead loads as forces on nodes, pressures that follow and the spin as such."""
-        largest = max(float(np.abs(block.dead).max(initial=0.0)) for block in self.blocks)
-        if largest > 0.0:
-            yield "*CLOAD"
-        for block in self.blocks:
-            rows, components = np.nonzero(np.abs(block.dead) > _ROUNDING * largest)
-            for row, component in zip(rows.tolist(), components.tolist(), strict=True):
-                yield f"{block.number[row]},{component + 1},{factor * block.dead[row, component]:.12g}"
-        for load in (one for one in self.model.following if isinstance(one, Pressure)):
-            rod, k, surface = nodal.face_of(load).split(" ")
-            title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
-            yield from ["*DSLOAD", f"{title},P,{factor * load.pressure:.12g}"]
-        if self.warm.any():
-            yield from deck_heat.lines("*TEMPERATURE", self.number, factor * self.warm)
-        spin = self.model.spin
-        if spin is not None and any(spin.velocity):
-            speed = float(np.linalg.norm(spin.velocity))
-            axis = ",".join(f"{one:.12g}" for one in [*spin.center, *(np.array(spin.velocity) / speed)])
-            yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},CENTRIF,{factor * speed**2:.12g},{axis}"]
-
     def _printed(self) -> Iterator[str]:
         """Yield what is asked for: the forces of each support and their sum, the displacements where forces pull."""
         bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
         for title in [*self.supports.values(), *bodies]:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]
         for title in self.means.titles:
-            yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF,U"]
+            yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "U,RF"]
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]

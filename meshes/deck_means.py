@@ -1,8 +1,8 @@
 """Supports of mean motions in an input file: reference nodes that move as the means do, by ``*EQUATION``.
 
 The means are isorod's own (`isorod.model.mean`), by integrals of the functions of the file's elements over a section,
-or round it: linear in the displacements, also where these are large.  What is dual to them are forces and moments, so
-that RF of a reference node is what the support carries.
+or round it: linear in the displacements, also where these are large.  RF of the section's nodes is what the support
+carries in CalculiX, which prints none of reference nodes; these have U, and in Abaqus RF.
 """
 
 from collections.abc import Iterator
@@ -45,6 +45,8 @@ class Means:
 
     Attributes
     ----------
+    nodes
+        Of the mesh, that take part in each support.
     titles, said
         The sets of reference nodes, and what there is to say of these, a line each.
     """
@@ -52,12 +54,14 @@ class Means:
     def __init__(self, scene: Any, model: Model, mesh: Mesh) -> None:
         self.model, self.mesh = model, mesh
         self._found: list[_Reference] = []
+        self.nodes: dict[int, Index] = {}
         self.said: list[str] = []
         rows: list[csr_array] = []
         tied = _tied(model, mesh)
         for k, support in model.means.items():
             trace = _trace(mesh, model, support)
             nodes, own = support.rows_on(trace)
+            self.nodes[k] = nodes
             if np.isin(nodes, tied).any():
                 raise InputError(f"support {k}: a mean motion of what is tied, too, is not written to .inp")
             mean = Mean(nodes, own, support.stiffness)
@@ -70,13 +74,13 @@ class Means:
     def _refer(self, k: int, support: MeanSupport, name: str, place: Array) -> None:
         """Add the reference nodes of a support: of its mean displacement, and of its mean rotation."""
         first = 0
-        for title, vectors in ((name, support.ways), (f"{name} rotation", support.axes)):
+        for title, vectors in ((f"{name} mean", support.ways), (f"{name} rotation", support.axes)):
             if not len(vectors):
                 continue
             components = np.abs(vectors).argmax(axis=1)
             if np.abs(vectors).max(axis=1).min() < 1.0 - _DEPENDENT:
                 components = np.arange(len(vectors))
-                ways = "; ".join("(" + ", ".join(f"{one:.6g}" for one in row) + ")" for row in vectors)
+                ways = "; ".join("(" + ", ".join(f"{one:.6g}" for one in np.round(row, 9) + 0.0) + ")" for row in vectors)
                 self.said.append(f"{abaqus.name_of(title)}: its components are along {ways}")
                 signs = np.ones(len(vectors))
             else:
@@ -106,7 +110,7 @@ class Means:
         """
         if not self._found:
             return
-        yield "** Mean motions: displacements and rotations of nodes of their own, whose RF are forces and moments"
+        yield "** Mean motions are displacements of nodes of their own"
         terms: list[str] = []
         for k, one in enumerate(self._found, nodes + 1):
             yield f"*NODE,NSET={one.title}"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.model.load import BodyForce, Pressure, SectionLoad, Weight
+from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Weight
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, Mesh, gauss
 
@@ -62,8 +62,8 @@ def _rule(dimension: int) -> tuple[Array, Array]:
     return where[first, 3 - dimension :], weights[first] / weights[first].sum()
 
 
-def dead(mesh: Mesh, model: Model) -> Array:
-    """Return the nodal forces at full load of what does not follow the surface, shape ``(nodes, 3)``.
+def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
+    """Return the nodal forces at a load factor of what does not follow the surface, shape ``(nodes, 3)``.
 
     Raises
     ------
@@ -72,6 +72,7 @@ def dead(mesh: Mesh, model: Model) -> Array:
     """
     result = np.zeros_like(mesh.points)
     for k, load in enumerate(model.loads):
+        share = model.share(load.history, factor)
         if isinstance(load, SectionLoad):
             if load.turns and load in model.following:
                 raise InputError(
@@ -82,21 +83,66 @@ def dead(mesh: Mesh, model: Model) -> Array:
             size = np.linalg.norm(areas, axis=2)
             size /= size.sum()
             places = np.einsum("qn,fna->fqa", shares, mesh.points[nodes])
-            np.add.at(result, nodes, np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size)))
+            forces = np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size))
         elif isinstance(load, BodyForce | Weight):
             force = np.array(load.density) if isinstance(load, BodyForce) else _weight(k, load)
-            cells = mesh.cells[mesh.regions[f"rod {load.body}"]]
             own = functions(mesh.reference, mesh.order)
-            nodes = cells[:, own.places]
+            nodes = mesh.cells[mesh.regions[f"rod {load.body}"]][:, own.places]
             det = np.linalg.det(np.einsum("qnb,cna->cqab", own.slopes, mesh.points[nodes]))
-            np.add.at(result, nodes, ((det * own.weights) @ own.values)[:, :, None] * force)
-        elif isinstance(load, Pressure):
-            if not load.follows:
-                nodes, shares, areas = on_face(mesh, mesh.faces[face_of(load)])
-                np.add.at(result, nodes, -load.pressure * np.einsum("fqa,qn->fna", areas, shares))
-        else:
+            forces = ((det * own.weights) @ own.values)[:, :, None] * force
+        elif isinstance(load, LineLoad):
+            nodes, lengths = _along(mesh, load.body, model)
+            forces = lengths[:, :, None] * np.array(load.per_length)
+        elif isinstance(load, PointLoad):
+            nodes, values = _at(mesh, load, model)
+            forces = values[:, None] * np.array(load.force)
+        elif not isinstance(load, Pressure):
             raise InputError(f"load {k}: {type(load).__name__} is not written")
+        elif load.follows:
+            continue
+        else:
+            nodes, shares, areas = on_face(mesh, mesh.faces[face_of(load)])
+            forces = -load.pressure * np.einsum("fqa,qn->fna", areas, shares)
+        np.add.at(result, nodes, share * forces)
     return result
+
+
+def _along(mesh: Mesh, body: int, model: Model) -> tuple[Index, Array]:
+    """Return nodes of cells ``(c, n)`` and the lengths of the centre line that are theirs, alike over each section."""
+    rod = model.bodies[body].space.rod
+    cells = mesh.cells[mesh.regions[f"rod {body}"]]
+    own = functions(mesh.reference, mesh.order)
+    nodes = cells[:, own.places]
+    tangents = np.einsum("qnb,cna->cqab", own.slopes, mesh.points[nodes])
+    areas = np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1) * own.weights
+    # Of the points of a cell the last coordinate, along the rod, varies fastest.
+    where, weights = _rule(1)
+    first, last = mesh.parameters_in(body, cells[:, [0, -1]])[..., 2].T
+    begins, layer = np.unique(first, return_inverse=True)
+    ends = np.zeros(len(begins))
+    # The last layer of a closed rod ends in nodes of the start.
+    ends[layer] = np.where(last > first, last, rod.axis.breaks[-1])
+    u = begins[:, None] + (ends - begins)[:, None] * where[:, 0]
+    speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u.ravel())[1][:, 0, :, 2], axis=-1).reshape(u.shape)
+    slices = areas.reshape(len(cells), -1, len(weights))
+    whole = np.zeros(u.shape)
+    np.add.at(whole, layer, slices.sum(axis=1))
+    lengths = speed * (ends - begins)[:, None] * weights
+    return nodes, (slices * (lengths / whole)[layer][:, None]).reshape(areas.shape) @ own.values
+
+
+def _at(mesh: Mesh, load: PointLoad, model: Model) -> tuple[Index, Array]:
+    """Return nodes and functions of the edge on which the place of a force is."""
+    edges = edges_at(mesh, load.body, load.u, model, SURFACES[load.surface])
+    x, y = np.moveaxis(mesh.parameters_in(load.body, edges)[..., :2], -1, 0)
+    # Angles of the edges' nodes from that of the place.
+    angle = np.angle((x + 1j * y) * np.exp(-1j * np.radians(load.angle)))
+    near = int(np.abs(angle).max(axis=1).argmin())
+    ticks = np.linspace(0.0, 1.0, mesh.order + 1)
+    ends = angle[near, [0, -1]]
+    t = np.clip(ends[0] / (ends[0] - ends[1]), 0.0, 1.0)
+    values = [np.prod((t - np.delete(ticks, k)) / (ticks[k] - np.delete(ticks, k))) for k in range(len(ticks))]
+    return edges[near], np.array(values)
 
 
 def face_of(load: Pressure) -> str:
@@ -134,10 +180,10 @@ def face_at(mesh: Mesh, body: int, u: float | None, model: Model) -> Index:
     return faces[(np.abs(mesh.parameters_in(body, faces)[..., 2] - at) <= same).all(axis=1)]
 
 
-def edges_at(mesh: Mesh, body: int, u: float, model: Model) -> Index:
+def edges_at(mesh: Mesh, body: int, u: float, model: Model, surface: str = "lateral") -> Index:
     """Return the edges of the line round a section, which is one of the mesh, ``(edges, nodes)``."""
     at, same, end = _place(body, u, model)
-    faces = mesh.faces[f"rod {body} lateral"].reshape(-1, mesh.order + 1, mesh.order + 1)
+    faces = mesh.faces[f"rod {body} {surface}"].reshape(-1, mesh.order + 1, mesh.order + 1)
     edges = faces[:, -1 if end == "end" else 0]
     return edges[(np.abs(mesh.parameters_in(body, edges)[..., 2] - at) <= same).all(axis=1)]
 

@@ -123,8 +123,6 @@ def answers(name, job, level=None):
             loads = re.search(rf"{title}: loads on its own nodes, \((.*)\)", Path(f"{job}.inp").read_text())
             own_loads = np.array(loads[1].split(", "), dtype=float) if loads else np.zeros(3)
             value = (sums(printed)[title] - own_loads)[component]
-        elif "moment" in asked and f"SUPPORT_{asked['moment'].upper()}_ROTATION" in sums(printed):
-            value = sums(printed)[f"SUPPORT_{asked['moment'].upper()}_ROTATION"][component]
         elif "moment" in asked:
             rows = forces(printed, f"SUPPORT_{asked['moment'].upper()}")
             at = rows[:, 0].astype(int) - 1
