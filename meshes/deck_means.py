@@ -131,11 +131,14 @@ class Means:
             yield from ["*EQUATION", str(len(found))]
             yield from (",".join(found[j : j + _IN_LINE]) for j in range(0, len(found), _IN_LINE))
         for k, one in enumerate(self._found, nodes + 1):
-            for component, stiff in zip(one.components.tolist(), [] if one.stiffness is None else one.stiffness):
+            if one.stiffness is None:
+                continue
+            for component, stiff in zip(one.components.tolist(), one.stiffness, strict=True):
                 cells += 1
+                # A number without a point is a component to CalculiX.
                 title = f"{one.title}_SPRING_{component + 1}"
                 yield from [f"*ELEMENT,TYPE=SPRING1,ELSET={title}", f"{cells},{k}"]
-                yield from [f"*SPRING,ELSET={title}", f"{component + 1}", f"{stiff:.12g}"]
+                yield from [f"*SPRING,ELSET={title}", f"{component + 1}", f"{stiff:#.12g}"]
 
     def _chosen(self, taken: Array) -> Index:
         """Return the degrees of freedom of the mesh, one for each mean, that the equations give."""
@@ -149,12 +152,13 @@ class Means:
         raise InputError("supports of mean motions hold what another support holds; this is not written to .inp")
 
     def held(self, factor: float) -> Iterator[str]:
-        """Yield what is prescribed at a load factor, of reference nodes without springs."""
+        """Yield what is prescribed at a load factor: the means, or of nodes with springs what no spring acts on."""
         for one in self._found:
-            if one.stiffness is None:
-                share = self.model.share(self.model.means[one.support].clock.table, factor)
-                for component, value in zip(one.components.tolist(), one.signs * one.values, strict=True):
-                    yield f"{one.title},{component + 1},{component + 1},{share * value:.12g}"
+            share = self.model.share(self.model.means[one.support].clock.table, factor)
+            held = dict(zip(one.components.tolist(), (share * one.signs * one.values).tolist(), strict=True))
+            if one.stiffness is not None:
+                held = {component: 0.0 for component in range(3) if component not in held}
+            yield from (f"{one.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items())
 
 
 def _tied(model: Model, mesh: Mesh) -> Index:
