@@ -1,7 +1,6 @@
 """A scene's whole problem in the words of Abaqus and CalculiX: mesh, materials, supports, loads, steps, output."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from meshes import (
     deck_laws,
     deck_loads,
     deck_means,
+    deck_names,
     deck_pairs,
     deck_solids,
     groups,
@@ -44,45 +44,12 @@ _ACCURACY = "1e-6"
 
 _LATER = "--mesh-only writes the mesh alone"
 
-Names = dict[str, str]
-
 
 class Deck(NamedTuple):
     """An input file's text, and what there is to say of it, a line each."""
 
     text: str
     said: list[str]
-
-
-def names_of(scene: Any, mesh: Mesh) -> Names:
-    """Return the names that parts of a mesh of rods have in files: ``rod 0`` is ``rod wire``; `InputError` if twice."""
-    known = scene.rod_names()
-    found = {f"rod {k}": f"rod {name}" for k, name in enumerate(known)} or {name: name for name in mesh.regions}
-    _once(found.values())
-    return found
-
-
-def _once(names: Iterable[str]) -> None:
-    """Raise `InputError` if two names are one in an input file."""
-    seen: dict[str, str] = {}
-    for name in names:
-        other = seen.setdefault(abaqus.name_of(name), name)
-        if other != name:
-            raise InputError(f"{other} and {name}: both are {abaqus.name_of(name)} in an input file; rename one")
-
-
-def renamed(mesh: Mesh, names: Names) -> Mesh:
-    """Return a mesh whose regions and faces have the names of `names_of`."""
-
-    def name(one: str) -> str:
-        rod, k, *rest = one.split(" ")
-        return " ".join([names[f"{rod} {k}"], *rest])
-
-    return replace(
-        mesh,
-        regions={name(key): cells for key, cells in mesh.regions.items()},
-        faces={name(key): face for key, face in mesh.faces.items()},
-    )
 
 
 def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
@@ -154,7 +121,7 @@ class _Problem:
         self.large = not self.linear and self.moves
         if self.linear and model.following:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
-        self.names = names_of(scene, mesh)
+        self.names = deck_names.names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.said: list[str] = []
         self.held = held.all_of(mesh, model)
@@ -203,9 +170,9 @@ class _Problem:
             for k in range(len(several))
         ]
         bodies = [f"solid {one.name}" for one in self.bodies]
-        _once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
+        deck_names.once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
-        whole = renamed(self.mesh, self.names)
+        whole = deck_names.renamed(self.mesh, self.names)
         self.solids = [
             deck_solids.mesh_of(one, solid, name)
             for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
@@ -250,12 +217,8 @@ class _Problem:
             yield from self._material(f"solid {one.name}", solid.law, solid.density)
         for name, _ in self.pairs.obstacles:
             title = abaqus.name_of(name)
-            yield from [
-                f"*MATERIAL,NAME={title}",
-                "*ELASTIC",
-                "1.,0.",
-                f"*SOLID SECTION,ELSET={title},MATERIAL={title}",
-            ]
+            yield from [f"*MATERIAL,NAME={title}", "*ELASTIC", "1.,0."]
+            yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
@@ -284,6 +247,9 @@ class _Problem:
         at_ends |= {k: (nodes, self.dead[nodes]) for k, nodes in self.means.nodes.items()}
         for k, (nodes, forces) in at_ends.items():
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[nodes]))
+            others = [own for j, (own, _) in at_ends.items() if j != k and {j, k} & self.means.nodes.keys()]
+            if any(np.isin(nodes, own).any() for own in others):
+                self.said.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
             on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 told = ", ".join(f"{value:.6g}" for value in on)
@@ -304,7 +270,7 @@ class _Problem:
         """Yield the supports of mean motions, behind so many elements."""
         taken = self.owner >= 0
         for one in self.held.values():
-            taken[np.ix_(one.nodes, one.tied)] = True
+            taken[one.nodes[:, None], one.tied] = True
         last = max(int(block.number.max()) for block in self.blocks)
         yield from self.means.lines(self.number, taken, last, cells)
 

@@ -19,7 +19,7 @@ class Loads:
     Parameters
     ----------
     model, mesh, names
-        The model, the mesh of its rods, and what these are called (`meshes.deck.names_of`).
+        The model, the mesh of its rods, and what these are called (`meshes.deck_names.names_of`).
     warm
         Temperatures of the mesh's nodes at load factor 1, shape ``(nodes,)``.
     blocks

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse import csr_array, vstack
 
@@ -17,6 +18,7 @@ from isorod.errors import InputError
 from isorod.geometry.quadrature import ring_of
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
+from isorod.model.tie import SolidSurface
 from isorod.space.trace import Trace
 from meshes import abaqus, deck_pairs, nodal
 from meshes.mesh import Array, Index, Mesh
@@ -80,7 +82,9 @@ class Means:
             components = np.abs(vectors).argmax(axis=1)
             if np.abs(vectors).max(axis=1).min() < 1.0 - _DEPENDENT:
                 components = np.arange(len(vectors))
-                ways = "; ".join("(" + ", ".join(f"{one:.6g}" for one in np.round(row, 9) + 0.0) + ")" for row in vectors)
+                ways = "; ".join(
+                    "(" + ", ".join(f"{one:.6g}" for one in np.round(row, 9) + 0.0) + ")" for row in vectors
+                )
                 self.said.append(f"{abaqus.name_of(title)}: its components are along {ways}")
                 signs = np.ones(len(vectors))
             else:
@@ -91,7 +95,7 @@ class Means:
             self._found.append(_Reference(k, named, place, components, signs, support.values[own], stiffness))
             first += len(vectors)
 
-    def lines(self, number: Index, taken: Array, nodes: int, cells: int) -> Iterator[str]:
+    def lines(self, number: Index, taken: NDArray[np.bool_], nodes: int, cells: int) -> Iterator[str]:
         """Yield the reference nodes, the equations, and springs.
 
         Parameters
@@ -140,7 +144,7 @@ class Means:
                 yield from [f"*ELEMENT,TYPE=SPRING1,ELSET={title}", f"{cells},{k}"]
                 yield from [f"*SPRING,ELSET={title}", f"{component + 1}", f"{stiff:#.12g}"]
 
-    def _chosen(self, taken: Array) -> Index:
+    def _chosen(self, taken: NDArray[np.bool_]) -> Index:
         """Return the degrees of freedom of the mesh, one for each mean, that the equations give."""
         free = np.flatnonzero((abs(self._rows).sum(axis=0) > 0.0) & ~taken.ravel())
         own = self._rows[:, free].toarray()
@@ -158,12 +162,14 @@ class Means:
             held = dict(zip(one.components.tolist(), (share * one.signs * one.values).tolist(), strict=True))
             if one.stiffness is not None:
                 held = {component: 0.0 for component in range(3) if component not in held}
-            yield from (f"{one.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items())
+            yield from (
+                f"{one.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items()
+            )
 
 
 def _tied(model: Model, mesh: Mesh) -> Index:
     """Return the nodes of rods that ties move."""
-    sides = [one for tie in model.ties for one in (tie.slave, tie.master) if hasattr(one, "body")]
+    sides = [one for tie in model.ties for one in (tie.slave, tie.master) if not isinstance(one, SolidSurface)]
     faces = [deck_pairs.surface_of(model, mesh, one)[1] for one in sides]
     return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(face.ravel() for face in faces)]))
 
