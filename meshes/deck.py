@@ -9,7 +9,7 @@ import numpy as np
 from isorod.errors import InputError
 from isorod.material.thermal import Thermal, bare
 from isorod.model.load import SectionLoad
-from isorod.model.model import Model
+from isorod.model.model import Model, unmoved
 from isorod.model.times import until
 from meshes import (
     abaqus,
@@ -73,8 +73,9 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
     """
     try:
         settings = scene.settings()
-        if settings.get("end_time") is not None:
-            model = until(model, settings["end_time"])
+        end_time = settings.get("end_time")
+        unmoved(model, scene.analysis, timed=end_time is not None or settings.get("at_rest", False))
+        model = model if end_time is None else until(model, end_time)
         return _Problem(scene, model, settings, mesh, element, sets).deck()
     except InputError as problem:
         said = ":".join(scene.named(part) for part in str(problem).split(":"))

@@ -38,6 +38,8 @@ def _missing(scene: Any, model: Model) -> Any:
     """Yield what is not written."""
     if scene.analysis != "statics":
         yield f"{scene.analysis} is not written to .py, statics is"
+    if any(getattr(one, "history", None) is not None for one in (*model.supports, *model.loads)):
+        yield "a history is not written to .py"
     for what, several in (("contact", model.contacts), ("tie", model.ties), ("solid", model.solids)):
         if several:
             yield f"{scene.named(f'{what} 0')} is not written to .py"

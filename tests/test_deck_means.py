@@ -201,6 +201,15 @@ def test_a_force_of_a_history_stands_in_all_steps():
     assert not any(none.values())
 
 
+def test_means_of_what_is_tied_are_refused(capsys):
+    high = BAR.replace("beam", "high").replace("straight = 4.0", "straight = {start = [0, 0, 4], end = [0, 0, 8]}")
+    tie = '[tie.weld]\nslave = "high.start"\nmaster = "beam.end"\n[support.neck]\nrod = "high"\nbearing = 0.0\n'
+    Path("my.toml").write_text(BAR + high + FOOT + 'rod = "beam"\n' + tie + STATICS)
+    assert main(["my.toml", "my.inp"]) == 2
+    err = capsys.readouterr().err
+    assert "support neck: a mean motion of what is tied" in err and err.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
@@ -212,6 +221,10 @@ def test_a_force_of_a_history_stands_in_all_steps():
             '[support.hand]\nend = "end"\nrotation = [0, 0, 9]\nhistory = [[0, 0], [1, 1]]\n[analysis.statics]\n'
             "end_time = 1.0\n",
             "end_time: temperatures and supports that turn over time are not written",
+        ),
+        (
+            '[load.a]\nend = "end"\nforce = [0, 0, 1]\nhistory = [[0, 0], [1, 1]]\n[analysis.modal]\n',
+            "load a: history",
         ),
         (
             '[support.hand]\nend = "end"\nmean = "pin"\ndisplacement = [0, 0, -1]\n[analysis.buckling]\n',
