@@ -123,10 +123,10 @@ class Means:
         signs = np.concatenate([one.signs for one in self._found])
         chosen = self._chosen(taken)
         mixed = np.linalg.inv(self._rows[:, chosen].toarray())
-        own = mixed @ self._rows.toarray()
-        used = np.flatnonzero(np.abs(own).max(axis=0) > _ROUNDING)
+        used = np.unique(self._rows.indices)
+        own = mixed @ self._rows[:, used].toarray()
         names = [f"{number[dof // 3]},{dof % 3 + 1}" for dof in used.tolist()]
-        for first, row, means in zip(chosen.tolist(), own[:, used], -mixed * signs, strict=True):
+        for first, row, means in zip(chosen.tolist(), own, -mixed * signs, strict=True):
             values = np.where(used == first, 0.0, row)
             found = [f"{number[first // 3]},{first % 3 + 1},1."]
             for several, coefficients in ((names, values), (terms, means)):
