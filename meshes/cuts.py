@@ -3,7 +3,7 @@
 import numpy as np
 
 from isorod.geometry.rod import Rod
-from isorod.model.load import SectionLoad
+from isorod.model.load import PointLoad, SectionLoad
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.model.tie import LateralSurface
@@ -33,7 +33,8 @@ def planes(model: Model, b: int) -> list[float]:
         for e in range(1, axis.elements)
         if rows[e] != rows[e - 1] or (densities[e] != densities[e - 1]).any()
     ]
-    where += [float(load.u) for load in model.loads if isinstance(load, SectionLoad) and load.body == b and load.u]
+    at_u = [load for load in model.loads if isinstance(load, PointLoad | SectionLoad) and load.body == b]
+    where += [float(load.u) for load in at_u if load.u]
     where += [float(one.u) for one in model.means.values() if one.body == b]
     for contact in model.contacts:
         for side, chosen in contact.sides:

@@ -1,7 +1,6 @@
 """A scene's whole problem in the words of Abaqus and CalculiX: mesh, materials, supports, loads, steps, output."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -9,10 +8,23 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.material.thermal import Thermal, bare
-from isorod.model.load import Pressure, SectionLoad
-from isorod.model.model import Model
-from isorod.model.support import Support
-from meshes import abaqus, deck_heat, deck_joined, deck_laws, deck_pairs, deck_solids, groups, held, nodal
+from isorod.model.load import SectionLoad
+from isorod.model.model import Model, unmoved
+from isorod.model.times import until
+from meshes import (
+    abaqus,
+    deck_heat,
+    deck_joined,
+    deck_laws,
+    deck_loads,
+    deck_means,
+    deck_names,
+    deck_pairs,
+    deck_solids,
+    groups,
+    held,
+    nodal,
+)
 from meshes.mesh import Array, Index, Mesh
 
 # Nodes that a support turns go straight in a step: a radian is some steps of this angle, degrees.
@@ -32,45 +44,12 @@ _ACCURACY = "1e-6"
 
 _LATER = "--mesh-only writes the mesh alone"
 
-Names = dict[str, str]
-
 
 class Deck(NamedTuple):
     """An input file's text, and what there is to say of it, a line each."""
 
     text: str
     said: list[str]
-
-
-def names_of(scene: Any, mesh: Mesh) -> Names:
-    """Return the names that parts of a mesh of rods have in files: ``rod 0`` is ``rod wire``; `InputError` if twice."""
-    known = scene.rod_names()
-    found = {f"rod {k}": f"rod {name}" for k, name in enumerate(known)} or {name: name for name in mesh.regions}
-    _once(found.values())
-    return found
-
-
-def _once(names: Iterable[str]) -> None:
-    """Raise `InputError` if two names are one in an input file."""
-    seen: dict[str, str] = {}
-    for name in names:
-        other = seen.setdefault(abaqus.name_of(name), name)
-        if other != name:
-            raise InputError(f"{other} and {name}: both are {abaqus.name_of(name)} in an input file; rename one")
-
-
-def renamed(mesh: Mesh, names: Names) -> Mesh:
-    """Return a mesh whose regions and faces have the names of `names_of`."""
-
-    def name(one: str) -> str:
-        rod, k, *rest = one.split(" ")
-        return " ".join([names[f"{rod} {k}"], *rest])
-
-    return replace(
-        mesh,
-        regions={name(key): cells for key, cells in mesh.regions.items()},
-        faces={name(key): face for key, face in mesh.faces.items()},
-    )
 
 
 def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
@@ -93,7 +72,11 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
         If something of it has no counterpart in such files.
     """
     try:
-        return _Problem(scene, model, scene.settings(), mesh, element, sets).deck()
+        settings = scene.settings()
+        end_time = settings.get("end_time")
+        unmoved(model, scene.analysis, timed=end_time is not None or settings.get("at_rest", False))
+        model = model if end_time is None else until(model, end_time)
+        return _Problem(scene, model, settings, mesh, element, sets).deck()
     except InputError as problem:
         said = ":".join(scene.named(part) for part in str(problem).split(":"))
         raise InputError(f"{scene.name}: {said}; {_LATER}") from None
@@ -121,9 +104,6 @@ class _Problem:
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
         self.scene, self.model, self.mesh = scene, model, mesh
-        for k, support in enumerate(model.supports):
-            if not isinstance(support, Support):
-                raise InputError(f"support {k}: mean motions and springs are not written to .inp")
         self.kind = scene.analysis
         self.modes = settings.get("modes", {"modal": 10, "buckling": 1}.get(self.kind, 0))
         laws = [law for body in model.bodies for law in body.laws] + [
@@ -142,25 +122,30 @@ class _Problem:
         self.large = not self.linear and self.moves
         if self.linear and model.following:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
-        self.names = names_of(scene, mesh)
+        self.names = deck_names.names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.said: list[str] = []
-        self.held = [*held.all_of(mesh, model).values()]
+        self.held = held.all_of(mesh, model)
+        self.means = deck_means.Means(scene, model, mesh)
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
+        if model.times is not None and (self.warm.any() or any(one.turn.any() for one in model.motions)):
+            raise InputError("end_time: temperatures and supports that turn over time are not written to .inp")
         if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
             raise InputError(f"{self.kind} of what is heated is not written to .inp, statics is")
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
         self.owner = np.full((len(mesh.points), 3), -1)
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             self.owner[one.nodes[:, None], one.components] = k
 
     def _check_buckling(self, settings: dict[str, Any]) -> None:
         """Refuse what changes with the load factor besides loads: CalculiX scales the stress of the state of rest."""
         if settings.get("linear_at"):
             raise InputError("linear_at: buckling about a loaded state is not written to .inp; linear_at = 0 is")
-        if any(np.any(one.at(1.0)) for one in self.model.motions):
+        if any(np.any(one.at(1.0)) for one in self.model.motions) or any(
+            np.any(one.displacement) for one in self.model.means.values()
+        ):
             raise InputError("buckling under supports that move is not written to .inp; load the rod by forces")
         if self.model.following:
             raise InputError("buckling under loads that follow the surface is not written to .inp")
@@ -178,7 +163,7 @@ class _Problem:
 
     def deck(self) -> Deck:
         """Return the file."""
-        supports = {k: self.scene.named(f"support {k}") for k in range(len(self.held))}
+        supports = {k: self.scene.named(f"support {k}") for k in range(len(self.model.supports))}
         loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
         paired = [
             self.scene.named(f"{what} {k}")
@@ -186,9 +171,9 @@ class _Problem:
             for k in range(len(several))
         ]
         bodies = [f"solid {one.name}" for one in self.bodies]
-        _once([*supports.values(), *loads.values(), *paired, *bodies])
+        deck_names.once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
-        whole = renamed(self.mesh, self.names)
+        whole = deck_names.renamed(self.mesh, self.names)
         self.solids = [
             deck_solids.mesh_of(one, solid, name)
             for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
@@ -197,7 +182,7 @@ class _Problem:
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
         self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [whole, *self.solids], self.names)
         joined = [*self.pairs.ties(), *self.pairs.contacts()]
-        self.said += self.pairs.said
+        self.said += [*self.pairs.said, *self.means.said]
         materials = [*self._materials()]
         for mesh in self.pairs.meshes[len(elements) :]:
             elements.append("C3D8" if mesh.order == 1 else abaqus.BRICKS[mesh.order])
@@ -212,7 +197,7 @@ class _Problem:
             text.append(part)
             self.blocks.append(_Block(mesh, element, number, forces))
         self.number = self.blocks[0].number
-        own = list(self._sets())
+        own = [*self._sets(), *self._means(cells)]
         steps = list(self._steps())
         notes = [f"** {one}" for one in self.said]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
@@ -233,12 +218,8 @@ class _Problem:
             yield from self._material(f"solid {one.name}", solid.law, solid.density)
         for name, _ in self.pairs.obstacles:
             title = abaqus.name_of(name)
-            yield from [
-                f"*MATERIAL,NAME={title}",
-                "*ELASTIC",
-                "1.,0.",
-                f"*SOLID SECTION,ELSET={title},MATERIAL={title}",
-            ]
+            yield from [f"*MATERIAL,NAME={title}", "*ELASTIC", "1.,0."]
+            yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
@@ -263,17 +244,22 @@ class _Problem:
         """Yield the nodes of supports and of forces on ends, what supports tie, and the temperature at first."""
         if self.warm.any():
             yield from ["*INITIAL CONDITIONS,TYPE=TEMPERATURE", f"{abaqus.ALL_NODES},0."]
-        for k, one in enumerate(self.held):
-            yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[one.nodes]))
-            on = np.where(self.owner == k, self.dead, 0.0).sum(axis=0)
+        at_ends = {k: (one.nodes, np.where(self.owner == k, self.dead, 0.0)) for k, one in self.held.items()}
+        at_ends |= {k: (nodes, self.dead[nodes]) for k, nodes in self.means.nodes.items()}
+        for k, (nodes, forces) in at_ends.items():
+            yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[nodes]))
+            others = [own for j, (own, _) in at_ends.items() if j != k and {j, k} & self.means.nodes.keys()]
+            if any(np.isin(nodes, own).any() for own in others):
+                self.said.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
+            on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 told = ", ".join(f"{value:.6g}" for value in on)
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
-                face = nodal.face_at(self.mesh, load, self.model)
+                face = nodal.face_at(self.mesh, load.body, load.u, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             if one.tied and one.motion.turn.any():
                 raise InputError(f"support {k}: a face that turns and is tied is not written to .inp")
             first, *others = self.number[one.nodes][self.number[one.nodes] > 0].tolist()
@@ -281,16 +267,24 @@ class _Problem:
                 for node in others:
                     yield from ["*EQUATION", "2", f"{node},{component + 1},1.,{first},{component + 1},-1."]
 
+    def _means(self, cells: int) -> Iterator[str]:
+        """Yield the supports of mean motions, behind so many elements."""
+        taken = self.owner >= 0
+        for one in self.held.values():
+            taken[one.nodes[:, None], one.tied] = True
+        last = max(int(block.number.max()) for block in self.blocks)
+        yield from self.means.lines(self.number, taken, last, cells)
+
     def _steps(self) -> Iterator[str]:
         """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
         if self.moves:
             stops = self._stops()
-            for k, factor in enumerate(stops, 1):
-                yield f"** Step {k} of {len(stops)}: supports and loads at {factor:.6g} of what the scene says"
+            for k, (factor, loads) in enumerate(zip(stops, self._loads(stops), strict=True), 1):
+                yield f"** Step {k} of {len(stops)}: supports and loads at {self.model.when(factor)}"
                 yield "*STEP,NLGEOM,INC=10000" if self.large else "*STEP"
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from self._boundary(factor)
-                yield from self._loaded(factor)
+                yield from loads
                 yield from self._printed()
         if self.kind == "buckling":
             share = self._share()
@@ -300,7 +294,7 @@ class _Problem:
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)
-            yield from self._loaded(share)
+            yield from next(self._loads([share]))
             yield from ["*NODE FILE", "U", "*END STEP"]
         if self.kind == "modal":
             from isorod.checks.rigid_motions import moved_freely
@@ -314,6 +308,11 @@ class _Problem:
                 yield from self._boundary(0.0)
             yield from ["*NODE FILE", "U", "*END STEP"]
 
+    def _loads(self, stops: list[float]) -> Iterator[Iterator[str]]:
+        """Yield the lines of loads of each step."""
+        blocks = [(block.number, block.dead) for block in self.blocks]
+        return deck_loads.Loads(self.model, self.mesh, self.names, self.warm, blocks).steps(stops)
+
     def _share(self) -> float:
         """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
         from isorod import buckling
@@ -323,7 +322,7 @@ class _Problem:
 
     def _stops(self) -> list[float]:
         """Return the load factors at which steps end."""
-        if not self.large:
+        if not self.large and self.model.times is None:
             return [1.0]
         found = {*self.model.stages}
         for one in self.model.motions:
@@ -335,15 +334,17 @@ class _Problem:
     def _boundary(self, factor: float) -> Iterator[str]:
         """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
         bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
-        if self.held or bodies or self.pairs.obstacles:
+        means = [*self.means.held(factor)]
+        if self.held or bodies or self.pairs.obstacles or means:
             yield "*BOUNDARY"
+        yield from means
         for name, one in bodies:
             for component in ("xyz".index(letter) for letter in one.components):
                 title = abaqus.name_of(f"solid {name} {one.group}")
                 yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
         for name, k in self.pairs.obstacles:
             yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
-        for k, one in enumerate(self.held):
+        for k, one in self.held.items():
             moved = one.displacement(factor)
             for component in one.components:
                 mine = self.owner[one.nodes, component] == k
@@ -356,32 +357,13 @@ class _Problem:
                     if node:
                         yield f"{node},{dof},{value:.12g}"
 
-    def _loaded(self, factor: float) -> Iterator[str]:
-        """Yield dead loads as forces on nodes, pressures that follow and the spin as such."""
-        largest = max(float(np.abs(block.dead).max(initial=0.0)) for block in self.blocks)
-        if largest > 0.0:
-            yield "*CLOAD"
-        for block in self.blocks:
-            rows, components = np.nonzero(np.abs(block.dead) > _ROUNDING * largest)
-            for row, component in zip(rows.tolist(), components.tolist(), strict=True):
-                yield f"{block.number[row]},{component + 1},{factor * block.dead[row, component]:.12g}"
-        for load in (one for one in self.model.following if isinstance(one, Pressure)):
-            rod, k, surface = nodal.face_of(load).split(" ")
-            title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
-            yield from ["*DSLOAD", f"{title},P,{factor * load.pressure:.12g}"]
-        if self.warm.any():
-            yield from deck_heat.lines("*TEMPERATURE", self.number, factor * self.warm)
-        spin = self.model.spin
-        if spin is not None and any(spin.velocity):
-            speed = float(np.linalg.norm(spin.velocity))
-            axis = ",".join(f"{one:.12g}" for one in [*spin.center, *(np.array(spin.velocity) / speed)])
-            yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},CENTRIF,{factor * speed**2:.12g},{axis}"]
-
     def _printed(self) -> Iterator[str]:
         """Yield what is asked for: the forces of each support and their sum, the displacements where forces pull."""
         bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
         for title in [*self.supports.values(), *bodies]:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]
+        for title in self.means.titles:
+            yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "U,RF"]
         for k, load in enumerate(self.model.loads):
             if isinstance(load, SectionLoad):
                 yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]

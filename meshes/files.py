@@ -12,7 +12,7 @@ import numpy as np
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.output.results import write_whole
-from meshes import abaqus, deck, gmsh_model, groups, rods, script, vtu
+from meshes import abaqus, deck, deck_names, gmsh_model, groups, rods, script, vtu
 from meshes.mesh import Index, Mesh
 
 # What a file needs besides, by its ending, and how to get it.
@@ -61,10 +61,10 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
         If it cannot be written, or something of the scene has no counterpart in the file.
     """
     check(path)
-    names = deck.names_of(scene, mesh)
+    names = deck_names.names_of(scene, mesh)
     if path.suffix in (".msh", ".py"):
         said: list[str] = []
-        whole = deck.renamed(mesh, names)
+        whole = deck_names.renamed(mesh, names)
         if model is not None:
             whole = replace(whole, faces={**whole.faces, **groups.surfaces(scene, model, mesh)})
             laws = {kind.name: kind.cells for kind in groups.kinds(mesh, model, names)}
@@ -81,14 +81,14 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
         return []
     element, sets = element or abaqus.BRICKS[mesh.order], _rings(where, names)
     if model is None:
-        done = deck.Deck(abaqus.lines(deck.renamed(mesh, names), element, sets)[0], [])
+        done = deck.Deck(abaqus.lines(deck_names.renamed(mesh, names), element, sets)[0], [])
     else:
         done = deck.write(scene, model, mesh, element, sets)
     write_whole(path, (done.text + "\n").encode())
     return done.said
 
 
-def _rings(where: dict[str, Index], names: deck.Names) -> dict[str, Index]:
+def _rings(where: dict[str, Index], names: deck_names.Names) -> dict[str, Index]:
     """Return the cells of each ring of rods that have several."""
     found = {}
     for rod in np.unique(where["rod"]):

@@ -61,7 +61,7 @@ def surfaces(scene: Any, model: Model, mesh: Mesh) -> dict[str, Index]:
             found[scene.named(f"support {k}")] = np.concatenate(sides)
     for k, load in enumerate(model.loads):
         if isinstance(load, SectionLoad):
-            found[scene.named(f"load {k}")] = nodal.face_at(mesh, load, model)
+            found[scene.named(f"load {k}")] = nodal.face_at(mesh, load.body, load.u, model)
         elif isinstance(load, Pressure):
             found[scene.named(f"load {k}")] = mesh.faces[nodal.face_of(load)]
     for k, contact in enumerate(model.contacts):

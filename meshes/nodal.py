@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.model.load import BodyForce, Pressure, SectionLoad, Weight
+from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionLoad, Weight
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, Mesh, gauss
 
@@ -57,15 +57,13 @@ def functions(reference: Array, order: int) -> Functions:
 
 def _rule(dimension: int) -> tuple[Array, Array]:
     where, weights = gauss("hexahedron", 2 * _POINTS - 1)
-    if dimension == 3:
-        return where, weights
-    # Those of a face: points of the cube with one of the first coordinates.
-    first = np.isclose(where[:, 0], where[0, 0])
-    return where[first, 1:], weights[first] / weights[first].sum()
+    # Those of a face, or a line: points of the cube with one of the first coordinates, or of the first two.
+    first = np.isclose(where[:, : 3 - dimension], where[0, : 3 - dimension]).all(axis=1)
+    return where[first, 3 - dimension :], weights[first] / weights[first].sum()
 
 
-def dead(mesh: Mesh, model: Model) -> Array:
-    """Return the nodal forces at full load of what does not follow the surface, shape ``(nodes, 3)``.
+def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
+    """Return the nodal forces at a load factor of what does not follow the surface, shape ``(nodes, 3)``.
 
     Raises
     ------
@@ -74,31 +72,77 @@ def dead(mesh: Mesh, model: Model) -> Array:
     """
     result = np.zeros_like(mesh.points)
     for k, load in enumerate(model.loads):
+        share = model.share(load.history, factor)
         if isinstance(load, SectionLoad):
             if load.turns and load in model.following:
                 raise InputError(
                     f"load {k}: a moment on a body that turns is not written: CalculiX has no forces that turn with a "
                     "section; a law of small displacements, LinearElastic, takes it"
                 )
-            nodes, shares, areas = _on_face(mesh, face_at(mesh, load, model))
+            nodes, shares, areas = on_face(mesh, face_at(mesh, load.body, load.u, model))
             size = np.linalg.norm(areas, axis=2)
             size /= size.sum()
             places = np.einsum("qn,fna->fqa", shares, mesh.points[nodes])
-            np.add.at(result, nodes, np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size)))
+            forces = np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size))
         elif isinstance(load, BodyForce | Weight):
             force = np.array(load.density) if isinstance(load, BodyForce) else _weight(k, load)
-            cells = mesh.cells[mesh.regions[f"rod {load.body}"]]
             own = functions(mesh.reference, mesh.order)
-            nodes = cells[:, own.places]
+            nodes = mesh.cells[mesh.regions[f"rod {load.body}"]][:, own.places]
             det = np.linalg.det(np.einsum("qnb,cna->cqab", own.slopes, mesh.points[nodes]))
-            np.add.at(result, nodes, ((det * own.weights) @ own.values)[:, :, None] * force)
-        elif isinstance(load, Pressure):
-            if not load.follows:
-                nodes, shares, areas = _on_face(mesh, mesh.faces[face_of(load)])
-                np.add.at(result, nodes, -load.pressure * np.einsum("fqa,qn->fna", areas, shares))
-        else:
+            forces = ((det * own.weights) @ own.values)[:, :, None] * force
+        elif isinstance(load, LineLoad):
+            nodes, lengths = _along(mesh, load.body, model)
+            forces = lengths[:, :, None] * np.array(load.per_length)
+        elif isinstance(load, PointLoad):
+            nodes, values = _at(mesh, load, model)
+            forces = values[:, None] * np.array(load.force)
+        elif not isinstance(load, Pressure):
             raise InputError(f"load {k}: {type(load).__name__} is not written")
+        elif load.follows:
+            continue
+        else:
+            nodes, shares, areas = on_face(mesh, mesh.faces[face_of(load)])
+            forces = -load.pressure * np.einsum("fqa,qn->fna", areas, shares)
+        np.add.at(result, nodes, share * forces)
     return result
+
+
+def _along(mesh: Mesh, body: int, model: Model) -> tuple[Index, Array]:
+    """Return nodes of cells ``(c, n)`` and the lengths of the centre line that are theirs, alike over each section."""
+    rod = model.bodies[body].space.rod
+    cells = mesh.cells[mesh.regions[f"rod {body}"]]
+    own = functions(mesh.reference, mesh.order)
+    nodes = cells[:, own.places]
+    tangents = np.einsum("qnb,cna->cqab", own.slopes, mesh.points[nodes])
+    areas = np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1) * own.weights
+    # Of the points of a cell the last coordinate, along the rod, varies fastest.
+    where, weights = _rule(1)
+    first, last = mesh.parameters_in(body, cells[:, [0, -1]])[..., 2].T
+    begins, layer = np.unique(first, return_inverse=True)
+    ends = np.zeros(len(begins))
+    # The last layer of a closed rod ends in nodes of the start.
+    ends[layer] = np.where(last > first, last, rod.axis.breaks[-1])
+    u = begins[:, None] + (ends - begins)[:, None] * where[:, 0]
+    speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u.ravel())[1][:, 0, :, 2], axis=-1).reshape(u.shape)
+    slices = areas.reshape(len(cells), -1, len(weights))
+    whole = np.zeros(u.shape)
+    np.add.at(whole, layer, slices.sum(axis=1))
+    lengths = speed * (ends - begins)[:, None] * weights
+    return nodes, (slices * (lengths / whole)[layer][:, None]).reshape(areas.shape) @ own.values
+
+
+def _at(mesh: Mesh, load: PointLoad, model: Model) -> tuple[Index, Array]:
+    """Return nodes and functions of the edge on which the place of a force is."""
+    edges = edges_at(mesh, load.body, load.u, model, SURFACES[load.surface])
+    x, y = np.moveaxis(mesh.parameters_in(load.body, edges)[..., :2], -1, 0)
+    # Angles of the edges' nodes from that of the place.
+    angle = np.angle((x + 1j * y) * np.exp(-1j * np.radians(load.angle)))
+    near = int(np.abs(angle).max(axis=1).argmin())
+    ticks = np.linspace(0.0, 1.0, mesh.order + 1)
+    ends = angle[near, [0, -1]]
+    t = np.clip(ends[0] / (ends[0] - ends[1]), 0.0, 1.0)
+    values = [np.prod((t - np.delete(ticks, k)) / (ticks[k] - np.delete(ticks, k))) for k in range(len(ticks))]
+    return edges[near], np.array(values)
 
 
 def face_of(load: Pressure) -> str:
@@ -126,23 +170,45 @@ def _tractions(load: SectionLoad, places: Array, shares: Array) -> Array:
     return found + np.cross(np.linalg.solve(inertia, np.array(load.moment)), arms)
 
 
-def face_at(mesh: Mesh, load: SectionLoad, model: Model) -> Index:
-    """Return the faces of the section that a force acts on, which is a plane of the mesh (`meshes.cuts`)."""
-    low, high = model.bodies[load.body].space.axis.breaks[[0, -1]]
-    at = high if load.u is None else load.u
-    for name, end in (("start", low), ("end", high)):
-        if abs(at - end) <= _SAME * (high - low):
-            return mesh.faces[f"rod {load.body} {name}"]
+def face_at(mesh: Mesh, body: int, u: float | None, model: Model) -> Index:
+    """Return the faces of a section, that at the end where none is given, which is a plane of the mesh (`cuts`)."""
+    at, same, end = _place(body, u, model)
+    if end:
+        return mesh.faces[f"rod {body} {end}"]
     # The first nodes of a cell are those of its side towards the start.
-    faces = mesh.cells[mesh.regions[f"rod {load.body}"]][:, : (mesh.order + 1) ** 2]
-    u = mesh.parameters_in(load.body, faces)[..., 2]
-    return faces[(np.abs(u - at) <= _SAME * (high - low)).all(axis=1)]
+    faces = mesh.cells[mesh.regions[f"rod {body}"]][:, : (mesh.order + 1) ** 2]
+    return faces[(np.abs(mesh.parameters_in(body, faces)[..., 2] - at) <= same).all(axis=1)]
 
 
-def _on_face(mesh: Mesh, face: Index) -> tuple[Index, Array, Array]:
+def edges_at(mesh: Mesh, body: int, u: float, model: Model, surface: str = "lateral") -> Index:
+    """Return the edges of the line round a section, which is one of the mesh, ``(edges, nodes)``."""
+    at, same, end = _place(body, u, model)
+    faces = mesh.faces[f"rod {body} {surface}"].reshape(-1, mesh.order + 1, mesh.order + 1)
+    edges = faces[:, -1 if end == "end" else 0]
+    return edges[(np.abs(mesh.parameters_in(body, edges)[..., 2] - at) <= same).all(axis=1)]
+
+
+def _place(body: int, u: float | None, model: Model) -> tuple[float, float, str]:
+    """Return the parameter of a section, what differs from it by rounding, and the end that it is; of rings none."""
+    rod = model.bodies[body].space.rod
+    low, high = rod.axis.breaks[[0, -1]]
+    at, same = high if u is None else u, _SAME * (high - low)
+    if rod.closed:
+        return (low if abs(at - high) <= same else at), same, ""
+    return at, same, next((name for name, end in (("start", low), ("end", high)) if abs(at - end) <= same), "")
+
+
+def on_face(mesh: Mesh, face: Index) -> tuple[Index, Array, Array]:
     """Return nodes of faces ``(f, n)``, functions at points ``(q, n)``, outward areas of the points ``(f, q, 3)``."""
     own = functions(mesh.face_reference, mesh.order)
     nodes = face[:, own.places]
     tangents = np.einsum("qnb,fna->fqab", own.slopes, mesh.points[nodes])
     areas = np.cross(tangents[..., 0], tangents[..., 1]) * own.weights[:, None]
     return nodes, own.values, areas
+
+
+def on_line(mesh: Mesh, edges: Index) -> tuple[Index, Array, Array]:
+    """Return the same of edges: lengths along them ``(e, q, 3)`` in the place of areas."""
+    own = functions(np.linspace(0.0, 1.0, mesh.order + 1)[:, None], mesh.order)
+    nodes = edges[:, own.places]
+    return nodes, own.values, np.einsum("qnb,ena->eqa", own.slopes, mesh.points[nodes]) * own.weights[:, None]

@@ -12,7 +12,7 @@ from isorod.material.law import Material
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Weight
 from isorod.model.model import Model
 from isorod.model.support import Support
-from meshes import deck, groups
+from meshes import deck, deck_names, groups
 from meshes.held import Held, surface
 from meshes.mesh import Mesh
 
@@ -38,6 +38,8 @@ def _missing(scene: Any, model: Model) -> Any:
     """Yield what is not written."""
     if scene.analysis != "statics":
         yield f"{scene.analysis} is not written to .py, statics is"
+    if any(getattr(one, "history", None) is not None for one in (*model.supports, *model.loads)):
+        yield "a history is not written to .py"
     for what, several in (("contact", model.contacts), ("tie", model.ties), ("solid", model.solids)):
         if several:
             yield f"{scene.named(f'{what} 0')} is not written to .py"
@@ -72,7 +74,7 @@ def _missing(scene: Any, model: Model) -> Any:
 def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[str]]:
     """Return the program of a scene, whose mesh ``path`` with ``.msh`` is, and what there is to say of it."""
     check(scene, model)
-    names = deck.names_of(scene, mesh)
+    names = deck_names.names_of(scene, mesh)
     kinds = list(groups.kinds(mesh, model, names))
     laws, energy = [], []
     for k, kind in enumerate(kinds):
@@ -128,7 +130,7 @@ def _vector(values: Any) -> str:
     return "(" + ", ".join(f"{float(value) + 0.0:.12g}" for value in values) + ")"
 
 
-def _loads(scene: Any, model: Model, names: deck.Names, kinds: list[groups.Kind]) -> list[str]:
+def _loads(scene: Any, model: Model, names: deck_names.Names, kinds: list[groups.Kind]) -> list[str]:
     """Return the lines of loads: their work on ``v`` at load factor ``factor``."""
     lines = []
     for k, load in enumerate(model.loads):
@@ -205,4 +207,4 @@ def _measures(scene: Any, model: Model, mesh: Mesh) -> tuple[list[str], list[str
 
 
 def _kinds_of(scene: Any, model: Model, mesh: Mesh) -> list[str]:
-    return [kind.name for kind in groups.kinds(mesh, model, deck.names_of(scene, mesh))]
+    return [kind.name for kind in groups.kinds(mesh, model, deck_names.names_of(scene, mesh))]

@@ -25,22 +25,20 @@ EXAMPLES = Path(files.__file__).parent / "examples"
 
 # By how much CalculiX may differ, on the mesh that is chosen.  Measured: 2.9e-3 of taper, 2.6e-3 of wing, 3.9e-3 of
 # spring, 2.2e-3 of coil, 1.7e-3 of bar, 1.3e-3 of arc and starter, 1.2e-3 of cable, 6.4e-3 of tendon, 1.3e-2 of stent,
-# whose own error is as large, 4.5e-3 of contacts, 2.3e-3 of weld and buckling.
+# whose own error is as large, 4.5e-3 of contacts, 2.3e-3 of weld and buckling, 1.9e-3 of bearings.
 BOUNDS = {"arc": 2e-3, "bar": 2.5e-3, "buckling": 3e-3, "cable": 2e-3, "coil": 3e-3, "crossing": 8e-3, "press": 8e-3}
 BOUNDS |= {"screw": 5e-3, "spring": 5e-3, "starter": 2e-3, "stent": 2e-2, "taper": 4e-3, "tendon": 8e-3}
 BOUNDS |= {"trefoil": 1e-3, "weld": 3e-3, "wing": 4e-3}
 BOUNDS |= {"s_hook": 5e-3, "conical_spring": 5e-3, "extension_spring": 5e-3, "torsion_spring": 5e-3}
 BOUNDS |= {"clock_spring": 5e-3}
+BOUNDS |= {"paddle_shaft": 5e-3, "stabiliser_bar": 5e-3, "wave_spring": 5e-3}
 
-_MEANS = "mean motions and springs are not written"
 REFUSED = {
     "coat_hanger": "tie neck: an end 1.46 within the other rod is not written",
     "drum": "an obstacle that turns or moves along a path is not written",
     "hose": "Cylinder as an obstacle is not written",
     "muscle": "law Muscle has no counterpart",
-    "paddle_shaft": _MEANS,
-    "stabiliser_bar": _MEANS,
-    "wave_spring": _MEANS,
+    "shaker": "harmonic is not written to .inp",
 }
 # CalculiX takes six minutes and more.
 LONG = ("bend", "cord", "three_wire_cable")

@@ -304,7 +304,6 @@ def test_laws_one_behind_the_other_are_materials_of_their_own():
         ),
         ('[load.a]\nend = "end"\nmoment = [0,0,1]\n' + STATICS, "load a: a moment on a body that turns"),
         ("[spin]\nvelocity = [0,0,1]\n[analysis.modal]\n", "Coriolis"),
-        ("[load.a]\nper_length = [0,0,1]\n" + STATICS, "my: load a: LineLoad is not written"),
         ('[support.Foot]\nend = "end"\n' + STATICS, "support foot and support Foot: both are SUPPORT_FOOT"),
         (
             '[support.h]\nend = "end"\ncomponents = "x"\ntied = "yz"\nrotation = [0,0,9]\n' + STATICS,

@@ -153,6 +153,11 @@ def test_energies_are_those_of_the_laws():
     ("more", "said"),
     [
         ("[analysis.modal]\n", "modal is not written to .py"),
+        (
+            '[load.a]\nend = "end"\nforce = [0, 0, 1]\nhistory = [[0, 0], [2, 1]]\n'
+            "[analysis.statics]\nend_time = 1.0\n",
+            "a history is not written to .py",
+        ),
         ('[load.a]\nend = "end"\nmoment = [0,0,1]\n[analysis.statics]\n', "load a: moments"),
         (
             '[obstacle.o]\nPlane = {point = [0,0,9], normal = [0,0,-1]}\n[contact.c]\nfirst = "beam"\nsecond = "o"\n'
