@@ -333,7 +333,7 @@ def _field_words(records: list[Record]) -> str:
     own, doubt = [one["field"] for one in _meshes(records) if one["field"].get("displacement", 0.0) > plots.SHOWN], ""
     if own:
         doubt = f" dolfinx' own mesh before the finest is {_share(own[-1]['displacement'])} from it"
-        doubt += f", of stress {_share(own[-1]['stress'])}: what is less tells nothing of isorod." if "stress" in own[-1] else "."
+        doubt += f", of stress {_share(own[-1]['stress'])}: less tells nothing." if "stress" in own[-1] else "."
     return (
         "<p>Against the finest mesh: the displacement in L2 over the volume, relative; von Mises stress at the same "
         "places of surfaces on both sides, as the displacement there makes it: the largest difference, relative to the "
