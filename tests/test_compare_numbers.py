@@ -11,6 +11,7 @@ from comparisons.measure.distance import Judge
 from comparisons.measure.quantities import Converged
 from comparisons.measure.sampled import Places, Sample
 from comparisons.measure.variants import variants
+from comparisons.report import compare as report
 from comparisons.report import plots
 from isorod import modal, statics
 from isorod.checks import stresses
@@ -277,3 +278,14 @@ def test_labels_of_near_points_do_not_meet():
     assert axis.texts[0].get_text() == "default"
     assert 1 < len(boxes) <= 10
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
+
+
+@pytest.mark.parametrize(("count", "limit"), [(2, False), (3, True)])
+def test_two_meshes_are_told_to_have_no_limit(count, limit):
+    run = {"part": "work", "values": {"force": [1.0]}, "label": "default", "method": "cylindrical"}
+    meshes = [{"part": "work", "method": "fem", "sequence": True, "label": f"mesh {k}"} for k in range(count)]
+    known = vars(quantities.converged(SIZES[:count], [{"force": [value]} for value in (1.1, 1.02, 1.0)[:count]])[0])
+    records = [run, *meshes, {"part": "scene", "units": {}}, {"part": "converged", "quantities": [known]}]
+    said = report._measured(records)
+    assert ("limit of the meshes" in said) == ("extrapolated from three meshes" in said) == limit
+    assert ("finest mesh</th>" in said) == ("A third mesh was left out" in said) != limit

@@ -75,9 +75,9 @@ def section(records: list[Record], folder: Path) -> list[str]:
             "is changed of it: N, the degree of polynomials across the section, K and n, order and number of control "
             "points of the other families, p, the degree along the axis, e, the number of elements; of dolfinx how "
             "many times as many cells as in the coarsest mesh there are in each direction. "
-            f"{_refined(records)}Lines join runs that are "
-            "refined in all directions. First the largest error of what the scene measures, against the limit of three "
-            f"meshes; then those of {'stress and of ' if STRESS in _default(records) else ''}the field, against "
+            f"{_refined(records)}Lines join runs that are refined in all directions. First the largest error of what "
+            "the scene measures, against the limit of the meshes; then those of "
+            f"{'stress and of ' if STRESS in _default(records) else ''}the field, against "
             f"{'that limit and ' if _measured_stresses(records) else ''}the finest mesh, which has none itself.",
         ),
         "what it measures": _measured(records),
@@ -118,8 +118,8 @@ def uncertainty(records: list[Record], what: str = ERROR) -> float:
     """
     measured = _measured_stresses(records)
     if what == STRESS and not measured:
-        meshes = [one for one in part(records, "work") if one["method"] == "fem" and one["sequence"] and STRESS in one]
-        return float(min((one[STRESS] for one in meshes if one[STRESS] > plots.SHOWN), default=0.0))
+        meshes = [one[STRESS] for one in _meshes(records) if STRESS in one]
+        return float(min((one for one in meshes if one > plots.SHOWN), default=0.0))
     known = [one for one in _reference(records) if not one.vanishes and (one.name in measured) == (what == STRESS)]
     return max((one.uncertainty for one in known), default=0.0)
 
@@ -148,6 +148,11 @@ def _default(records: list[Record]) -> Record:
 
 def _reference(records: list[Record]) -> list[Converged]:
     return [Converged(**one) for one in part(records, "converged")[0]["quantities"]]
+
+
+def _meshes(records: list[Record]) -> list[Record]:
+    """Return the finite elements' runs that are compared with, coarse to fine."""
+    return [one for one in part(records, "work") if one["method"] == "fem" and one["sequence"]]
 
 
 def _measured_stresses(records: list[Record]) -> list[str]:
@@ -298,15 +303,17 @@ def _measured(records: list[Record]) -> str:
         if one.vanishes:
             rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
     said = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
-    head = ("", "limit of the meshes", "±", "order", "isorod, default", "difference")
-    return (
-        (f"<p>Units: {said}.</p>" if said else "")
-        + table(head, rows)
-        + "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the cells' "
-        "size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it were 1), "
-        "and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far that is "
-        "from the mesh before.</p>"
+    two = len(_meshes(records)) < 3
+    head = ("", "finest mesh" if two else "limit of the meshes", "±", "order", "isorod, default", "difference")
+    told = (
+        "<p>A third mesh was left out, and two show no limit: ± is how far the finest is from the one before.</p>"
+        if two
+        else "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the "
+        "cells' size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it "
+        "were 1), and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far "
+        "that is from the mesh before.</p>"
     )
+    return (f"<p>Units: {said}.</p>" if said else "") + table(head, rows) + told
 
 
 def _order(order: float | None, one: Converged) -> str:
@@ -317,17 +324,16 @@ def _order(order: float | None, one: Converged) -> str:
 
 def _field_words(records: list[Record]) -> str:
     scene = _scene(records)
-    fem = [one for one in part(records, "work") if one["method"] == "fem" and one["sequence"]]
     if scene["analysis"] == "modal":
         return (
             "<p>Of each mode shape of dolfinx' finest mesh, the part that the best combination of a run's shapes with "
             "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
             "as the last, which may be one of a pair.</p>"
         )
-    own = [one for one in fem if one["field"].get("displacement", 0.0) > plots.SHOWN]
-    doubt = (
-        f" dolfinx' own mesh before the finest is {_share(own[-1]['field']['displacement'])} from it." if own else ""
-    )
+    own, doubt = [one["field"] for one in _meshes(records) if one["field"].get("displacement", 0.0) > plots.SHOWN], ""
+    if own:
+        doubt = f" dolfinx' own mesh before the finest is {_share(own[-1]['displacement'])} from it"
+        doubt += f", of stress {_share(own[-1]['stress'])}: less tells nothing." if "stress" in own[-1] else "."
     return (
         "<p>Against the finest mesh: the displacement in L2 over the volume, relative; von Mises stress at the same "
         "places of surfaces on both sides, as the displacement there makes it: the largest difference, relative to the "

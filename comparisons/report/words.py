@@ -56,7 +56,7 @@ _OF_COMPARED = (
 
 MEANINGS = {
     "error": "Distance from the converged solution, relative. That solution is extrapolated from dolfinx on three "
-    "meshes, each finer than the last.",
+    "meshes, each finer than the last; where only two were solved it is that of the finer one.",
     "run time": "Set-up + assembly + solve + check of one solution, in a process that has solved it before: the median "
     "of five. Import, compilation and, for dolfinx, mesh generation are left out.",
     "check": "What proves a result and is part of its run time: of modes a Sturm count, one more factorisation, which "
