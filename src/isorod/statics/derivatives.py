@@ -3,12 +3,12 @@
 Of the residual ``R(u, p) = 0`` the equilibrium moves by ``du/dp = - K^-1 dR/dp``: one back-substitution of the factors
 of the tangent for each parameter, whatever is measured.  ``dR/dp`` is a difference of residuals at one displacement, of
 models that are built of other parameters on the same discretisation (`isorod.choices`), and so is what is measured,
-along ``u + s du/dp`` and ``p + s``: nothing else is solved.
+where these are in balance, to which they come from there with the same factors.
 """
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,9 +30,20 @@ from isorod.petsc.direct import direct, room
 # What is measured, by its name: numbers or arrays of them.
 Measured = dict[str, Array]
 
-# At so many steps from a parameter models are built; the weights of a derivative of sixth order, and of one of fourth.
-OFFSETS = (-3, -2, -1, 1, 2, 3)
-WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
+# Returns what is measured at steps from a parameter of a name.
+Along = Callable[[str, Sequence[float]], list[Measured]]
+
+# Builds are what a derivative costs.  Two models do, this share of the parameter from it, where what is measured bends
+# by no more than ``_BENT`` of its slope over the step: of what goes with a power of the parameter the slope is then
+# right to the square of that.
+_NEAR, _BENT = 2e-4, 1e-3
+
+# Where it bends more they are at so many steps; the weights of a derivative of sixth order, and of one of fourth.
+_OFFSETS = (-3, -2, -1, 1, 2, 3)
+_WEIGHTS = {
+    2: np.array([-0.5, 0.5]),
+    6: np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0,
+}
 _FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 # The first step, as a share of the parameter: rounding of forces, some 1e-16 of what elements pass on to each other,
@@ -40,6 +51,10 @@ _FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 # where they still differ by ``_APART``.
 _STEP, _SHORTEST, _ATTEMPTS = 8e-3, 1e-5, 3
 _ALIKE, _APART = 3e-8, 1e-2
+
+# A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
+# the second.
+_BALANCES, _BALANCED, _ROUNDED = 12, 1e-11, 1e-6
 
 # At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is
 # the jump of the slope.
@@ -111,12 +126,12 @@ class Beside:
         with _silently(), choices.kept() as self._choices:
             self._refuse(make(self.at), "parameters")
 
-    def models(self, name: str, step: float) -> list[Model]:
-        """Return the models at `OFFSETS` times a step from a parameter."""
+    def models(self, name: str, steps: Sequence[float]) -> list[Model]:
+        """Return the models at steps from a parameter."""
         found = []
-        for offset in OFFSETS:
+        for step in steps:
             with _silently(), choices.repeated(self._choices):
-                found.append(self._make(self.at | {name: self.at[name] + offset * step}))
+                found.append(self._make(self.at | {name: self.at[name] + step}))
             self._refuse(found[-1], name)
         return found
 
@@ -124,7 +139,7 @@ class Beside:
         if not np.array_equal(model.free, self._like.free):
             raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
 
-    def derivatives(self, values: Measured, along: Callable[[str, float], list[Measured]]) -> Derivatives:
+    def derivatives(self, values: Measured, along: Along) -> Derivatives:
         """Return derivatives by all parameters.
 
         Parameters
@@ -132,21 +147,38 @@ class Beside:
         values
             What is measured.
         along
-            Returns the same at `OFFSETS` times a step from a parameter.
-
+            Returns the same at steps from a parameter.
         """
         found = {name: self._by(name, values, along) for name in self.at}
         by = {name: one for name, one in found.items() if not isinstance(one, str)}
         return Derivatives(self.at, values, by, {name: one for name, one in found.items() if isinstance(one, str)})
 
-    def _by(self, name: str, values: Measured, along: Callable[[str, float], list[Measured]]) -> Measured | str:
+    def _near(self, name: str, values: Measured, along: Along) -> Measured | None:
+        """Return the derivatives of what hardly bends near a parameter, or None."""
+        step, found = _NEAR * abs(self.at[name]), {}
+        try:
+            with _silently():
+                before, after = along(name, (-step, step))
+        except (InputError, SolveError):
+            return None
+        for one, value in values.items():
+            found[one] = (after[one] - before[one]) / (2.0 * step)
+            bent = _largest(after[one] - 2.0 * value + before[one])
+            if not bent <= _BENT * 2.0 * step * _scale(found[one], value, abs(self.at[name])):
+                return None
+        return found
+
+    def _by(self, name: str, values: Measured, along: Along) -> Measured | str:
         """Return the derivatives by a parameter, or why there are none."""
+        near = self._near(name, values, along)
+        if near is not None:
+            return near
         best: Measured = {}
         size, least, jump, share = abs(self.at[name]), np.inf, np.inf, _STEP
         for _ in range(_ATTEMPTS):
             try:
                 with _silently():
-                    several = along(name, share * size)
+                    several = along(name, [offset * share * size for offset in _OFFSETS])
             except (InputError, SolveError) as problem:
                 why = f"models beside it cannot be had: {problem}"
                 apart = np.inf
@@ -154,11 +186,11 @@ class Beside:
                 rows = {one: np.array([each[one] for each in several]) for one in values}
                 found, fourth = (
                     {one: np.tensordot(weights, row, 1) / (share * size) for one, row in rows.items()}
-                    for weights in (WEIGHTS, _FOURTH)
+                    for weights in (_WEIGHTS[6], _FOURTH)
                 )
                 offs, jumps = {}, []
                 for one, value in values.items():
-                    scale = max(_largest(found[one]), _NOTHING * _largest(value) / size) or 1.0
+                    scale = _scale(found[one], value, size)
                     offs[one] = _largest(found[one] - fourth[one]) / scale
                     jumps.append(_largest(np.tensordot(_JUMP, rows[one] - value, 1)) / (share * size * scale))
                 worst = max(offs, key=lambda one: offs[one])
@@ -175,10 +207,23 @@ class Beside:
         return best if max(least, jump) <= _APART else why
 
 
+def _scale(rate: Array, value: Array, size: float) -> float:
+    """Return the size of a derivative by a parameter, to which what it misses is compared."""
+    return max(_largest(rate), _NOTHING * _largest(value) / size) or 1.0
+
+
 def _largest(values: Array) -> float:
     """Return the largest size of some values, without bound where one is none."""
     found = np.abs(values).max(initial=0.0)
     return float(found) if np.isfinite(found) else np.inf
+
+
+@contextmanager
+def _destroyed(one: Any) -> Iterator[Any]:
+    try:
+        yield one
+    finally:
+        one.destroy()
 
 
 def _silently() -> warnings.catch_warnings:
@@ -201,7 +246,7 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 def refuse(model: Model) -> None:
     """Raise `InputError` for what one back-substitution does not tell."""
     if model.contacts:
-        raise InputError("derivatives: not told with contact; take --sweep of the parameter")
+        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
     if model.remembers or model.times is not None:
         raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
     if model.solids:
@@ -245,20 +290,63 @@ class Moving:
         self._ksp.solve(force, found)
         return found
 
-    def states(self, models: Sequence[Model], step: float) -> list[tuple[Assembler, PETSc.Vec]]:
-        """Return assemblers and states of models at `OFFSETS` times a step, on the line along which it moves."""
+    def states(self, models: Sequence[Model], steps: Sequence[float]) -> list[tuple[Assembler, PETSc.Vec]]:
+        """Return assemblers and states of models at steps, on the line along which it moves."""
         several = [assembler_for(model, self.comm) for model in models]
         rate = self.assembler.vector()
-        rate.maxpy((WEIGHTS / step).tolist(), [self._residual(one, self.x) for one in several])
+        step = 2.0 * steps[-1] / len(steps)
+        rate.maxpy((_WEIGHTS[len(steps)] / step).tolist(), [self._residual(one, self.x) for one in several])
         rate = self._solved(rate)
         found = []
-        for assembler, offset in zip(several, OFFSETS, strict=True):
+        for assembler, one in zip(several, steps, strict=True):
             state = self.x.copy()
-            state.axpy(-offset * step, rate)
-            # Out of balance to second order, where it is stiff that would count for more than the answer's own curve.
-            state.axpy(-1.0, self._solved(self._residual(assembler, state)))
+            state.axpy(-one, rate)
+            self._balance(assembler, state, abs(one) * rate.norm() + _NEAR * self.x.norm())
             found.append((assembler, state))
         return found
+
+    def _balance(self, assembler: Assembler, state: PETSc.Vec, size: float) -> None:
+        """Bring a state beside into balance, with the factors that there are, or where these do not suit with its own.
+
+        Parameters
+        ----------
+        size
+            How far it moved, to which changes are compared.
+
+        Raises
+        ------
+        SolveError
+            If it does not come into balance.
+        """
+        began = state.copy()
+        if self._stepped(assembler, state, size, lambda: self._ksp):
+            return
+        began.copy(state)
+        with ExitStack() as stack:
+            matrix = stack.enter_context(_destroyed(assembler.matrix()))
+
+            def own() -> PETSc.KSP:
+                assembler.tangent(state, 1.0, matrix)
+                with defaults(room(self.comm)):
+                    return stack.enter_context(_destroyed(direct(matrix, factorisation(assembler))))
+
+            if not self._stepped(assembler, state, size, own):
+                raise SolveError("they do not come into balance")
+
+    def _stepped(self, assembler: Assembler, state: PETSc.Vec, size: float, factors: Callable[[], PETSc.KSP]) -> bool:
+        """Take steps of Newton's method with some factors; return whether they came to an end."""
+        last = np.inf
+        for _ in range(_BALANCES):
+            change = state.duplicate()
+            factors().solve(self._residual(assembler, state), change)
+            state.axpy(-1.0, change)
+            off = change.norm()
+            if off <= _BALANCED * size:
+                return True
+            if off > 0.5 * last:
+                return bool(off <= _ROUNDED * size)
+            last = off
+        return False
 
     def equilibrium(self, assembler: Assembler, x: PETSc.Vec) -> Any:
         """Return what answers for a state."""
@@ -306,8 +394,8 @@ def derivatives(
         beside = Beside(make, at, solution.model)
         values = numbers(measure(moving.equilibrium(moving.assembler, moving.x)))
 
-        def along(name: str, step: float) -> list[Measured]:
-            states = moving.states(beside.models(name, step), step)
+        def along(name: str, steps: Sequence[float]) -> list[Measured]:
+            states = moving.states(beside.models(name, steps), steps)
             return [numbers(measure(moving.equilibrium(*one))) for one in states]
 
         return beside.derivatives(values, along)
