@@ -61,7 +61,7 @@ def blade():
 
 def test_a_force_scales_with_the_square_of_lengths_and_with_the_modulus(spring):
     lengths = ("coil_radius", "pitch", "wire_radius", "travel")
-    assert sum(logarithmic(spring, "force", one) for one in lengths) == pytest.approx(2.0, abs=3e-9)
+    assert sum(logarithmic(spring, "force", one) for one in lengths) == pytest.approx(2.0, abs=1e-6)
     assert logarithmic(spring, "force", "E") == pytest.approx(1.0, abs=1e-10)
     # Slender limits (Wahl): F = G d^4 s / (8 D^3 n).
     assert logarithmic(spring, "force", "wire_radius") == pytest.approx(4.0, abs=0.1)
@@ -132,7 +132,8 @@ def test_of_double_frequencies_each_has_its_own(tmp_path):
 def on_two():
     found, alone = of(SPRING, PETSc.COMM_WORLD), of(SPRING)
     for name in found.parameters:
-        assert float(found.by[name]["force"]) == pytest.approx(float(alone.by[name]["force"]), rel=1e-7)
+        one, other = (logarithmic(each, "force", name) for each in (found, alone))
+        assert one == pytest.approx(other, abs=1e-7)
 
 
 def test_ranks_find_the_same(on_ranks):

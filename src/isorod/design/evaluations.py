@@ -10,7 +10,8 @@ import numpy as np
 from isorod import choices
 from isorod.arrays import Array
 from isorod.design import parameters
-from isorod.statics.derivatives import Measured, numbers
+from isorod.statics.derivatives import numbers
+from isorod.statics.differences import Measured
 
 # What of the rods can be asked for beside what is measured.
 OWN = ("mass", "volume")

@@ -20,7 +20,8 @@ from isorod.assembly.factorisation import is_mixed
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
-from isorod.statics.derivatives import Beside, Derivatives, Measured, Moving, numbers, refuse
+from isorod.statics.derivatives import Moving, numbers, refuse
+from isorod.statics.differences import Beside, Derivatives, Measured
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
