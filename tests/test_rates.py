@@ -1,6 +1,7 @@
 """Derivatives by numbers of scenes: identities of scale, Taylor's remainder, reciprocity, double frequencies."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,3 +169,26 @@ def test_choices_are_those_of_the_same_model_alone():
     assert replace(Spring(), coils=3.01).rod().axis.elements > Spring().rod().axis.elements
     with pytest.raises(InputError, match="the discretisation changes"), choices.repeated(made):
         pass
+
+
+def test_where_a_tie_parts_there_is_none_and_a_line_says_why():
+    scene = files.find(str(Path(files.__file__).parent / "examples" / "weld.toml"))
+    found = derivatives.of(
+        scene, statics.solve(scene.model()), {"rod.steel.curve.straight": 40.0, "support.top.rotation.2": 0.1}
+    )
+    assert found.none == {"rod.steel.curve.straight": "surfaces that are tied part, or overlap"}
+    # A small turn.
+    assert logarithmic(found, "torque", "support.top.rotation.2") == pytest.approx(1.0, abs=1e-5)
+
+
+def test_many_coils_have_the_derivatives_of_scale():
+    """A step in the number of coils turns the end by so much that the tangent of the model itself does not suit."""
+    found = of(Spring(coils=6, travel=3.0, section_degree=3))
+    lengths = ("coil_radius", "pitch", "wire_radius", "travel")
+    assert sum(logarithmic(found, "force", one) for one in lengths) == pytest.approx(2.0, abs=2e-6)
+    moved = [
+        statics.solve(Spring(coils=6 * (1.0 + s), travel=3.0, section_degree=3).model()).reactions[1, 2]
+        for s in (-1e-3, 1e-3)
+    ]
+    change = (moved[1] - moved[0]) / (2e-3 * found.values["force"])
+    assert logarithmic(found, "force", "coils") == pytest.approx(change, rel=1e-3)

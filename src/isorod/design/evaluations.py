@@ -69,7 +69,8 @@ class Evaluations:
         for k, (case, scene) in enumerate(self.scenes.items()):
             solution = self._solve(k, scene, self._make(k, scene, self._named(x)))
             solutions.append(solution)
-            values |= of_case(case, flat(measured(scene, solution)))
+            with _silently():
+                values |= of_case(case, flat(measured(scene, solution)))
         self._last = solutions
         return Answer(values, solutions)
 

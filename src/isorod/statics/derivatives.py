@@ -23,7 +23,7 @@ from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
-from isorod.statics.differences import NEAR, WEIGHTS, Beside, Derivatives, Measured
+from isorod.statics.differences import NEAR, WEIGHTS, Beside, Derivatives, Measured, silently
 
 # A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
 # the second.
@@ -192,7 +192,9 @@ def derivatives(
     with closing(Moving(solution)) as moving:
         beside = Beside(make, at, solution.model)
         own = moving.equilibrium(moving.assembler, moving.x)
-        values, gaps = numbers(measure(own)), dict[str, float]()
+        gaps = dict[str, float]()
+        with silently():
+            values = numbers(measure(own))
 
         def along(name: str, steps: Sequence[float]) -> list[Measured]:
             several = [moving.equilibrium(*one) for one in moving.states(beside.models(name, steps), steps)]

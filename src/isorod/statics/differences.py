@@ -107,14 +107,14 @@ class Beside:
             if not value or not np.isfinite(value):
                 raise InputError(f"{name}: got {value:g}: a derivative is found by small shares of it, need a size")
         self.at, self._make, self._like = dict(at), make, like
-        with _silently(), choices.kept() as self._choices:
+        with silently(), choices.kept() as self._choices:
             self._refuse(make(self.at), "parameters")
 
     def models(self, name: str, steps: Sequence[float]) -> list[Model]:
         """Return the models at steps from a parameter."""
         found = []
         for step in steps:
-            with _silently(), choices.repeated(self._choices):
+            with silently(), choices.repeated(self._choices):
                 found.append(self._make(self.at | {name: self.at[name] + step}))
             self._refuse(found[-1], name)
         return found
@@ -141,7 +141,7 @@ class Beside:
         """Return the derivatives of what hardly bends near a parameter, or None."""
         step, found = NEAR * abs(self.at[name]), {}
         try:
-            with _silently():
+            with silently():
                 before, after = along(name, (-step, step))
         except (InputError, SolveError):
             return None
@@ -161,7 +161,7 @@ class Beside:
         size, least, jump, share = abs(self.at[name]), np.inf, np.inf, _STEP
         for _ in range(_ATTEMPTS):
             try:
-                with _silently():
+                with silently():
                     several = along(name, [offset * share * size for offset in _OFFSETS])
             except (InputError, SolveError) as problem:
                 why = f"models beside it cannot be had: {problem}"
@@ -202,6 +202,6 @@ def _largest(values: Array) -> float:
     return float(found) if np.isfinite(found) else np.inf
 
 
-def _silently() -> warnings.catch_warnings:
+def silently() -> warnings.catch_warnings:
     """Say nothing: it was said of the model itself."""
     return warnings.catch_warnings(action="ignore")
