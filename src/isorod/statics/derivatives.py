@@ -23,11 +23,14 @@ from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
-from isorod.statics.differences import NEAR, WEIGHTS, Beside, Derivatives, Measured, silently
+from isorod.statics.differences import NEAR, Beside, Derivatives, Measured, silently, weights
 
 # A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
 # the second.
 _BALANCES, _BALANCED, _ROUNDED = 12, 1e-11, 1e-6
+
+# What does not move at all still has digits of a displacement of this share of the model's size.
+_STILL = 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
@@ -93,14 +96,16 @@ class Moving:
         """Return assemblers and states of models at steps, on the line along which it moves."""
         several = [assembler_for(model, self.comm) for model in models]
         rate = self.assembler.vector()
-        step = 2.0 * steps[-1] / len(steps)
-        rate.maxpy((WEIGHTS[len(steps)] / step).tolist(), [self._residual(one, self.x) for one in several])
+        step = abs(steps[0])
+        share = weights([one / step for one in steps]) / step
+        rate.maxpy(share.tolist(), [self._residual(one, self.x) for one in several])
         rate = self._solved(rate)
         found = []
         for assembler, one in zip(several, steps, strict=True):
             state = self.x.copy()
             state.axpy(-one, rate)
-            self._balance(assembler, state, abs(one) * rate.norm() + NEAR * self.x.norm())
+            moved = abs(one) * rate.norm() + NEAR * self.x.norm() + _STILL * self.solution.model.size
+            self._balance(assembler, state, moved)
             found.append((assembler, state))
         return found
 

@@ -26,13 +26,12 @@ Along = Callable[[str, Sequence[float]], list[Measured]]
 # right to the square of that.
 NEAR, _BENT = 2e-4, 1e-3
 
-# Where it bends more they are at so many steps; the weights of a derivative of sixth order, and of one of fourth.
+# On both sides of it; or on one, where the number may not be larger, or smaller.
+_SIDES = ((-1, 1), (-1, -2), (1, 2))
+
+# Where it bends more they are at so many steps, of which a derivative is of sixth order, of the inner four of fourth.
 _OFFSETS = (-3, -2, -1, 1, 2, 3)
-WEIGHTS = {
-    2: np.array([-0.5, 0.5]),
-    6: np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0,
-}
-_FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
+_INNER = slice(1, 5)
 
 # The first step, as a share of the parameter: rounding of forces, some 1e-16 of what elements pass on to each other,
 # falls with it.  It is taken anew, shorter, where the two differ by more than ``_ALIKE``, and there is no derivative
@@ -139,18 +138,24 @@ class Beside:
 
     def _near(self, name: str, values: Measured, along: Along) -> Measured | None:
         """Return the derivatives of what hardly bends near a parameter, or None."""
-        step, found = NEAR * abs(self.at[name]), {}
-        try:
-            with silently():
-                before, after = along(name, (-step, step))
-        except (InputError, SolveError):
-            return None
-        for one, value in values.items():
-            found[one] = (after[one] - before[one]) / (2.0 * step)
-            bent = _largest(after[one] - 2.0 * value + before[one])
-            if not bent <= _BENT * 2.0 * step * _scale(found[one], value, abs(self.at[name])):
+        step = NEAR * abs(self.at[name])
+        for offsets in _SIDES:
+            try:
+                with silently():
+                    several = along(name, [offset * step for offset in offsets])
+            except InputError:
+                continue
+            except SolveError:
                 return None
-        return found
+            found = {}
+            for one, value in values.items():
+                rows = np.array([each[one] for each in several]) - value
+                found[one] = np.tensordot(weights(offsets), rows, 1) / step
+                bent = _largest(np.tensordot(weights(offsets, 2), rows, 1))
+                if not bent <= _BENT * 2.0 * step * _scale(found[one], value, abs(self.at[name])):
+                    return None
+            return found
+        return None
 
     def _by(self, name: str, values: Measured, along: Along) -> Measured | str:
         """Return the derivatives by a parameter, or why there are none."""
@@ -167,16 +172,19 @@ class Beside:
                 why = f"models beside it cannot be had: {problem}"
                 apart = np.inf
             else:
-                rows = {one: np.array([each[one] for each in several]) for one in values}
+                rows = {one: np.array([each[one] for each in several]) - values[one] for one in values}
                 found, fourth = (
-                    {one: np.tensordot(weights, row, 1) / (share * size) for one, row in rows.items()}
-                    for weights in (WEIGHTS[6], _FOURTH)
+                    {
+                        one: np.tensordot(weights(_OFFSETS[own]), row[own], 1) / (share * size)
+                        for one, row in rows.items()
+                    }
+                    for own in (slice(None), _INNER)
                 )
                 offs, jumps = {}, []
                 for one, value in values.items():
                     scale = _scale(found[one], value, size)
                     offs[one] = _largest(found[one] - fourth[one]) / scale
-                    jumps.append(_largest(np.tensordot(_JUMP, rows[one] - value, 1)) / (share * size * scale))
+                    jumps.append(_largest(np.tensordot(_JUMP, rows[one], 1)) / (share * size * scale))
                 worst = max(offs, key=lambda one: offs[one])
                 why = f"differences of {worst} do not agree, as where the largest of several changes its place"
                 apart = offs[worst]
@@ -189,6 +197,13 @@ class Beside:
         if least <= _APART < jump:
             why = "its slope jumps"
         return best if max(least, jump) <= _APART else why
+
+
+def weights(offsets: Sequence[float], order: int = 1) -> Array:
+    """Return the weights of a derivative, of values at offsets less that at none."""
+    powers = np.vander(offsets, len(offsets) + 1, increasing=True)[:, 1:].T
+    found: Array = np.linalg.solve(powers, order * np.eye(len(offsets))[order - 1])
+    return found
 
 
 def _scale(rate: Array, value: Array, size: float) -> float:
