@@ -198,8 +198,9 @@ def test_a_muscle_at_the_end_of_its_range_has_one_sided_derivatives(tmp_path):
     """Activation acts as the largest stress does, and beyond 1 there is none; stresses scale with the moduli."""
     law = "{Muscle = {E = 30.0, nu = 0.45, sigma_max = 30.0, m1 = 35.0, m2 = 0.5, activation = 1.0}}"
     text = BAR[: BAR.index("[analysis.modal]")].replace("{LinearElastic = {E = 2.0e4, nu = 0.3}}", law)
-    more = '[support.top]\nend = "end"\ndisplacement = [0, 0, 0.3]\n[analysis.statics]\n[measure.force]\nreaction = "top"\ncomponent = "z"\n'
-    (tmp_path / "muscle.toml").write_text(text + more)
+    top = '[support.top]\nend = "end"\ndisplacement = [0, 0, 0.3]\n'
+    asked = '[analysis.statics]\n[measure.force]\nreaction = "top"\ncomponent = "z"\n'
+    (tmp_path / "muscle.toml").write_text(text + top + asked)
     found = of(files.find(str(tmp_path / "muscle.toml")))
     own = {
         name: logarithmic(found, "force", f"rod.bar.law.Muscle.{name}")
