@@ -31,7 +31,7 @@ _SIDES = ((-1, 1), (-1, -2), (1, 2))
 
 # Where it bends more they are at so many steps, of which a derivative is of sixth order, of the inner four of fourth.
 _OFFSETS = (-3, -2, -1, 1, 2, 3)
-_INNER = slice(1, 5)
+_WHOLE, _INNER = (0, 6), (1, 5)
 
 # The first step, as a share of the parameter: rounding of forces, some 1e-16 of what elements pass on to each other,
 # falls with it.  It is taken anew, shorter, where the two differ by more than ``_ALIKE``, and there is no derivative
@@ -150,8 +150,8 @@ class Beside:
             found = {}
             for one, value in values.items():
                 rows = np.array([each[one] for each in several]) - value
-                found[one] = np.tensordot(weights(offsets), rows, 1) / step
-                bent = _largest(np.tensordot(weights(offsets, 2), rows, 1))
+                found[one] = _summed(weights(offsets), rows) / step
+                bent = _largest(_summed(weights(offsets, 2), rows))
                 if not bent <= _BENT * 2.0 * step * _scale(found[one], value, abs(self.at[name])):
                     return None
             return found
@@ -175,16 +175,16 @@ class Beside:
                 rows = {one: np.array([each[one] for each in several]) - values[one] for one in values}
                 found, fourth = (
                     {
-                        one: np.tensordot(weights(_OFFSETS[own]), row[own], 1) / (share * size)
+                        one: _summed(weights(_OFFSETS[first:last]), row[first:last]) / (share * size)
                         for one, row in rows.items()
                     }
-                    for own in (slice(None), _INNER)
+                    for first, last in (_WHOLE, _INNER)
                 )
                 offs, jumps = {}, []
                 for one, value in values.items():
                     scale = _scale(found[one], value, size)
                     offs[one] = _largest(found[one] - fourth[one]) / scale
-                    jumps.append(_largest(np.tensordot(_JUMP, rows[one], 1)) / (share * size * scale))
+                    jumps.append(_largest(_summed(_JUMP, rows[one])) / (share * size * scale))
                 worst = max(offs, key=lambda one: offs[one])
                 why = f"differences of {worst} do not agree, as where the largest of several changes its place"
                 apart = offs[worst]
@@ -203,6 +203,11 @@ def weights(offsets: Sequence[float], order: int = 1) -> Array:
     """Return the weights of a derivative, of values at offsets less that at none."""
     powers = np.vander(offsets, len(offsets) + 1, increasing=True)[:, 1:].T
     found: Array = np.linalg.solve(powers, order * np.eye(len(offsets))[order - 1])
+    return found
+
+
+def _summed(shares: Array, rows: Array) -> Array:
+    found: Array = np.einsum("i,i...->...", shares, rows)
     return found
 
 
