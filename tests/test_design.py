@@ -122,6 +122,20 @@ def test_what_cannot_be_met_ends_with_2_and_says_by_how_much(command, beam, caps
     assert "rod.beam.section.circle at its upper bound 1.1" in err
 
 
+def test_a_design_that_folds_is_left_for_one_that_does_not(command, twin):
+    """The first step goes to the bound, where the section reaches past the middle of the arc."""
+    arc = TWIN.replace("{straight = 4.0}", "{arc = {radius = 4.0, angle = 90.0}}").replace(
+        "[0.0, 0.0, 0.5]", "[0, 0, 0.1]"
+    )
+    (twin / "arc.toml").write_text("\n".join(line for line in arc.split("\n") if not line.startswith("rotation")))
+    section = "rod.bar.section.circle"
+    wanted_ = command.record("run", "arc.toml", "--no-estimate", "--set", f"{section}=1.3")["force"]
+    words = ("--set", f"{section}=0.4", "--vary", f"{section}=0.2:5", "--target", f"force={wanted_!r}")
+    found = command.record("design", "arc.toml", *words)
+    assert found["parameters"][section]["after"] == pytest.approx(1.3, rel=1e-3)
+    assert not found["missed"]
+
+
 REFUSED = [
     (("--vary", "rod.beam.section.round"), "'rod.beam.section.round' is no number of the scene that can vary"),
     (("--vary", "rod.beam.section.circle=1.5:2"), "it begins at 1, need bounds about that"),

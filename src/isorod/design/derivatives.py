@@ -8,7 +8,7 @@ from isorod.errors import InputError
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
-    from isorod.statics.derivatives import Derivatives
+    from isorod.statics.differences import Derivatives
 
 
 def refuse(scene: Any) -> None:

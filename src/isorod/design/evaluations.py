@@ -10,7 +10,8 @@ import numpy as np
 from isorod import choices
 from isorod.arrays import Array
 from isorod.design import parameters
-from isorod.statics.derivatives import Measured, numbers
+from isorod.statics.derivatives import numbers
+from isorod.statics.differences import Measured
 
 # What of the rods can be asked for beside what is measured.
 OWN = ("mass", "volume")
@@ -68,7 +69,8 @@ class Evaluations:
         for k, (case, scene) in enumerate(self.scenes.items()):
             solution = self._solve(k, scene, self._make(k, scene, self._named(x)))
             solutions.append(solution)
-            values |= of_case(case, flat(measured(scene, solution)))
+            with _silently():
+                values |= of_case(case, flat(measured(scene, solution)))
         self._last = solutions
         return Answer(values, solutions)
 

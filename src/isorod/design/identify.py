@@ -20,7 +20,7 @@ _MOST = 50
 _ROUNDS = 2
 
 # A number is not told by a curve that hardly changes with it: of scaled derivatives the least singular value,
-# as a share of the largest.
+# as a share of the largest, or of one: the whole number then moves what is measured by less than so much of it.
 _UNTOLD = 1e-7
 
 
@@ -130,7 +130,7 @@ def identify(
     if not found.success:
         raise InputError(f"the numbers are not found in {_MOST} steps; begin nearer (--set), or give bounds")
     _, sizes, directions = np.linalg.svd(found.jac, full_matrices=False)
-    if not sizes[-1] > _UNTOLD * sizes[0]:
+    if not sizes[-1] > _UNTOLD * max(sizes[0], 1.0):
         worst = several[int(np.argmax(np.abs(directions[-1])))].name
         raise InputError(f"{worst}: the measured values do not tell it; leave it out, or measure what depends on it")
     free = found.fun.size - start.size

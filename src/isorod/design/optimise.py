@@ -166,7 +166,8 @@ class Problem:
         """Return the numbers, or the last that could be solved where these cannot."""
         try:
             self._answer(y)
-            self._last = y
+            # SLSQP goes on in the same array.
+            self._last = y.copy()
         except (InputError, SolveError) as problem:
             self.trouble = str(problem)
             return self._last

@@ -20,7 +20,8 @@ from isorod.assembly.factorisation import is_mixed
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
-from isorod.statics.derivatives import Beside, Derivatives, Measured, Moving, numbers, refuse
+from isorod.statics.derivatives import Moving, numbers, refuse
+from isorod.statics.differences import Beside, Derivatives, Measured
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -54,9 +55,9 @@ def derivatives(
         moving = None if solution.equilibrium is None else stack.enter_context(closing(Moving(solution.equilibrium)))
         comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
 
-        def states(models: Sequence[Model], step: float) -> "Sequence[tuple[Assembler, PETSc.Vec]]":
+        def states(models: Sequence[Model], steps: Sequence[float]) -> "Sequence[tuple[Assembler, PETSc.Vec]]":
             if moving is not None:
-                return moving.states(models, step)
+                return moving.states(models, steps)
             several = [assembler_for(one, comm) for one in models]
             return [(one, one.vector()) for one in several]
 
@@ -80,7 +81,7 @@ def derivatives(
         begun = (own, own.vector()) if moving is None else (moving.assembler, moving.x)
         changes = beside.derivatives(
             energies(*begun),
-            lambda name, step: [energies(*one) for one in states(beside.models(name, step), step)],
+            lambda name, steps: [energies(*one) for one in states(beside.models(name, steps), steps)],
         )
     by = {}
     for name in changes.by:

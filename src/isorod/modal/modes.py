@@ -16,7 +16,7 @@ from isorod.statics.analysis import Equilibrium
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
     from isorod.output.matrices import Matrices
-    from isorod.statics.derivatives import Derivatives
+    from isorod.statics.differences import Derivatives
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,21 +2,18 @@
 
 Of the residual ``R(u, p) = 0`` the equilibrium moves by ``du/dp = - K^-1 dR/dp``: one back-substitution of the factors
 of the tangent for each parameter, whatever is measured.  ``dR/dp`` is a difference of residuals at one displacement, of
-models that are built of other parameters on the same discretisation (`isorod.choices`), and so is what is measured,
-along ``u + s du/dp`` and ``p + s``: nothing else is solved.
+models beside (`isorod.statics.differences`), and so is what is measured, where these are in balance, to which they come
+from there with the same factors.
 """
 
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import choices
-from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
@@ -26,164 +23,14 @@ from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
+from isorod.statics.differences import NEAR, Beside, Derivatives, Measured, silently, weights
 
-# What is measured, by its name: numbers or arrays of them.
-Measured = dict[str, Array]
+# A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
+# the second.
+_BALANCES, _BALANCED, _ROUNDED = 12, 1e-11, 1e-6
 
-# At so many steps from a parameter models are built; the weights of a derivative of sixth order, and of one of fourth.
-OFFSETS = (-3, -2, -1, 1, 2, 3)
-WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
-_FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
-
-# The first step, as a share of the parameter: rounding of forces, some 1e-16 of what elements pass on to each other,
-# falls with it.  It is taken anew, shorter, where the two differ by more than ``_ALIKE``, and there is no derivative
-# where they still differ by ``_APART``.
-_STEP, _SHORTEST, _ATTEMPTS = 8e-3, 1e-5, 3
-_ALIKE, _APART = 3e-8, 1e-2
-
-# At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is
-# the jump of the slope.
-_JUMP = np.array([-1.0, 0.0, 9.0, 9.0, 0.0, -1.0]) / 6.0
-
-# Less than so much of the value for the whole parameter counts as none.
-_NOTHING = 1e-3
-
-
-@dataclass(frozen=True)
-class Derivatives:
-    """Derivatives of what is measured by parameters.
-
-    Attributes
-    ----------
-    parameters
-        Their values, by name.
-    values
-        What is measured, by name.
-    by
-        Derivatives, ``by[parameter][measured]`` of the shape of what is measured.
-    none
-        Parameters by which there is no derivative, and why.
-    """
-
-    parameters: Mapping[str, float]
-    values: Measured
-    by: Mapping[str, Measured]
-    none: Mapping[str, str] = field(default_factory=dict)
-
-    def told(self) -> "Derivatives":
-        """Return them; raises `InputError` where there is none by one of the parameters."""
-        for name, why in self.none.items():
-            raise InputError(f"derivative by {name}: there is none here: {why}")
-        return self
-
-    def record(self) -> dict[str, dict[str, Any]]:
-        """Return them as a record keeps them: of what is measured, by each parameter, with the value that it has."""
-        at = self.parameters
-        return {
-            name: {one: {"at": at[one], "derivative": rates[name].tolist()} for one, rates in self.by.items()}
-            for name in self.values
-        }
-
-
-class Beside:
-    """Models beside one: of other parameters, on the same discretisation.
-
-    Parameters
-    ----------
-    make
-        Returns the model of parameters by their names.
-    at
-        Those of the one.
-    like
-        A model whose unknowns theirs must be.
-
-    Raises
-    ------
-    InputError
-        If a parameter has no size, or the model that is made is another one.
-    """
-
-    def __init__(self, make: Callable[[Mapping[str, float]], Model], at: Mapping[str, float], like: Model) -> None:
-        for name, value in at.items():
-            if not value or not np.isfinite(value):
-                raise InputError(f"{name}: got {value:g}: a derivative is found by small shares of it, need a size")
-        self.at, self._make, self._like = dict(at), make, like
-        with _silently(), choices.kept() as self._choices:
-            self._refuse(make(self.at), "parameters")
-
-    def models(self, name: str, step: float) -> list[Model]:
-        """Return the models at `OFFSETS` times a step from a parameter."""
-        found = []
-        for offset in OFFSETS:
-            with _silently(), choices.repeated(self._choices):
-                found.append(self._make(self.at | {name: self.at[name] + offset * step}))
-            self._refuse(found[-1], name)
-        return found
-
-    def _refuse(self, model: Model, name: str) -> None:
-        if not np.array_equal(model.free, self._like.free):
-            raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
-
-    def derivatives(self, values: Measured, along: Callable[[str, float], list[Measured]]) -> Derivatives:
-        """Return derivatives by all parameters.
-
-        Parameters
-        ----------
-        values
-            What is measured.
-        along
-            Returns the same at `OFFSETS` times a step from a parameter.
-
-        """
-        found = {name: self._by(name, values, along) for name in self.at}
-        by = {name: one for name, one in found.items() if not isinstance(one, str)}
-        return Derivatives(self.at, values, by, {name: one for name, one in found.items() if isinstance(one, str)})
-
-    def _by(self, name: str, values: Measured, along: Callable[[str, float], list[Measured]]) -> Measured | str:
-        """Return the derivatives by a parameter, or why there are none."""
-        best: Measured = {}
-        size, least, jump, share = abs(self.at[name]), np.inf, np.inf, _STEP
-        for _ in range(_ATTEMPTS):
-            try:
-                with _silently():
-                    several = along(name, share * size)
-            except (InputError, SolveError) as problem:
-                why = f"models beside it cannot be had: {problem}"
-                apart = np.inf
-            else:
-                rows = {one: np.array([each[one] for each in several]) for one in values}
-                found, fourth = (
-                    {one: np.tensordot(weights, row, 1) / (share * size) for one, row in rows.items()}
-                    for weights in (WEIGHTS, _FOURTH)
-                )
-                offs, jumps = {}, []
-                for one, value in values.items():
-                    scale = max(_largest(found[one]), _NOTHING * _largest(value) / size) or 1.0
-                    offs[one] = _largest(found[one] - fourth[one]) / scale
-                    jumps.append(_largest(np.tensordot(_JUMP, rows[one] - value, 1)) / (share * size * scale))
-                worst = max(offs, key=lambda one: offs[one])
-                why = f"differences of {worst} do not agree, as where the largest of several changes its place"
-                apart = offs[worst]
-            if apart < least:
-                best, least, jump = found, apart, max(jumps)
-            if least <= _ALIKE or share == _SHORTEST:
-                break
-            cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / apart) ** 0.25, 0.03, 0.5)
-            share = max(float(cut) * share, _SHORTEST)
-        if least <= _APART < jump:
-            why = "its slope jumps"
-        return best if max(least, jump) <= _APART else why
-
-
-def _largest(values: Array) -> float:
-    """Return the largest size of some values, without bound where one is none."""
-    found = np.abs(values).max(initial=0.0)
-    return float(found) if np.isfinite(found) else np.inf
-
-
-def _silently() -> warnings.catch_warnings:
-    """Say nothing: it was said of the model itself."""
-    return warnings.catch_warnings(action="ignore")
+# What does not move at all still has digits of a displacement of this share of the model's size.
+_STILL = 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
@@ -201,7 +48,7 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 def refuse(model: Model) -> None:
     """Raise `InputError` for what one back-substitution does not tell."""
     if model.contacts:
-        raise InputError("derivatives: not told with contact; take --sweep of the parameter")
+        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
     if model.remembers or model.times is not None:
         raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
     if model.solids:
@@ -245,20 +92,65 @@ class Moving:
         self._ksp.solve(force, found)
         return found
 
-    def states(self, models: Sequence[Model], step: float) -> list[tuple[Assembler, PETSc.Vec]]:
-        """Return assemblers and states of models at `OFFSETS` times a step, on the line along which it moves."""
+    def states(self, models: Sequence[Model], steps: Sequence[float]) -> list[tuple[Assembler, PETSc.Vec]]:
+        """Return assemblers and states of models at steps, on the line along which it moves."""
         several = [assembler_for(model, self.comm) for model in models]
         rate = self.assembler.vector()
-        rate.maxpy((WEIGHTS / step).tolist(), [self._residual(one, self.x) for one in several])
+        step = abs(steps[0])
+        share = weights([one / step for one in steps]) / step
+        rate.maxpy(share.tolist(), [self._residual(one, self.x) for one in several])
         rate = self._solved(rate)
         found = []
-        for assembler, offset in zip(several, OFFSETS, strict=True):
+        for assembler, one in zip(several, steps, strict=True):
             state = self.x.copy()
-            state.axpy(-offset * step, rate)
-            # Out of balance to second order, where it is stiff that would count for more than the answer's own curve.
-            state.axpy(-1.0, self._solved(self._residual(assembler, state)))
+            state.axpy(-one, rate)
+            moved = abs(one) * rate.norm() + NEAR * self.x.norm() + _STILL * self.solution.model.size
+            self._balance(assembler, state, moved)
             found.append((assembler, state))
         return found
+
+    def _balance(self, assembler: Assembler, state: PETSc.Vec, size: float) -> None:
+        """Bring a state beside into balance, with the factors that there are, or where these do not suit with its own.
+
+        Parameters
+        ----------
+        size
+            How far it moved, to which changes are compared.
+
+        Raises
+        ------
+        SolveError
+            If it does not come into balance.
+        """
+        began = state.copy()
+        if self._stepped(assembler, state, size, lambda: self._ksp):
+            return
+        began.copy(state)
+        with ExitStack() as stack:
+            matrix = stack.enter_context(_destroyed(assembler.matrix()))
+
+            def own() -> PETSc.KSP:
+                assembler.tangent(state, 1.0, matrix)
+                with defaults(room(self.comm)):
+                    return stack.enter_context(_destroyed(direct(matrix, factorisation(assembler))))
+
+            if not self._stepped(assembler, state, size, own):
+                raise SolveError("they do not come into balance")
+
+    def _stepped(self, assembler: Assembler, state: PETSc.Vec, size: float, factors: Callable[[], PETSc.KSP]) -> bool:
+        """Take steps of Newton's method with some factors; return whether they came to an end."""
+        last = np.inf
+        for _ in range(_BALANCES):
+            change = state.duplicate()
+            factors().solve(self._residual(assembler, state), change)
+            state.axpy(-1.0, change)
+            off = change.norm()
+            if off <= _BALANCED * size:
+                return True
+            if off > 0.5 * last:
+                return bool(off <= _ROUNDED * size)
+            last = off
+        return False
 
     def equilibrium(self, assembler: Assembler, x: PETSc.Vec) -> Any:
         """Return what answers for a state."""
@@ -304,10 +196,32 @@ def derivatives(
     """
     with closing(Moving(solution)) as moving:
         beside = Beside(make, at, solution.model)
-        values = numbers(measure(moving.equilibrium(moving.assembler, moving.x)))
+        own = moving.equilibrium(moving.assembler, moving.x)
+        gaps = dict[str, float]()
+        with silently():
+            values = numbers(measure(own))
 
-        def along(name: str, step: float) -> list[Measured]:
-            states = moving.states(beside.models(name, step), step)
-            return [numbers(measure(moving.equilibrium(*one))) for one in states]
+        def along(name: str, steps: Sequence[float]) -> list[Measured]:
+            several = [moving.equilibrium(*one) for one in moving.states(beside.models(name, steps), steps)]
+            gaps[name] = max(map(_gap, several))
+            return [numbers(measure(one)) for one in several]
 
-        return beside.derivatives(values, along)
+        found = beside.derivatives(values, along)
+        none = {
+            name: "surfaces that are tied part, or overlap" if gaps.get(name, 0.0) > 2.0 * _gap(own) else why
+            for name, why in found.none.items()
+        }
+        return replace(found, none=none)
+
+
+def _gap(solution: Any) -> float:
+    """Return how far the surfaces of ties are apart at rest."""
+    return max((one.gap for one in solution.ties), default=0.0)
+
+
+@contextmanager
+def _destroyed(one: Any) -> Iterator[Any]:
+    try:
+        yield one
+    finally:
+        one.destroy()

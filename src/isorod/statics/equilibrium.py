@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
     from isorod.model.model import Model
     from isorod.output.matrices import Matrices
-    from isorod.statics.derivatives import Derivatives
+    from isorod.statics.differences import Derivatives
 
 
 # Forces, or moments, that are a smaller share of the other, whatever the unit of length, are none.
