@@ -82,6 +82,9 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     problem = optimise.Problem(own, varied, asked, objective, tell)
     with scene.locating():
         best, after, error = _found(problem, own, x, _concerned(asked, objective), several, settings)
+    anew = optimise.missed_by(after, asked)
+    if anew[0] > max(best.missed[0], _SAME):
+        best = best._replace(missed=anew)
     if best.trouble and best.missed[0] <= optimise.MET:
         warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
     missed = f"what is wanted is not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""

@@ -23,8 +23,15 @@ _MOST = 60
 # A limit or a bound is active that is as near as this.
 _NEAR = 1e-3
 
+# Solves after which a search that has not ended does not: what is wanted may not be possible.
+_SOLVES = 60
+
 # What a design that cannot be solved counts, so that the step to it is shortened.
 _BAD = 1e3
+
+
+class _Enough(Exception):
+    """As many solves as a search may take."""
 
 
 class Design(NamedTuple):
@@ -89,7 +96,7 @@ class Problem:
         self._answers.clear()
         self._rates.clear()
         y = x / self._size
-        first = self._answer(y)
+        first, self._last = self._answer(y), y
         if self._objective is not None:
             self._first = abs(first.values[self._objective[0]]) or 1.0
         kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
@@ -101,35 +108,40 @@ class Problem:
             }
             for one in self._wanted
         ]
-        found = minimize(
-            lambda z: self._cost(z)[0],
-            y,
-            jac=lambda z: self._cost(z)[1],
-            bounds=self._bounds,
-            constraints=constraints,
-            method="SLSQP",
-            options={"ftol": _LEAST, "maxiter": _MOST},
-        )
-        best = self._best(found.x)
-        missed = self._missed(best)
-        trouble = self.trouble or (str(found.message) if not found.success else "")
-        return Design(best * self._size, self._answer(best), missed, self._prices(best), trouble)
+        try:
+            found = minimize(
+                lambda z: self._cost(z)[0],
+                y,
+                jac=lambda z: self._cost(z)[1],
+                bounds=self._bounds,
+                constraints=constraints,
+                method="SLSQP",
+                options={"ftol": _LEAST, "maxiter": _MOST},
+            )
+            y, ended = found.x, "" if found.success else str(found.message)
+        except _Enough:
+            y, ended = self._last, f"no end after {_SOLVES} solves"
+        best = self._best(y)
+        answer = self._answer(best)
+        missed = missed_by(answer.values, self._wanted)
+        return Design(best * self._size, answer, missed, self._prices(best), self.trouble or ended)
 
     def _best(self, y: Array) -> Array:
         """Return where it ended, or where of all that was tried least is missed, if there that is too much."""
         y = np.clip(y, *self._bounds.T)
         try:
-            self._answer(y)
-            if self._missed(y)[0] <= MET:
+            if missed_by(self._answer(y).values, self._wanted)[0] <= MET:
                 return y
         except (InputError, SolveError) as problem:
             self.trouble = str(problem)
         tried = [np.frombuffer(key) for key in self._answers]
-        return min(tried, key=lambda one: self._missed(one)[0])
+        return min(tried, key=lambda one: missed_by(self._answer(one).values, self._wanted)[0])
 
     def _answer(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key not in self._answers:
+            if len(self._answers) >= _SOLVES:
+                raise _Enough
             self._answers[key] = self._evaluations.answer(y * self._size)
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
             if self._objective is not None:
@@ -173,16 +185,6 @@ class Problem:
             return self._last
         return y
 
-    def _missed(self, y: Array) -> tuple[float, str]:
-        """Return the largest share by which what is wanted is missed, and which that is."""
-        found = [(0.0, "")]
-        for one in self._wanted:
-            value = self._answer(y).values[one.name]
-            off = (value - one.value) / (abs(one.value) or 1.0)
-            off = {"=": abs(off), "<": max(off, 0.0), ">": max(-off, 0.0)}[one.relation]
-            found.append((off, f"{one.name} = {value:.6g}, wanted {one.relation} {one.value:g}"))
-        return max(found)
-
     def active(self, y: Array) -> dict[str, Any]:
         """Return the slopes of what is active, as what is left of it, by its name in words."""
         found = {}
@@ -207,3 +209,14 @@ class Problem:
         lower = [-np.inf if "=" in one.split() else 0.0 for one in held]
         found = lsq_linear(np.array([*held.values()]).T, gradient, (lower, np.inf)).x
         return {name: float(price) for name, price in zip(held, found, strict=True)}
+
+
+def missed_by(values: Mapping[str, float], wanted: Sequence[Wanted]) -> tuple[float, str]:
+    """Return the largest share by which values miss what is wanted, and which that is."""
+    found = [(0.0, "")]
+    for one in wanted:
+        value = values[one.name]
+        off = (value - one.value) / (abs(one.value) or 1.0)
+        off = {"=": abs(off), "<": max(off, 0.0), ">": max(-off, 0.0)}[one.relation]
+        found.append((off, f"{one.name} = {value:.6g}, wanted {one.relation} {one.value:g}"))
+    return max(found)

@@ -188,11 +188,13 @@ class Beside:
                 worst = max(offs, key=lambda one: offs[one])
                 why = f"differences of {worst} do not agree, as where the largest of several changes its place"
                 apart = offs[worst]
+                # Of a kink it stays as steps get shorter.
+                jump = min(jump, max(jumps))
             if apart < least:
-                best, least, jump = found, apart, max(jumps)
-            if least <= _ALIKE or share == _SHORTEST:
+                best, least = found, apart
+            if max(least / _ALIKE, jump / _APART) <= 1.0 or share == _SHORTEST:
                 break
-            cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / apart) ** 0.25, 0.03, 0.5)
+            cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / max(apart, 1e-300)) ** 0.25, 0.03, 0.5)
             share = max(float(cut) * share, _SHORTEST)
         if least <= _APART < jump:
             why = "its slope jumps"
