@@ -93,7 +93,7 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         ("title = 'a'\n", "1: analysis is missing: "),
         ("analysis = 'statics'\n", r"1: no rod is in it: \[rod.NAME\]"),
         ("analysis = 'static'\n", "1: analysis: 'static' is not known; did you mean statics?"),
-        ("analysis = {}\n", "1: analysis: need one of statics, modal, buckling, dynamics, geometry"),
+        ("analysis = {}\n", "1: analysis: need one of statics, modal, buckling, harmonic, random, dynamics, geometry"),
         ("analysis = {modal = {}, statics = {}}\n", "1: analysis: need one of"),
         ("[analysis]\ntype = 'modal'\n", "2: analysis: 'type' is not known; known: statics"),
         ("rods = 1\n", "1: 'rods' is not known; did you mean rod?"),

@@ -7,7 +7,6 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.output.largest import Peak, largest
-from isorod.output.stress import of_six
 from isorod.output.words import StateComponent
 
 if TYPE_CHECKING:
@@ -42,6 +41,8 @@ def state(
     branch
         Of several viscous strains which, from 1 on.
     """
+    # Loads compiled functions.
+    from isorod.output.stress import of_six
 
     def values(u: Array, xi: Array) -> Array:
         found = solution.state(name, rod, u, xi)
