@@ -111,11 +111,11 @@ class Places:
             if step > 1:
                 # Far outside it is not this cell.
                 going &= (np.abs(where[left] - 0.5) < 0.5 + _FAR).all(axis=1)
-            left = left[going]
+            left, change = left[going], change[going]
             if not left.size:
                 break
-        # Where Newton's method goes to and fro the point is in another cell.
-        where[left] = -_FAR
+        # Where Newton's method goes to and fro, by more than rounding, the point is in another cell.
+        where[left[(np.abs(change) > _INSIDE).any(axis=1)]] = -_FAR
         return where
 
 

@@ -182,7 +182,7 @@ def test_standard_errors_are_those_of_a_straight_line(command, twin):
     for k, pull in enumerate((0.2, 0.3, 0.4)):
         one = parameters.at(scene, {PULL: pull})
         forces.append(float(one.measure(statics.solve(one.model()))["force"]))
-        rows.append((pull, forces[-1] + noise[k]))
+        rows.append((pull, forces[-1] + float(noise[k])))
     tabled(twin / "twin.csv", f"{PULL},force", rows)
     found = command.record("identify", "twin.toml", "--table", "twin.csv", "--vary", f"{LAW}.E=50:300")
     shape = np.array(forces) / 100.0
