@@ -69,6 +69,34 @@ def test_a_force_scales_with_the_square_of_lengths_and_with_the_modulus(spring):
     assert logarithmic(spring, "force", "coil_radius") == pytest.approx(-3.0, abs=0.2)
 
 
+def test_what_turns_far_has_no_kink(tmp_path):
+    """A displacement stays the same where all forces grow with the modulus."""
+    path = tmp_path / "bent.toml"
+    path.write_text("""
+[rod.bar]
+curve = {chain = [{straight = 30.0}, {arc = {radius = 10.0, angle = 90}}]}
+section = {ellipse = {a = 1.0, b = 0.6}}
+law = {StVenantKirchhoff = {E = 2000.0, nu = 0.35}}
+density = 1e-6
+[support.wall]
+end = "start"
+[load.tip]
+end = "end"
+force = [0.05, 0.1, 0.0]
+[gravity]
+acceleration = [0.0, 0.0, -9810.0]
+[analysis.statics]
+[measure.y]
+displacement = "bar"
+component = "y"
+""")
+    found = of(files.find(str(path)))
+    forces = ("load.tip.force.0", "load.tip.force.1", "density", "law.StVenantKirchhoff.E")
+    names = [one if one.startswith("load") else f"rod.bar.{one}" for one in forces]
+    assert abs(logarithmic(found, "y", names[-1])) > 1.0
+    assert sum(logarithmic(found, "y", one) for one in names) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_frequencies_scale_with_lengths_modulus_and_density(blade):
     lengths = sum(logarithmic(blade, "frequencies", one) for one in ("length", "chord"))
     np.testing.assert_allclose(lengths, -1.0, atol=1e-8)
