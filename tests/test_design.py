@@ -1,5 +1,6 @@
 """Design and identification: closed forms, twins, files that run again, and what cannot be had."""
 
+import importlib
 import json
 import tomllib
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from isorod import InputError, files
-from isorod.design import parameters, wanted
+from isorod.design import optimise, parameters, wanted
 from isorod.files.rewritten import rewritten
 
 # A cantilever of slender beam theory: w = 4 F L^3 / (3 pi E r^4).
@@ -120,6 +121,18 @@ def test_what_cannot_be_met_ends_with_2_and_says_by_how_much(command, beam, caps
     assert "wanted = -0.1" in out
     assert "what is wanted is not met: deflection = -2.9" in err
     assert "rod.beam.section.circle at its upper bound 1.1" in err
+
+
+def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkeypatch):
+    vary, design = "rod.beam.section.circle=0.5:2", importlib.import_module("isorod.command.design")
+    words = ("design", "beam.toml", "--vary", vary, "--target", "deflection=-1")
+    with monkeypatch.context() as patch:
+        patch.setattr(optimise, "_SOLVES", 2)
+        code, _, err = command._run(words)
+        assert code == 2 and "no end after 2 solves" in err
+    monkeypatch.setattr(design, "_solve_anew", lambda *given: ({"deflection": -1.1, "mass": 1.0}, None))
+    code, _, err = command._run(words)
+    assert code == 2 and "what is wanted is not met: deflection = -1.1, wanted = -1" in err
 
 
 def test_a_design_that_folds_is_left_for_one_that_does_not(command, twin):
