@@ -6,6 +6,7 @@ import pytest
 from isorod import (
     Body,
     Contact,
+    MeanSupport,
     Model,
     Plane,
     SectionLoad,
@@ -172,3 +173,14 @@ def test_contact_with_what_flows() -> None:
     held = Support.end(made, "start", displacement=(0.0, 0.0, 0.01))
     solution = statics.solve(Model([body], [held], contacts=[plane]))
     assert np.isfinite(solution.displacement).all()
+
+
+def test_layers_that_flow_between_mean_supports_are_warned_of() -> None:
+    """Shares of elastic moduli are not those of the stress: the section gives way, a short bar by 3 %."""
+    rod = straight(4.0).sweep(circle(8, 1.0)).with_rings([0.0, 0.5, 1.0])
+    made = Space(rod, section_degree=2, elements=1, degree=2)
+    body = Body(made, [Plastic(E, NU, [[0.0, YIELD]]), Plastic(E, NU, [[0.0, 10.0 * YIELD]])])
+    ends = [MeanSupport.end(made, "start", mean="fixed")]
+    ends.append(MeanSupport.end(made, "end", displacement=(0.0, 0.0, 0.01), mean="fixed"))
+    with pytest.warns(UserWarning, match="gives way where one of them flows"):
+        statics.solve(Model([body], ends), 1)

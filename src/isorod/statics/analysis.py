@@ -17,6 +17,7 @@ from isorod.checks.reactions import carried, check_balance, check_means
 from isorod.checks.tie_result import at_load
 from isorod.checks.turning import refuse_small
 from isorod.errors import InputError, whole_number
+from isorod.model.mean import MeanSupport
 from isorod.model.model import Model, unmoved
 from isorod.model.times import until
 from isorod.output.progress import Teller
@@ -110,6 +111,7 @@ def solve(
     if end_time is None:
         _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
+    _warn_of_flowing_layers(model)
     asked = 1 if load_steps is None else whole_number("load steps", load_steps, 1, 1_000_000)
     if resume and checkpoint is None:
         raise InputError("resume: got no checkpoint, need the file that the run wrote")
@@ -129,6 +131,21 @@ def _refuse_timed(model: Model) -> None:
         law = next((law for law in body.laws if law.timed), None)
         if law is not None:
             raise InputError(f"material of body {b}: {type(law).__name__} flows with time; give an end_time")
+
+
+def _warn_of_flowing_layers(model: Model) -> None:
+    """Warn of means over layers of several laws that flow: they are weighed by moduli, as no stress then is."""
+    for support in model.supports:
+        if not isinstance(support, MeanSupport) or support.ring:
+            continue
+        body = model.bodies[support.body]
+        if body.remembers and len(body.space.rod.rings) > 2 and len({*map(id, body.laws)}) > 1:
+            warnings.warn(
+                f"mean support of body {support.body}: layers are held by shares of their elastic moduli, so that the "
+                "section gives way where one of them flows, by some per cent; hold the face, or a longer rod",
+                stacklevel=4,
+            )
+            return
 
 
 def _in_more_steps(asked: int, kept: tuple[bool, int | None], stable: bool, found: Equilibrium) -> Equilibrium:
