@@ -49,6 +49,7 @@ from isorod.material.plastic import Plastic as Plastic
 from isorod.material.plastic import Viscoplastic as Viscoplastic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
 from isorod.material.thermal import Thermal as Thermal
+from isorod.material.user import UserMaterial as UserMaterial
 from isorod.material.viscous import Creep as Creep
 from isorod.material.viscous import Viscoelastic as Viscoelastic
 from isorod.material.yeoh import Yeoh as Yeoh

@@ -1,7 +1,9 @@
 """What laws in a scene file are given that is no number: stiffnesses without bound, directions, energies as text."""
 
 import math
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError
@@ -13,6 +15,9 @@ if TYPE_CHECKING:
     from isorod.material.dissipative import Dissipative
     from isorod.material.fibre import Fibre
     from isorod.material.hyperelastic import Hyperelastic
+
+# Folders with libraries that scene files may load, as in PATH.
+_LIBRARIES = "ISOROD_LIBRARIES"
 
 _DIRECTION = "a word, a vector [x, y, z], {helix = degrees}"
 
@@ -57,8 +62,18 @@ def kinds(place: Place, value: Any) -> dict[str, str]:
     return {key: str(values.value_of(place / key, one, str)) for key, one in place.table(value).items()}
 
 
+def library(place: Place, value: Any) -> Path:
+    """Return the path of a shared library, which is a program: from folders that the user has named alone."""
+    path = Path(values.value_of(place, value, Path))
+    folders = [Path(one).resolve() for one in os.environ.get(_LIBRARIES, "").split(os.pathsep) if one]
+    if path.resolve().parent not in folders:
+        raise place.error(f"{value}: a program; if you trust it, {_LIBRARIES}={path.resolve().parent} lets it run")
+    return path
+
+
 BULK = values.Kind(bulk, "a number, or inf")
 FIBRE = values.Kind(fibre, f"{_DIRECTION}, or a list of two of these")
+LIBRARY = values.Kind(library, "the name of a shared library in a folder of ISOROD_LIBRARIES")
 CONSTANTS = values.Kind(constants, "a table of numbers")
 VARIABLES = values.Kind(kinds, "a table of texts")
 

@@ -12,7 +12,7 @@ from isorod.files.angles import ANGLES, DEGREES, RADIANS
 from isorod.files.data import BOND, HISTORY, POINTS, VARYING
 from isorod.files.document import Place
 from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several, table
-from isorod.files.material import BULK, CONSTANTS, FIBRE, VARIABLES
+from isorod.files.material import BULK, CONSTANTS, FIBRE, LIBRARY, VARIABLES
 from isorod.files.meshes import FACETS, GEOMETRY, MESH
 from isorod.files.values import Kind
 from isorod.files.vibrations import DAMPING, FREQUENCIES, PSD
@@ -68,6 +68,7 @@ LAWS = {
     "Dissipative": Form(
         "isorod.files.material:dissipative", kinds={"constants": CONSTANTS, "bulk": BULK, "state": VARIABLES}
     ),
+    "UserMaterial": Form("isorod.material.user:library", kinds={"path": LIBRARY}),
     "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),
     "ActiveMuscle": Form("isorod.files.material:active_muscle", kinds={"curve": POINTS, "fibre": FIBRE}),
 }

@@ -126,7 +126,8 @@ class Laws:
         """
         known = {one: count for piece in self.pieces for one, count in piece.law.states.items()}
         if name not in known:
-            raise InputError(f"state: got {name!r}, laws here have {', '.join(map(repr, known)) or 'none'}")
+            told = [one for one in known if one[0] != "_"]
+            raise InputError(f"state: got {name!r}, laws here have {', '.join(map(repr, told)) or 'none'}")
         found = np.full((*shape, known[name]), np.nan)
         for piece in self.pieces:
             if name in piece.law.states:

@@ -30,12 +30,16 @@ class Memory(Material):
     Attributes
     ----------
     states
-        Motions ask that the last of it is ``dissipated``: what was, per volume.
+        Motions ask that the last of it is ``dissipated``: what was, per volume.  Names that begin with an underscore
+        are the law's own, which no file of fields has.
+    stores
+        Whether its energy is what it stores.
     state
         The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
     """
 
     remembers: ClassVar[bool] = True
+    stores: ClassVar[bool] = True
     state: Array | None = None
 
     @property

@@ -27,7 +27,7 @@ POINTS = 32
 # the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a
 # temperature, or the state of a law with memory), the energy density and its derivative by the activation that a law
 # writes if asked for, and what it may use; there a law with memory says what it has dissipated since rest.
-STATES = 25
+STATES = 48
 STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
 ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2
 LOST = FREE

@@ -131,7 +131,7 @@ def grid(
 
 def _states(body: Body, nodal: Array, xi: Array, u: Array, factor: float) -> dict[str, Array]:
     """Return what laws with memory know at the points by name; of several tensors each by its number from 1."""
-    names = list(dict.fromkeys(name for law in body.laws for name in law.states))
+    names = list(dict.fromkeys(name for law in body.laws for name in law.states if name[0] != "_"))
     found = {}
     for name, values in (stress.known(body, nodal, xi, u, factor, names) if names else {}).items():
         flat = values.reshape(-1, values.shape[-1])

@@ -1,0 +1,202 @@
+"""Materials of the user's own: a compiled function, Abaqus' UMAT, or a behaviour of MFront."""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numba import carray, cfunc, njit, types
+
+from isorod.errors import InputError, finite
+from isorod.material.memory import Timed
+from isorod.material.points import STATES, Compiled
+from isorod.material.user_kernel import FUNCTION, MFRONT, TIME, UMAT, VARIABLES
+
+# Angle by which a routine is turned when it is checked, radians.
+_ANGLE = 0.3
+
+# Releases of TFEL whose generic interface has the mass density.
+_TFEL = 4
+
+
+@cache
+def _compiled() -> Compiled:
+    from isorod.material.user_kernel import block, tangent, update
+
+    return Compiled(block, tangent, update)
+
+
+@dataclass(frozen=True, eq=False)
+class UserMaterial(Timed):
+    """A law whose stress a routine of the user's computes, step by step.
+
+    The routine is asked for the stress at the end of a step, of which it knows both deformation gradients, its state
+    variables at the beginning, the time and its constants.  Newton's method has the symmetric part of the tangent.
+
+    Parameters
+    ----------
+    routine
+        A function ``update(F_old, F, state, dt, constants)`` in what Numba compiles, which returns the first
+        Piola-Kirchhoff stress ``(3, 3)`` and replaces the state variables ``(n,)`` in their array by those at the end;
+        its tangent is taken by differences.  Or the address of a routine with another interface
+        (`library`).
+    variables
+        Number of its state variables.  All are zero at rest.
+    parameters
+        Its constants.
+    interface
+        ``"function"``; ``"umat"``, Abaqus' subroutine, of which temperature, fields and the place of the point are
+        zero; or ``"mfront"``, MFront's generic interface of a finite strain behaviour (TFEL 4 or later).
+    name
+        What it is called in errors.
+
+    Raises
+    ------
+    InputError
+        If it fails at rest or has a stress there; a rotation makes a stress; a plane wave has no positive modulus; a
+        constant is not finite; there are too many state variables.
+    """
+
+    routine: Callable[..., Any] | int
+    variables: int
+    parameters: Sequence[float] = ()
+    interface: Literal["function", "umat", "mfront"] = "function"
+    name: str = "routine"
+
+    clock: ClassVar[int] = TIME
+    stores: ClassVar[bool] = False
+    splits: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._prove()
+
+    def _check(self) -> None:
+        """Raise `InputError` if a constant or the number of state variables cannot be."""
+        finite(f"{self.name}, constants", list(self.parameters))
+        most = STATES - VARIABLES
+        if not 0 <= self.variables <= most:
+            raise InputError(f"{self.name}: got {self.variables} state variables, need 0 to {most}")
+
+    @cached_property
+    def _called(self) -> Any:
+        """What is compiled of a function; it lives as long as the law, and with it those of other constants."""
+        return None if isinstance(self.routine, int) else _wrapped(self.routine)
+
+    @property
+    def states(self) -> dict[str, int]:  # type: ignore[override]
+        """The deformation gradient, stress and strain of the step's beginning, the work; then the routine's own."""
+        known = {"_F": 9, "_stress": 9, "_strain": 6, "_work": 1}
+        return known | {f"state_{number}": 1 for number in range(1, self.variables + 1)}
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Address, time of the step, interface and number of state variables, and the routine's constants."""
+        address = self.routine if isinstance(self.routine, int) else self._called.address
+        kind = {"function": FUNCTION, "umat": UMAT, "mfront": MFRONT}[self.interface]
+        return float(address), self.step, kind, float(self.variables), *map(float, self.parameters)
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        return _compiled()
+
+    @property
+    def identity(self) -> str:
+        """Its name and interface."""
+        return f"{type(self).__name__} {self.name} {self.interface} {self.variables}"
+
+    @property
+    def frozen(self) -> "UserMaterial":
+        """The law where nothing flows: raises, a routine does not say."""
+        raise InputError(f"{self.name}: modes, motions and checkpoints do not take a routine of one's own; leave them out")
+
+    def _prove(self) -> None:
+        """Check the routine at rest and in a rotation.
+
+        Raises
+        ------
+        InputError
+            If something is not finite, a stress is not zero, or a plane wave has no positive modulus.
+        """
+        from isorod.material.law import plane_waves
+
+        law, rest = self.lasting(1.0), np.eye(3)[None]
+        moduli = law.tangent(rest)
+        scale = float(np.abs(moduli).max())
+        if not 0.0 < scale < np.inf:
+            raise InputError(f"{self.name}: the largest modulus at rest is {scale:g}, need a finite one, not zero")
+        c, s = np.cos(_ANGLE), np.sin(_ANGLE)
+        for what, F in (("at rest", np.eye(3)), ("in a rotation", np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]))):
+            stress = float(np.abs(law.stress(F[None])).max())
+            if not stress <= 1e-8 * scale:
+                raise InputError(f"{self.name}: a stress of {stress:.3g} {what}, need none")
+        waves = float(plane_waves(law).min())
+        if not waves > 1e-12 * scale:
+            raise InputError(f"{self.name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+
+
+def _wrapped(routine: Callable[..., Any]) -> Any:
+    """Return the compiled function that calls one of the user's with arrays."""
+    inner = routine if hasattr(routine, "py_func") else njit(routine)
+
+    number = types.CPointer(types.float64)
+
+    @cfunc(types.void(number, number, number, types.int64, number, number, types.int64, number))
+    def called(F_old: Any, F: Any, state: Any, m: int, dt: Any, constants: Any, c: int, stress: Any) -> None:
+        found = inner(carray(F_old, (3, 3)), carray(F, (3, 3)), carray(state, (m,)), dt[0], carray(constants, (c,)))
+        into = carray(stress, (3, 3))
+        into[:] = found
+
+    return called
+
+
+def library(
+    path: Path,
+    function: str,
+    interface: Literal["umat", "mfront"] = "umat",
+    states: int = 0,
+    constants: list[float] | None = None,
+) -> UserMaterial:
+    """Return the law of a routine in a shared library.
+
+    Parameters
+    ----------
+    path
+        The library, for example made by `gfortran -shared -fPIC -O2 -o law.so law.f`.
+    function
+        Its name there; compilers of Fortran put an underscore behind it: `umat_`.
+    interface
+        `"umat"`, Abaqus' subroutine, or `"mfront"`, MFront's generic interface of a finite strain behaviour.
+    states
+        Number of its state variables.
+    constants
+        Its constants (PROPS), or material properties.
+    """
+    try:
+        loaded = ctypes.CDLL(str(Path(path).resolve()))
+        routine = getattr(loaded, function)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be loaded: {error}") from None
+    except AttributeError:
+        raise InputError(f"{path}: it has no function {function!r}; `nm -D` lists those it has") from None
+    if interface == "mfront":
+        _released(loaded, path, function)
+    address = ctypes.cast(routine, ctypes.c_void_p).value
+    name = f"{Path(path).name}, {function} {sha256(Path(path).read_bytes()).hexdigest()[:8]}"
+    return UserMaterial(address, states, tuple(constants or ()), interface, name)
+
+
+def _released(loaded: ctypes.CDLL, path: Path, function: str) -> None:
+    """Raise `InputError` for a behaviour made by a release of TFEL whose interface is another."""
+    try:
+        text = ctypes.c_char_p.in_dll(loaded, f"{function}_tfel_version").value
+    except ValueError:
+        return
+    release = (text or b"").decode()
+    if not release.split(".")[0].isdigit() or int(release.split(".")[0]) < _TFEL:
+        raise InputError(f"{path}: made by TFEL {release}, need {_TFEL} or later")
