@@ -3,7 +3,7 @@
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -82,11 +82,6 @@ class UserMaterial(Timed):
         if not 0 <= self.variables <= most:
             raise InputError(f"{self.name}: got {self.variables} state variables, need 0 to {most}")
 
-    @cached_property
-    def _called(self) -> Any:
-        """What is compiled of a function; it lives as long as the law, and with it those of other constants."""
-        return None if isinstance(self.routine, int) else _wrapped(self.routine)
-
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
         """The deformation gradient, stress and strain of the step's beginning, the work; then the routine's own."""
@@ -96,7 +91,7 @@ class UserMaterial(Timed):
     @property
     def values(self) -> tuple[float, ...]:
         """Address, time of the step, interface and number of state variables, and the routine's constants."""
-        address = self.routine if isinstance(self.routine, int) else self._called.address
+        address = self.routine if isinstance(self.routine, int) else _wrapped(self.routine).address
         kind = {"function": FUNCTION, "umat": UMAT, "mfront": MFRONT}[self.interface]
         return float(address), self.step, kind, float(self.variables), *map(float, self.parameters)
 
@@ -113,7 +108,7 @@ class UserMaterial(Timed):
     @property
     def frozen(self) -> "UserMaterial":
         """The law where nothing flows: raises, a routine does not say."""
-        raise InputError(f"{self.name}: modes, motions and checkpoints do not take a routine of one's own; leave them out")
+        raise InputError(f"{self.name}: modes, motions and checkpoints do not take routines; leave them out")
 
     def _prove(self) -> None:
         """Check the routine at rest and in a rotation.
@@ -140,8 +135,9 @@ class UserMaterial(Timed):
             raise InputError(f"{self.name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
 
 
+@cache
 def _wrapped(routine: Callable[..., Any]) -> Any:
-    """Return the compiled function that calls one of the user's with arrays."""
+    """Return the compiled function that calls one of the user's with arrays; it lives as long as the process."""
     inner = routine if hasattr(routine, "py_func") else njit(routine)
 
     number = types.CPointer(types.float64)
@@ -186,7 +182,7 @@ def library(
         raise InputError(f"{path}: it has no function {function!r}; `nm -D` lists those it has") from None
     if interface == "mfront":
         _released(loaded, path, function)
-    address = ctypes.cast(routine, ctypes.c_void_p).value
+    address = ctypes.cast(routine, ctypes.c_void_p).value or 0
     name = f"{Path(path).name}, {function} {sha256(Path(path).read_bytes()).hexdigest()[:8]}"
     return UserMaterial(address, states, tuple(constants or ()), interface, name)
 

@@ -196,7 +196,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
 
 @njit(**FAST)
 def _from_jaumann(jacobian: Array, cauchy: Array, cofactor: Array, det: float, moduli: Array) -> None:
-    """Fill in ``dP/dF`` from UMAT's DDSDDE: Jaumann's rate of the Kirchhoff stress by the rate of strain, over ``J``."""
+    """Fill in ``dP/dF`` from UMAT's DDSDDE: Jaumann's rate of Kirchhoff's stress over ``J``, by strain."""
     way, rate, six = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
     for b in range(3):
         for B in range(3):
@@ -329,7 +329,7 @@ def _evaluate(work: Array, k: Any, constants: Array, w: Array, state: Array, str
 @njit(**FAST)
 def _width(constants: Array) -> int:
     """Return how many numbers the state has."""
-    return VARIABLES + np.int64(constants[COUNT])
+    return VARIABLES + int(constants[COUNT])
 
 
 @njit(BLOCK, **FAST)
