@@ -76,6 +76,18 @@ def test_a_bar_in_tension_is_exact(degree):
     assert solution.fields()["von_mises"] == pytest.approx(200.0 * 0.025 * np.ones(8 * solution.cells), rel=0.05)
 
 
+def test_stresses_beside_a_held_end_are_those_of_bending_however_long_the_wire():
+    length, force, nu = 160.0, 1e-3, 0.3
+    space = Space(straight(8, height=length), elements=4, degree=3, section_degree=3)
+    model = clamped(space=space, law=LinearElastic(200.0, nu), loads=[SectionLoad((force, 0.0, 0.0))])
+    cubic = solve(model, mesh_of(model, 1, 3), "statics")
+    # Two diameters from the end and farther, on both sides of cells' ends.
+    places = np.linspace(4.0, 24.0, 21)
+    bending = -force * (length - places) / (0.25 * np.pi)
+    found = cubic.stress(0, places / length, (1.0, 0.0))[:, 2, 2]
+    assert found == pytest.approx(bending, rel=2e-2)
+
+
 @pytest.mark.parametrize("u", [1.0, 0.3])
 def test_a_force_on_a_section_stretches_what_is_before_it(u):
     model = clamped(loads=[SectionLoad((0.0, 0.0, 2.0), u)])
