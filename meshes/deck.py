@@ -87,7 +87,7 @@ def check(scene: Any) -> None:
     """Raise `InputError` if an analysis is not one that is written."""
     if scene.analysis not in ("statics", "modal", "buckling", "harmonic"):
         raise InputError(
-            f"{scene.name}: {scene.analysis} is not written to .inp; statics, modal, buckling and harmonic are; {_LATER}"
+            f"{scene.name}: {scene.analysis} is not written to .inp, statics, modes, buckling, harmonic are; {_LATER}"
         )
 
 
@@ -202,7 +202,9 @@ class _Problem:
             text.append(part)
             self.blocks.append(_Block(mesh, element, number, forces))
         self.number = self.blocks[0].number
-        own = [*self._sets(), *self.pairs.equations(self.number, self.owner >= 0), *self._means(cells)]
+        last = max(int(block.number.max()) for block in self.blocks)
+        own = [*self._sets(), *self.pairs.equations(self.number, self.owner >= 0), *self._means(last, cells)]
+        own += self.pairs.turning(last + len(self.means.titles))
         steps = list(self._steps())
         notes = [f"** {one}" for one in self.said]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
@@ -224,7 +226,7 @@ class _Problem:
         for name, _ in self.pairs.obstacles:
             title = abaqus.name_of(name)
             yield from [f"*MATERIAL,NAME={title}", "*ELASTIC", "1.,0."]
-            yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
+            yield f"*SOLID SECTION,ELSET={title}_BRICKS,MATERIAL={title}"
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
@@ -261,9 +263,12 @@ class _Problem:
                 told = ", ".join(f"{value:.6g}" for value in on)
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
         if self.swing:
-            for name, nodes in deck_harmonic.places(self.scene, self.model, self.mesh):
+            for name, node in deck_harmonic.places(self.scene, self.model, self.mesh, self.number):
+                if not node:
+                    self.said.append(f"{name}: no node is there; another --level may have one")
+                    continue
                 self.measured.append(abaqus.name_of(name))
-                yield from abaqus.set_of_nodes(self.measured[-1], self.number[nodes])
+                yield from abaqus.set_of_nodes(self.measured[-1], np.array([node]))
         for k, load in enumerate(self.pulled.loads):
             if isinstance(load, SectionLoad):
                 face = nodal.face_at(self.mesh, load.body, load.u, self.model)
@@ -276,16 +281,15 @@ class _Problem:
                 for node in others:
                     yield from abaqus.equation([f"{node},{component + 1},1.", f"{first},{component + 1},-1."])
 
-    def _means(self, cells: int) -> Iterator[str]:
-        """Yield the supports of mean motions, behind so many elements."""
+    def _means(self, last: int, cells: int) -> Iterator[str]:
+        """Yield the supports of mean motions, behind so many nodes and elements."""
         taken = self.owner >= 0
         for one in self.held.values():
             taken[one.nodes[:, None], one.tied] = True
-        last = max(int(block.number.max()) for block in self.blocks)
         yield from self.means.lines(self.number, taken, last, cells)
 
     def _steps(self) -> Iterator[str]:
-        """Yield the steps: statics in as many as turns and supports that move for a time take, then modes, responses."""
+        """Yield the steps: statics in as many as turns and what moves for a time take; then modes, and responses."""
         loads: list[str] | None = None
         if self.moves:
             stops = self._stops()
@@ -344,7 +348,7 @@ class _Problem:
 
     def _stops(self) -> list[float]:
         """Return the load factors at which steps end."""
-        if not self.large and self.model.times is None:
+        if not self.large and self.model.times is None and not self.model.contacts:
             return [1.0]
         found = {*self.model.stages}
         for one in self.model.motions:

@@ -1,7 +1,7 @@
-"""Harmonic response in an input file: modes, ``*STEADY STATE DYNAMICS``, the loads that swing or the inertia of a base.
+"""Harmonic response in an input file: modes, ``*STEADY STATE DYNAMICS``, loads that swing or the inertia of a base.
 
-Supports that are shaken are at rest in the frame that moves with them, where ``*DLOAD,GRAV`` is what acts: displacements
-are relative to the base, as in isorod.
+Supports that are shaken are at rest in the frame that moves with them, where ``*DLOAD,GRAV`` is what acts:
+displacements are relative to the base, as in isorod.
 """
 
 import warnings
@@ -112,8 +112,8 @@ class Swing:
             yield "*END STEP"
 
 
-def places(scene: Any, model: Model, mesh: Mesh) -> Iterator[tuple[str, Index]]:
-    """Yield the names of measures at nodes of a mesh of rods, and these nodes, ``(1,)``."""
+def places(scene: Any, model: Model, mesh: Mesh, number: Index) -> Iterator[tuple[str, int]]:
+    """Yield the names of measures of points, and the numbers of nodes that are there, 0 where none is in the file."""
     for name, asked in scene.content["measure"].items():
         rod = asked.get("displacement", asked.get("acceleration"))
         if rod is None:
@@ -121,5 +121,4 @@ def places(scene: Any, model: Model, mesh: Mesh) -> Iterator[tuple[str, Index]]:
         axis = model.bodies[scene.rod_names().index(rod)].space.rod
         place = axis.points([asked.get("xi", (0.0, 0.0))], [asked.get("u", axis.axis.breaks[-1])])[0]
         far = np.linalg.norm(mesh.points - place, axis=1)
-        if far.min() < _SAME * np.ptp(mesh.points):
-            yield f"measure {name}", far.argmin(keepdims=True)
+        yield f"measure {name}", int(number[far.argmin()]) if far.min() < _SAME * np.ptp(mesh.points) else 0

@@ -82,8 +82,7 @@ class Pairs:
         if not isinstance(tie.slave, EndFace) or tie.kind != "weld":
             raise InputError(f"tie {k}: deep within a rod the weld of an end as the slave is written to .inp alone")
         assert isinstance(tie.master, LateralSurface), "the end of a rod is within no other surface"
-        name, faces = deck_pairs.surface_of(self.model, self.mesh, tie.slave)
-        nodes = np.unique(faces)
+        nodes = np.unique(deck_pairs.surface_of(self.model, self.mesh, tie.slave)[1])
         try:
             found = deck_embedded.shares(
                 self.mesh, self.mesh.regions[f"rod {tie.master.body}"], self.mesh.points[nodes]
@@ -96,10 +95,18 @@ class Pairs:
 
     def equations(self, number: Index, taken: NDArray[np.bool_]) -> Iterator[str]:
         """Yield the equations of ends within other rods, by the numbers of nodes, of which some are held otherwise."""
-        for k, nodes, *masters in self._embedded:
+        for k, nodes, masters, shares in self._embedded:
             if taken[nodes].any():
                 raise InputError(f"tie {k}: an end that a support holds, too, is not written to .inp")
-            yield from deck_embedded.equations(number, nodes, *masters)
+            yield from deck_embedded.equations(number, nodes, masters, shares)
+
+    def turning(self, last: int) -> Iterator[str]:
+        """Yield the nodes with which obstacles turn, behind so many nodes."""
+        for name, k in self.obstacles:
+            motion = self.model.contacts[k].motion
+            if motion is not None and motion.track[:, 4].any():
+                yield from deck_pairs.turning(motion, abaqus.name_of(name), last)
+                last += 2
 
     def _surface(self, one: Surface, name: str) -> tuple[str, _Size]:
         """Return the title of a surface in the file, which is made where it has none, and its size."""
