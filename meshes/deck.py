@@ -128,6 +128,10 @@ class _Problem:
         if self.linear and model.following:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
         self.measured: list[str] = []
+        if self.linear and model.spin is not None and any(model.spin.velocity):
+            self.said.append(
+                "spin: forces are those at rest, in isorod where bodies are displaced: omega^2 / omega_1^2 more"
+            )
         self.names = deck_names.names_of(scene, mesh)
         self.element, self.sets = element, sets
         self.held = held.all_of(mesh, model)
