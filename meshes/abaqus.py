@@ -49,8 +49,8 @@ BRICKS = {2: "C3D20R", 1: "C3D8I"}
 # The sets of all nodes and all elements.
 ALL_NODES, ALL_ELEMENTS = "NALL", "EALL"
 
-# Numbers in a line of a list.
-_IN_LINE = 10
+# Numbers in a line of a list, and terms in one of an equation.
+_IN_LINE, _TERMS = 10, 4
 
 
 def name_of(name: str) -> str:
@@ -109,6 +109,12 @@ def lines(
 def set_of_nodes(name: str, numbers: Index) -> list[str]:
     """Return the lines of a set of nodes by their numbers, those without one left out."""
     return [f"*NSET,NSET={name}", *_wrapped(numbers[numbers > 0].tolist(), comma=True)]
+
+
+def equation(terms: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of an equation of terms ``node,component,coefficient``, of which the first is given by others."""
+    yield from ["*EQUATION", str(len(terms))]
+    yield from (",".join(terms[k : k + _TERMS]) for k in range(0, len(terms), _TERMS))
 
 
 def _set_of_elements(name: str, which: Index) -> list[str]:

@@ -13,6 +13,7 @@ from isorod.model.model import Model, unmoved
 from isorod.model.times import until
 from meshes import (
     abaqus,
+    deck_harmonic,
     deck_heat,
     deck_joined,
     deck_laws,
@@ -53,7 +54,7 @@ class Deck(NamedTuple):
 
 
 def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
-    """Return the input file of a scene of statics, modes or buckling on a mesh of its rods.
+    """Return the input file of a scene of statics, modes, buckling or harmonic response on a mesh of its rods.
 
     Parameters
     ----------
@@ -84,9 +85,9 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
 
 def check(scene: Any) -> None:
     """Raise `InputError` if an analysis is not one that is written."""
-    if scene.analysis not in ("statics", "modal", "buckling"):
+    if scene.analysis not in ("statics", "modal", "buckling", "harmonic"):
         raise InputError(
-            f"{scene.name}: {scene.analysis} is not written to .inp, statics, modes and buckling are; {_LATER}"
+            f"{scene.name}: {scene.analysis} is not written to .inp, statics, modes, buckling, harmonic are; {_LATER}"
         )
 
 
@@ -103,8 +104,12 @@ class _Problem:
     def __init__(
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
+        self.kind, self.said = scene.analysis, list[str]()
+        self.swing = deck_harmonic.Swing(scene, model, settings) if self.kind == "harmonic" else None
+        if self.swing:
+            model = self.swing.still
+        self.pulled = model if self.swing is None else self.swing.swinging or model
         self.scene, self.model, self.mesh = scene, model, mesh
-        self.kind = scene.analysis
         self.modes = settings.get("modes", {"modal": 10, "buckling": 1}.get(self.kind, 0))
         laws = [law for body in model.bodies for law in body.laws] + [
             solid.law for solid in model.solids if solid.law is not None
@@ -112,8 +117,8 @@ class _Problem:
         self.linear = all(law.linear for law in laws)
         if not self.linear and any(law.linear for law in laws):
             raise InputError("laws of small and of large displacements in one scene are not written to .inp")
-        self.moves = not settings.get("at_rest", False) if self.kind == "modal" else self.kind == "statics"
-        if self.kind == "modal":
+        self.moves = self.kind != "buckling" and not settings.get("at_rest", False)
+        if self.kind in ("modal", "harmonic"):
             self._check_modes()
         elif self.kind == "buckling":
             self._check_buckling(settings)
@@ -122,16 +127,20 @@ class _Problem:
         self.large = not self.linear and self.moves
         if self.linear and model.following:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
+        self.measured: list[str] = []
+        if self.linear and model.spin is not None and any(model.spin.velocity):
+            self.said.append(
+                "spin: forces are those at rest, in isorod where bodies are displaced: omega^2 / omega_1^2 more"
+            )
         self.names = deck_names.names_of(scene, mesh)
         self.element, self.sets = element, sets
-        self.said: list[str] = []
         self.held = held.all_of(mesh, model)
         self.means = deck_means.Means(scene, model, mesh)
         self.dead: Array = nodal.dead(mesh, model)
         self.warm: Array = deck_heat.temperatures(mesh, model)
         if model.times is not None and (self.warm.any() or any(one.turn.any() for one in model.motions)):
             raise InputError("end_time: temperatures and supports that turn over time are not written to .inp")
-        if self.warm.any() and (self.kind == "buckling" or (self.kind == "modal" and self.moves)):
+        if self.warm.any() and (self.kind == "buckling" or (self.kind != "statics" and self.moves)):
             raise InputError(f"{self.kind} of what is heated is not written to .inp, statics is")
         self.bodies = scene.bodies() if model.solids else []
         # Of several supports on a node the last one holds it, as in isorod.
@@ -164,7 +173,7 @@ class _Problem:
     def deck(self) -> Deck:
         """Return the file."""
         supports = {k: self.scene.named(f"support {k}") for k in range(len(self.model.supports))}
-        loads = {k: self.scene.named(f"load {k}") for k in range(len(self.model.loads))}
+        loads = {k: self.scene.named(f"load {k}") for k in range(len(self.pulled.loads))}
         paired = [
             self.scene.named(f"{what} {k}")
             for what, several in (("tie", self.model.ties), ("contact", self.model.contacts))
@@ -197,7 +206,9 @@ class _Problem:
             text.append(part)
             self.blocks.append(_Block(mesh, element, number, forces))
         self.number = self.blocks[0].number
-        own = [*self._sets(), *self._means(cells)]
+        last = max(int(block.number.max()) for block in self.blocks)
+        own = [*self._sets(), *self.pairs.equations(self.number, self.owner >= 0), *self._means(last, cells)]
+        own += self.pairs.turning(last + len(self.means.titles))
         steps = list(self._steps())
         notes = [f"** {one}" for one in self.said]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
@@ -219,12 +230,12 @@ class _Problem:
         for name, _ in self.pairs.obstacles:
             title = abaqus.name_of(name)
             yield from [f"*MATERIAL,NAME={title}", "*ELASTIC", "1.,0."]
-            yield f"*SOLID SECTION,ELSET={title},MATERIAL={title}"
+            yield f"*SOLID SECTION,ELSET={title}_BRICKS,MATERIAL={title}"
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
         words, said = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
-        if self.kind == "modal" and words[0].startswith("*HYPERELASTIC"):
+        if self.kind != "statics" and words[0].startswith("*HYPERELASTIC"):
             # Measured of a bar: its frequency is 2 % off if it is stretched by 0.5 %, 14 % if by 5 %.
             raise InputError(
                 f"modes about a loaded state of law {type(law).__name__} are not written to .inp: CalculiX has other "
@@ -255,7 +266,14 @@ class _Problem:
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 told = ", ".join(f"{value:.6g}" for value in on)
                 self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
-        for k, load in enumerate(self.model.loads):
+        if self.swing:
+            for name, node in deck_harmonic.places(self.scene, self.model, self.mesh, self.number):
+                if not node:
+                    self.said.append(f"{name}: no node is there; another --level may have one")
+                    continue
+                self.measured.append(abaqus.name_of(name))
+                yield from abaqus.set_of_nodes(self.measured[-1], np.array([node]))
+        for k, load in enumerate(self.pulled.loads):
             if isinstance(load, SectionLoad):
                 face = nodal.face_at(self.mesh, load.body, load.u, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
@@ -265,27 +283,26 @@ class _Problem:
             first, *others = self.number[one.nodes][self.number[one.nodes] > 0].tolist()
             for component in one.tied:
                 for node in others:
-                    yield from ["*EQUATION", "2", f"{node},{component + 1},1.,{first},{component + 1},-1."]
+                    yield from abaqus.equation([f"{node},{component + 1},1.", f"{first},{component + 1},-1."])
 
-    def _means(self, cells: int) -> Iterator[str]:
-        """Yield the supports of mean motions, behind so many elements."""
+    def _means(self, last: int, cells: int) -> Iterator[str]:
+        """Yield the supports of mean motions, behind so many nodes and elements."""
         taken = self.owner >= 0
         for one in self.held.values():
             taken[one.nodes[:, None], one.tied] = True
-        last = max(int(block.number.max()) for block in self.blocks)
         yield from self.means.lines(self.number, taken, last, cells)
 
     def _steps(self) -> Iterator[str]:
-        """Yield the steps: statics in as many as turns and supports that move for a time take, then modes."""
+        """Yield the steps: statics in as many as turns and what moves for a time take; then modes, and responses."""
+        loads: list[str] | None = None
         if self.moves:
             stops = self._stops()
-            for k, (factor, loads) in enumerate(zip(stops, self._loads(stops), strict=True), 1):
+            for k, (factor, lines) in enumerate(zip(stops, self._loads(stops), strict=True), 1):
+                loads = [*lines]
                 yield f"** Step {k} of {len(stops)}: supports and loads at {self.model.when(factor)}"
                 yield "*STEP,NLGEOM,INC=10000" if self.large else "*STEP"
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
-                yield from self._boundary(factor)
-                yield from loads
-                yield from self._printed()
+                yield from [*self._boundary(factor), *loads, *self._printed()]
         if self.kind == "buckling":
             share = self._share()
             self.said.append(
@@ -296,22 +313,35 @@ class _Problem:
             yield from self._boundary(0.0)
             yield from next(self._loads([share]))
             yield from ["*NODE FILE", "U", "*END STEP"]
-        if self.kind == "modal":
+        if self.kind in ("modal", "harmonic"):
             from isorod.checks.rigid_motions import moved_freely
 
             rigid = len(moved_freely(self.model))
+            if self.swing:
+                self.said += self.swing.find()
+                self.modes = self.swing.modes - rigid
+            modes = self.modes + rigid + _MORE
             yield "** Frequencies, those of rigid motions first"
-            yield from ["*STEP,PERTURBATION" if self.moves else "*STEP", "*FREQUENCY", f"{self.modes + rigid + _MORE}"]
+            yield "*STEP,PERTURBATION" if self.moves else "*STEP"
+            yield from ["*FREQUENCY,STORAGE=YES" if self.swing else "*FREQUENCY", f"{modes}"]
             if rigid:
                 self.said.append(f"the first {rigid} modes are rigid motions")
             if not self.moves:
                 yield from self._boundary(0.0)
-            yield from ["*NODE FILE", "U", "*END STEP"]
+            yield from ["*END STEP"] if self.swing else ["*NODE FILE", "U", "*END STEP"]
+            if self.swing:
+                pulled = [] if self.swing.swinging is None else [*next(self._loads([1.0], self.swing.swinging))]
+                yield from self.swing.steps(modes, pulled, loads, [*self.measured, *self._sections()])
 
-    def _loads(self, stops: list[float]) -> Iterator[Iterator[str]]:
-        """Yield the lines of loads of each step."""
+    def _loads(self, stops: list[float], model: Model | None = None) -> Iterator[Iterator[str]]:
+        """Yield the lines of loads of each step, those of another model where one is given."""
         blocks = [(block.number, block.dead) for block in self.blocks]
-        return deck_loads.Loads(self.model, self.mesh, self.names, self.warm, blocks).steps(stops)
+        warm = self.warm if model is None else np.zeros_like(self.warm)
+        return deck_loads.Loads(model or self.model, self.mesh, self.names, warm, blocks).steps(stops)
+
+    def _sections(self) -> list[str]:
+        """Return the sets of nodes of ends and sections that are pulled."""
+        return [self.loads[k] for k, load in enumerate(self.pulled.loads) if isinstance(load, SectionLoad)]
 
     def _share(self) -> float:
         """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
@@ -322,7 +352,7 @@ class _Problem:
 
     def _stops(self) -> list[float]:
         """Return the load factors at which steps end."""
-        if not self.large and self.model.times is None:
+        if not self.large and self.model.times is None and not self.model.contacts:
             return [1.0]
         found = {*self.model.stages}
         for one in self.model.motions:
@@ -364,8 +394,7 @@ class _Problem:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]
         for title in self.means.titles:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "U,RF"]
-        for k, load in enumerate(self.model.loads):
-            if isinstance(load, SectionLoad):
-                yield from [f"*NODE PRINT,NSET={self.loads[k]},FREQUENCY=10000", "U"]
+        for title in self._sections():
+            yield from [f"*NODE PRINT,NSET={title},FREQUENCY=10000", "U"]
         yield from self.pairs.printed
         yield from ["*NODE FILE,FREQUENCY=10000", "U,RF", "*EL FILE,FREQUENCY=10000", "S,E", "*END STEP"]

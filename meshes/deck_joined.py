@@ -5,18 +5,19 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.checks.embedded import parts
 from isorod.errors import InputError
 from isorod.model.model import Model
-from isorod.model.tie import SolidSurface, Surface
-from meshes import abaqus, deck_pairs, deck_solids
-from meshes.mesh import Mesh
+from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
+from meshes import abaqus, deck_embedded, deck_pairs, deck_solids
+from meshes.mesh import Array, Index, Mesh
 
 # Surfaces that are tied are one where their areas, of corners, differ by less.
 _SAME_AREA = 0.05
 
-# An end that is farther within another rod, in radii, is torn out of it by a tie that moves nodes.
+# An end that is farther within another rod, in radii, would be torn out of it by a tie that moves nodes.
 _DEEP = 0.5
 
 
@@ -46,18 +47,21 @@ class Pairs:
         self.obstacles: list[tuple[str, int]] = []
         self.printed: list[str] = []
         self.said: list[str] = []
+        self._embedded: list[tuple[int, Index, Index, Array]] = []
 
     def ties(self) -> Iterator[str]:
         """Yield ties, and put what is a part of a face to the faces of its mesh."""
-        for part in parts(self.model):
-            if part.depth > _DEEP * self.model.bodies[part.body].space.rod.radius:
-                raise InputError(
-                    f"tie {part.tie}: an end {part.depth:.3g} within the other rod is not written to .inp: CalculiX "
-                    "moves its nodes to the surface; let it begin there"
-                )
+        deep = [
+            one.tie for one in parts(self.model) if one.depth > _DEEP * self.model.bodies[one.body].space.rod.radius
+        ]
+        moving = False
         for k, tie in enumerate(self.model.ties):
             title = self.scene.named(f"tie {k}")
-            if not k:
+            if k in deep:
+                self._embed(k, tie)
+                continue
+            if not moving:
+                moving = True
                 self.said.append("ties: CalculiX moves the nodes of the slave onto the master")
                 yield "** Ties: the slave's nodes follow the master"
             (slave, mine), (master, other) = (
@@ -72,6 +76,37 @@ class Pairs:
                     self.said.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
             yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, mine.extent)
             self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)}", "SOF,SOM"]
+
+    def _embed(self, k: int, tie: Tie) -> None:
+        """Let the nodes of an end move as the cells of the rod do that they are in: `*TIE` would pull them out."""
+        if not isinstance(tie.slave, EndFace) or tie.kind != "weld":
+            raise InputError(f"tie {k}: deep within a rod the weld of an end as the slave is written to .inp alone")
+        assert isinstance(tie.master, LateralSurface), "the end of a rod is within no other surface"
+        nodes = np.unique(deck_pairs.surface_of(self.model, self.mesh, tie.slave)[1])
+        try:
+            found = deck_embedded.shares(
+                self.mesh, self.mesh.regions[f"rod {tie.master.body}"], self.mesh.points[nodes]
+            )
+        except InputError as problem:
+            raise InputError(f"tie {k}: {problem}") from None
+        self._embedded.append((k, nodes, *found))
+        title = self.scene.named(f"tie {k}")
+        self.said.append(f"{title}: nodes of the end move as the other rod does where they are, by *EQUATION")
+
+    def equations(self, number: Index, taken: NDArray[np.bool_]) -> Iterator[str]:
+        """Yield the equations of ends within other rods, by the numbers of nodes, of which some are held otherwise."""
+        for k, nodes, masters, shares in self._embedded:
+            if taken[nodes].any():
+                raise InputError(f"tie {k}: an end that a support holds, too, is not written to .inp")
+            yield from deck_embedded.equations(number, nodes, masters, shares)
+
+    def turning(self, last: int) -> Iterator[str]:
+        """Yield the nodes with which obstacles turn, behind so many nodes."""
+        for name, k in self.obstacles:
+            motion = self.model.contacts[k].motion
+            if motion is not None and motion.track[:, 4].any():
+                yield from deck_pairs.turning(motion, abaqus.name_of(name), last)
+                last += 2
 
     def _surface(self, one: Surface, name: str) -> tuple[str, _Size]:
         """Return the title of a surface in the file, which is made where it has none, and its size."""

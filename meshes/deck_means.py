@@ -26,9 +26,6 @@ from meshes.mesh import Array, Index, Mesh
 # Coefficients of an equation below this are rounding; a mean that is others' to this share is one of theirs.
 _ROUNDING, _DEPENDENT = 1e-12, 1e-9
 
-# Terms in a line of an equation.
-_IN_LINE = 4
-
 
 class _Reference(NamedTuple):
     """A node that stands for means of a support: its set, and which component each is, with what sign."""
@@ -132,8 +129,7 @@ class Means:
             for several, coefficients in ((names, values), (terms, means)):
                 kept = np.flatnonzero(np.abs(coefficients) > _ROUNDING).tolist()
                 found += [f"{several[j]},{coefficients[j]:.12g}" for j in kept]
-            yield from ["*EQUATION", str(len(found))]
-            yield from (",".join(found[j : j + _IN_LINE]) for j in range(0, len(found), _IN_LINE))
+            yield from abaqus.equation(found)
         for k, one in enumerate(self._found, nodes + 1):
             if one.stiffness is None:
                 continue

@@ -41,18 +41,23 @@ def functions(reference: Array, order: int) -> Functions:
 
     Of order 2 they span the monomials with one square at the most.
     """
+    where, weights = _rule(reference.shape[1])
+    return Functions(*at_points(reference, order, where), weights)
+
+
+def at_points(reference: Array, order: int, where: Array) -> tuple[Index, Array, Array]:
+    """Return the same at points ``(m, d)``: `Functions.places`, values ``(m, n)`` and slopes ``(m, n, d)``."""
     dimension = reference.shape[1]
     places = np.flatnonzero((np.abs(reference - 0.5) < 0.25).sum(axis=1) <= order - 1)
     powers = np.stack(np.meshgrid(*[np.arange(order + 1)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
     powers = powers[(powers == 2).sum(axis=1) <= 1]
     inverse = np.linalg.inv(np.prod(reference[places][:, None] ** powers, axis=2))
-    where, weights = _rule(dimension)
     slopes = np.empty((len(where), len(places), dimension))
     for a in range(dimension):
         lowered = powers.copy()
         lowered[:, a] = np.maximum(powers[:, a] - 1, 0)
         slopes[:, :, a] = (powers[:, a] * np.prod(where[:, None] ** lowered, axis=2)) @ inverse
-    return Functions(places, np.prod(where[:, None] ** powers, axis=2) @ inverse, slopes, weights)
+    return places, np.prod(where[:, None] ** powers, axis=2) @ inverse, slopes
 
 
 def _rule(dimension: int) -> tuple[Array, Array]:
