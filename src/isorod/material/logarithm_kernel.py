@@ -8,7 +8,9 @@ stress and its derivative by Green's strain ``G`` are then sums over the same po
 
 where ``T`` is the stress that the small-strain law has for ``E`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
 5383-5425).  No principal direction is asked for, nor whether principal values meet: all points of a block go the same
-way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
+way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Stretches beyond 16 and 1/16 have no stress, NaN.
+
+Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
 """
 
 from typing import Any
@@ -46,16 +48,31 @@ Six = tuple[float, float, float, float, float, float]
 
 
 @njit(**FAST)
+def at(row: int) -> Any:
+    """Return where a row begins: a constant, which tells the compiler that rows lie apart."""
+    return np.uint64(POINTS * row)
+
+
+@njit(**FAST)
 def six(rows: Array, row: int, k: Any) -> Six:
     """Return a symmetric tensor at a point, whose rows begin at one."""
-    return rows[row, k], rows[row + 1, k], rows[row + 2, k], rows[row + 3, k], rows[row + 4, k], rows[row + 5, k]
+    n = at(row) + k
+    return (
+        rows[n],
+        rows[n + ROWS[1]],
+        rows[n + ROWS[2]],
+        rows[n + ROWS[3]],
+        rows[n + ROWS[4]],
+        rows[n + ROWS[5]],
+    )
 
 
 @njit(**FAST)
 def put_six(rows: Array, row: int, k: Any, a: Six) -> None:
     """Fill in a symmetric tensor at a point."""
-    rows[row, k], rows[row + 1, k], rows[row + 2, k] = a[0], a[1], a[2]
-    rows[row + 3, k], rows[row + 4, k], rows[row + 5, k] = a[3], a[4], a[5]
+    n = at(row) + k
+    rows[n], rows[n + ROWS[1]], rows[n + ROWS[2]] = a[0], a[1], a[2]
+    rows[n + ROWS[3]], rows[n + ROWS[4]], rows[n + ROWS[5]] = a[3], a[4], a[5]
 
 
 @njit(**FAST)
@@ -146,37 +163,41 @@ def strains(work: Array, rows: Array) -> int:
         small = j1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(j1 * j1 - 3.0 * j2, 0.0))
         put_six(rows, _X, k, x)
         put_six(rows, _SQUARE, k, y)
-        rows[_INVARIANTS, k], rows[_INVARIANTS + 1, k], rows[_INVARIANTS + 2, k] = i1, i2, i3
-        rows[_LARGEST, k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
+        rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k] = i1, i2, i3
+        rows[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
     largest, rule = 1.0, 0
     for k in range(_W):
-        largest = max(largest, rows[_LARGEST, k])
+        largest = max(largest, rows[at(_LARGEST) + k])
     while rule + 1 < _REACH.size and largest > _REACH[rule]:
         rule += 1
     for m in range(8):
         for k in range(_W):
-            rows[_FIRST + m, k] = 0.0
+            rows[at(_FIRST + m) + k] = 0.0
     for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
         s, w = _PLACES[q], _SHARES[q]
         for k in range(_W):
-            one = 1.0 / (1.0 + s * (rows[_INVARIANTS, k] + s * (rows[_INVARIANTS + 1, k] + s * rows[_INVARIANTS + 2, k])))
+            one = 1.0 / (
+                1.0
+                + s
+                * (rows[at(_INVARIANTS) + k] + s * (rows[at(_INVARIANTS + 1) + k] + s * rows[at(_INVARIANTS + 2) + k]))
+            )
             p, t = w * one, w * one * one
-            rows[_FIRST, k] += p
-            rows[_FIRST + 1, k] += s * p
-            rows[_FIRST + 2, k] += s * s * p
-            rows[_TWO, k] += t
-            rows[_TWO + 1, k] += s * t
-            rows[_TWO + 2, k] += s * s * t
-            rows[_TWO + 3, k] += s * s * s * t
-            rows[_TWO + 4, k] += s * s * s * s * t
+            rows[at(_FIRST) + k] += p
+            rows[at(_FIRST + 1) + k] += s * p
+            rows[at(_FIRST + 2) + k] += s * s * p
+            rows[at(_TWO) + k] += t
+            rows[at(_TWO + 1) + k] += s * t
+            rows[at(_TWO + 2) + k] += s * s * t
+            rows[at(_TWO + 3) + k] += s * s * s * t
+            rows[at(_TWO + 4) + k] += s * s * s * s * t
     for k in range(_W):
-        i1, p1 = rows[_INVARIANTS, k], rows[_FIRST + 1, k]
-        whole = 0.5 * rows[_FIRST + 2, k] * rows[_INVARIANTS + 2, k]
+        i1, p1 = rows[at(_INVARIANTS) + k], rows[at(_FIRST + 1) + k]
+        whole = 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
         one = whole, 0.0, 0.0, whole, 0.0, whole
-        half = 0.5 * (rows[_FIRST, k] + p1 * i1)
+        half = 0.5 * (rows[at(_FIRST) + k] + p1 * i1)
         e = combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
         put_six(rows, STRAIN, k, e)
-        rows[TRACE, k] = e[0] + e[3] + e[5]
+        rows[at(TRACE) + k] = e[0] + e[3] + e[5]
     return rule
 
 
@@ -185,10 +206,10 @@ def _second_stress(rows: Array) -> None:
     """Fill in the second Piola-Kirchhoff stress of a block from what belongs to ``E``."""
     for k in range(_W):
         x, y, t = six(rows, _X, k), six(rows, _SQUARE, k), six(rows, TENSION, k)
-        i1, i2 = rows[_INVARIANTS, k], rows[_INVARIANTS + 1, k]
-        q1, q2, q3, q4 = rows[_TWO + 1, k], rows[_TWO + 2, k], rows[_TWO + 3, k], rows[_TWO + 4, k]
+        i1, i2 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k]
+        q1, q2, q3, q4 = rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k], rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
         # S is the sum of b_ij X^i T X^j.
-        b00 = rows[_TWO, k] + 2.0 * i1 * q1 + (i1 * i1 + 2.0 * i2) * q2 + 2.0 * i1 * i2 * q3 + i2 * i2 * q4
+        b00 = rows[at(_TWO) + k] + 2.0 * i1 * q1 + (i1 * i1 + 2.0 * i2) * q2 + 2.0 * i1 * i2 * q3 + i2 * i2 * q4
         b01 = -(q1 + 2.0 * i1 * q2 + (i1 * i1 + i2) * q3 + i1 * i2 * q4)
         b02, b11, b12 = q2 + i1 * q3 + i2 * q4, q2 + 2.0 * i1 * q3 + i1 * i1 * q4, -(q3 + i1 * q4)
         u, v = product(t, x), product(t, y)
@@ -222,7 +243,7 @@ def put_stress(work: Array, rows: Array) -> None:
     """Fill the rows of ``P`` of a block from the stress that belongs to ``E``."""
     _second_stress(rows)
     for k in range(_W):
-        fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (rows[_LARGEST, k] <= _FARTHEST)
+        fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (rows[at(_LARGEST) + k] <= _FARTHEST)
         put_first(work, k, six(rows, _STRESS, k), 1.0 if fits else np.nan)
 
 
@@ -246,12 +267,12 @@ def _put_row(work: Array, row: int, k: Any, x: float, y: float, z: float, s: Six
 @njit(**FAST)
 def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
     """Add to the moduli of a block from stress and moduli ``dT/dE`` ``(36, POINTS)``, not to be used again."""
-    near, bent, found = np.zeros((36, POINTS)), np.zeros((36, POINTS)), np.empty((12, POINTS))
+    near, bent, found = np.zeros(36 * POINTS), np.zeros(36 * POINTS), np.empty(12 * POINTS)
     _second_stress(rows)
     for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
         s, w = _PLACES[q], _SHARES[q]
         for k in range(_W):
-            i1, i2, i3 = rows[_INVARIANTS, k], rows[_INVARIANTS + 1, k], rows[_INVARIANTS + 2, k]
+            i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
             share = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
             whole = share * (1.0 + s * (i1 + s * i2))
             one = whole, 0.0, 0.0, whole, 0.0, whole
@@ -265,22 +286,24 @@ def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
                 ip, jq, iq, jp = PLACE[i, FIRST[n]], PLACE[j, SECOND[n]], PLACE[i, SECOND[n]], PLACE[j, FIRST[n]]
                 place = 6 * m + n
                 for k in range(_W):
-                    near[place, k] += 0.5 * w * (found[ip, k] * found[jq, k] + found[iq, k] * found[jp, k])
+                    near[at(place) + k] += (
+                        0.5 * w * (found[at(ip) + k] * found[at(jq) + k] + found[at(iq) + k] * found[at(jp) + k])
+                    )
                 for k in range(_W):
-                    bent[place, k] -= (w * s) * (
-                        found[ip, k] * found[6 + jq, k]
-                        + found[jq, k] * found[6 + ip, k]
-                        + found[iq, k] * found[6 + jp, k]
-                        + found[jp, k] * found[6 + iq, k]
+                    bent[at(place) + k] -= (w * s) * (
+                        found[at(ip) + k] * found[at(6 + jq) + k]
+                        + found[at(jq) + k] * found[at(6 + ip) + k]
+                        + found[at(iq) + k] * found[at(6 + jp) + k]
+                        + found[at(jp) + k] * found[at(6 + iq) + k]
                     )
     _mirror(near)
-    products = np.empty((36, POINTS))
+    products = np.empty(36 * POINTS)
     _multiply(moduli, near, products)
     _multiply(near, products, moduli)
     _mirror(bent)
     for m in range(36):
         for k in range(_W):
-            moduli[m, k] += bent[m, k]
+            moduli[at(m) + k] += bent[at(m) + k]
     add_second(work, rows, _STRESS, moduli)
 
 
@@ -290,7 +313,7 @@ def _mirror(matrix: Array) -> None:
     for m in range(6):
         for n in range(m):
             for k in range(_W):
-                matrix[6 * m + n, k] = matrix[6 * n + m, k]
+                matrix[at(6 * m + n) + k] = matrix[at(6 * n + m) + k]
 
 
 @njit(**FAST)
@@ -299,30 +322,30 @@ def _multiply(one: Array, other: Array, products: Array) -> None:
     for m in range(6):
         for n in range(6):
             for k in range(_W):
-                products[6 * m + n, k] = (
-                    one[6 * m, k] * other[n, k]
-                    + 2.0 * one[6 * m + 1, k] * other[6 + n, k]
-                    + 2.0 * one[6 * m + 2, k] * other[12 + n, k]
-                    + one[6 * m + 3, k] * other[18 + n, k]
-                    + 2.0 * one[6 * m + 4, k] * other[24 + n, k]
-                    + one[6 * m + 5, k] * other[30 + n, k]
+                products[at(6 * m + n) + k] = (
+                    one[at(6 * m) + k] * other[at(n) + k]
+                    + 2.0 * one[at(6 * m + 1) + k] * other[at(6 + n) + k]
+                    + 2.0 * one[at(6 * m + 2) + k] * other[at(12 + n) + k]
+                    + one[at(6 * m + 3) + k] * other[at(18 + n) + k]
+                    + 2.0 * one[at(6 * m + 4) + k] * other[at(24 + n) + k]
+                    + one[at(6 * m + 5) + k] * other[at(30 + n) + k]
                 )
 
 
 @njit(**FAST)
 def add_second(work: Array, rows: Array, stress: int, moduli: Array) -> None:
     """Add to the moduli of a block from ``S``, whose rows begin at one, and symmetric ``dS/dG`` ``(36, POINTS)``."""
-    turned = np.empty((18, POINTS))
+    turned = np.empty(18 * POINTS)
     for a in range(3):
         f = np.uint64(POINTS * (GRADIENT + 3 * a))
         for A in range(3):
             p, q, r = 6 * PLACE[A, 0], 6 * PLACE[A, 1], 6 * PLACE[A, 2]
             for n in range(6):
                 for k in range(_W):
-                    turned[6 * A + n, k] = (
-                        work[f + k] * moduli[p + n, k]
-                        + work[f + ROWS[1] + k] * moduli[q + n, k]
-                        + work[f + ROWS[2] + k] * moduli[r + n, k]
+                    turned[at(6 * A + n) + k] = (
+                        work[f + k] * moduli[at(p + n) + k]
+                        + work[f + ROWS[1] + k] * moduli[at(q + n) + k]
+                        + work[f + ROWS[2] + k] * moduli[at(r + n) + k]
                     )
         for b in range(a, 3):
             g = np.uint64(POINTS * (GRADIENT + 3 * b))
@@ -333,10 +356,10 @@ def add_second(work: Array, rows: Array, stress: int, moduli: Array) -> None:
                     p, q, r = 6 * A + PLACE[B, 0], 6 * A + PLACE[B, 1], 6 * A + PLACE[B, 2]
                     for k in range(_W):
                         work[row + k] += (
-                            work[g + k] * turned[p, k]
-                            + work[g + ROWS[1] + k] * turned[q, k]
-                            + work[g + ROWS[2] + k] * turned[r, k]
+                            work[g + k] * turned[at(p) + k]
+                            + work[g + ROWS[1] + k] * turned[at(q) + k]
+                            + work[g + ROWS[2] + k] * turned[at(r) + k]
                         )
                     if a == b:
                         for k in range(_W):
-                            work[row + k] += rows[own, k]
+                            work[row + k] += rows[at(own) + k]

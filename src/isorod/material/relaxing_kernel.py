@@ -29,6 +29,7 @@ from isorod.material.logarithm_kernel import (
     TWICE,
     Six,
     add_second,
+    at,
     combined,
     gradient,
     product,
@@ -51,15 +52,15 @@ _W = np.uint64(POINTS)
 _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 # Rows of a block: C, the same free of volume, that at the start of the step, the stress for C free of volume, the
-# second Piola-Kirchhoff stress, a third of that stress : C, its size J^(-2/3), energy and loss.
-_C, _NOW, _BEFORE, _STRESS, _SECOND, _THIRD, _SIZE, _STORED, _LOSS = 0, 6, 12, 18, 24, 30, 31, 32, 33
-# Of a branch: Ci at the start of the step, at its end but for its size, the inverse of this and the cube root of its
-# determinant; y and c, the same at the middle of a part, r, what is left of c in a time and its slope by that.
-_OLD, _MIXED, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _KEPT, _SLOPE = 34, 40, 46, 52, 53, 55, 57, 58, 59
-_PLAIN = 60
+# second Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
+_C, _NOW, _BEFORE, _STRESS, _SECOND, _THIRD, _SIZE, _VOLUME, _STORED, _LOSS = 0, 6, 12, 18, 24, *range(30, 35)
+# Of a branch: Ci at the start of the step and at its end, the inverse of what this is but for its size, and the cube
+# root of the determinant of that; y and c, the same at the middle of a part, r, what is left of c in a time and the
+# slope of c by that.
+_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _KEPT, _SLOPE, _PLAIN = 35, 41, 47, 53, 54, 56, *range(58, 62)
 # Where moduli are asked for: slopes of r by y, by c and by C1, those of y and c by C1, at the middle of a part too, and
 # how the inverse changes with y and c.
-_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = 60, 68, 80, 92, 104
+_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = 61, 69, 81, 93, 105
 
 
 @njit(**FAST)
@@ -85,12 +86,14 @@ def _begin(work: Array, constants: Array, rows: Array) -> None:
     for i in range(int(constants[2])):
         rest -= constants[3 + 2 * i]
     for k in range(_W):
-        c, size = squares(gradient(work, k)), exp(-2.0 / 3.0 * log(work[ROWS[DETERMINANT] + k]))
+        c, volume = squares(gradient(work, k)), log(work[ROWS[DETERMINANT] + k])
+        size = exp(-2.0 / 3.0 * volume)
         now = combined(size, c, 0.0, c, 0.0, c)
         put_six(rows, _C, k, c)
         put_six(rows, _NOW, k, now)
         put_six(rows, _STRESS, k, combined(rest * mu, _ONE, 0.0, _ONE, 0.0, _ONE))
-        rows[_SIZE, k], rows[_STORED, k] = size, 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
+        rows[at(_SIZE) + k], rows[at(_VOLUME) + k] = size, volume
+        rows[at(_STORED) + k] = 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
     _told(work, FIBRE, rows, _BEFORE)
 
 
@@ -100,7 +103,7 @@ def _told(work: Array, first: int, rows: Array, to: int) -> None:
     for m in range(6):
         row, one = np.uint64(POINTS * (first + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            rows[to + m, k] = work[row + k] + one
+            rows[at(to + m) + k] = work[row + k] + one
 
 
 @njit(**FAST)
@@ -111,22 +114,22 @@ def _mixed(rows: Array, k: Any, y: float, c: float) -> Six:
 
 
 @njit(**FAST)
-def _rate(s: float, rows: Array, at: int, wanted: bool) -> None:
-    """Fill in ``r``, of the ``y`` and ``c`` in two rows, and if wanted its slopes by these, and by the six of ``C1``."""
+def _rate(s: float, rows: Array, where: int, wanted: bool) -> None:
+    """Fill in ``r`` of the ``y`` and ``c`` in two rows, and if wanted its slopes by these and by the six of ``C1``."""
     for k in range(_W):
         now = six(rows, _NOW, k)
         _, path = _inverse(combined(1.0 - s, six(rows, _BEFORE, k), s, now, 0.0, now))
-        _, det = _inverse(_mixed(rows, k, rows[at, k], rows[at + 1, k]))
-        rows[_RATE, k] = power(det / path, 1.0 / 3.0)
+        _, det = _inverse(_mixed(rows, k, rows[at(where) + k], rows[at(where + 1) + k]))
+        rows[at(_RATE) + k] = power(det / path, 1.0 / 3.0)
     if not wanted:
         return
     for k in range(_W):
         old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-        y, c, rate = rows[at, k], rows[at + 1, k], rows[_RATE, k] / 3.0
+        y, c, rate = rows[at(where) + k], rows[at(where + 1) + k], rows[at(_RATE) + k] / 3.0
         path, _ = _inverse(combined(1.0 - s, before, s, now, 0.0, now))
         inverse, _ = _inverse(_mixed(rows, k, y, c))
-        rows[_SLOPES, k] = -rate * exp(-y) * _double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
-        rows[_SLOPES + 1, k] = rate * _double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
+        rows[at(_SLOPES) + k] = -rate * exp(-y) * _double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
+        rows[at(_SLOPES + 1) + k] = rate * _double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
         put_six(rows, _SLOPES + 2, k, combined(rate * c, inverse, -rate * s, path, 0.0, now))
 
 
@@ -136,9 +139,9 @@ def _lagged(c: float, s: float, part: float, rho: float) -> tuple[float, float, 
 
     The slope is that by ``rho``; what is left is of ``c`` before.
     """
-    kept, long = exp(-rho), rho > _SHORT
-    x = rho if long else 1.0
-    mean = -expm1(-rho) / x if long else 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
+    grown, long = expm1(-rho), rho > _SHORT
+    kept, x = 1.0 + grown, rho if long else 1.0
+    mean = -grown / x if long else 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
     slope = (kept - mean) / x if long else -0.5 + rho * (1.0 / 3.0 - rho * (0.125 - rho / 30.0))
     return kept * c + s + part - s * kept - part * mean, kept * (s - c) - part * slope, kept
 
@@ -148,10 +151,13 @@ def _carry(rows: Array, time: float, start: int, to: int) -> None:
     """Fill in the slopes of ``y`` and ``c`` by ``C1`` after a time, from those of where its rate is taken."""
     for m in range(6):
         for k in range(_W):
-            first, second = rows[_SLOPES, k] * rows[start + m, k], rows[_SLOPES + 1, k] * rows[start + 6 + m, k]
-            change = time * (first + second + rows[_SLOPES + 2 + m, k])
-            rows[to + 6 + m, k] = rows[_KEPT, k] * rows[_WAYS + 6 + m, k] + rows[_SLOPE, k] * change
-            rows[to + m, k] = rows[_WAYS + m, k] + change
+            first, second = (
+                rows[at(_SLOPES) + k] * rows[at(start + m) + k],
+                rows[at(_SLOPES + 1) + k] * rows[at(start + 6 + m) + k],
+            )
+            change = time * (first + second + rows[at(_SLOPES + 2 + m) + k])
+            rows[at(to + 6 + m) + k] = rows[at(_KEPT) + k] * rows[at(_WAYS + 6 + m) + k] + rows[at(_SLOPE) + k] * change
+            rows[at(to + m) + k] = rows[at(_WAYS + m) + k] + change
 
 
 @njit(**FAST)
@@ -159,27 +165,32 @@ def _follow(h: float, rows: Array, wanted: bool) -> None:
     """Fill in ``y`` and ``c`` at the end of a step of ``h`` times ``tau``, and if wanted their slopes by ``C1``."""
     count = 1 + int(min(_PARTS * h, _MOST - 1.0))
     part = 1.0 / count
-    for m in range(2):
-        for k in range(_W):
-            rows[_Y + m, k] = 0.0
+    # At the start all is free of volume.
+    for k in range(_W):
+        rows[at(_Y) + k], rows[at(_Y + 1) + k], rows[at(_RATE) + k] = 0.0, 0.0, 1.0
     if wanted:
-        for m in range(12):
+        for m in range(24):
             for k in range(_W):
-                rows[_WAYS + m, k] = 0.0
+                rows[at(_WAYS + m) + k] = 0.0
     for p in range(count):
         s = p * part
-        _rate(s, rows, _Y, wanted)
+        if p > 0:
+            _rate(s, rows, _Y, wanted)
         for k in range(_W):
-            rho = 0.5 * part * h * rows[_RATE, k]
-            rows[_MIDDLE, k] = rows[_Y, k] + rho
-            rows[_MIDDLE + 1, k], rows[_SLOPE, k], rows[_KEPT, k] = _lagged(rows[_Y + 1, k], s, 0.5 * part, rho)
-        if wanted:
+            rho = 0.5 * part * h * rows[at(_RATE) + k]
+            rows[at(_MIDDLE) + k] = rows[at(_Y) + k] + rho
+            rows[at(_MIDDLE + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
+                rows[at(_Y + 1) + k], s, 0.5 * part, rho
+            )
+        if wanted and p > 0:
             _carry(rows, 0.5 * part * h, _WAYS, _HALF)
         _rate(s + 0.5 * part, rows, _MIDDLE, wanted)
         for k in range(_W):
-            rho = part * h * rows[_RATE, k]
-            rows[_Y, k] += rho
-            rows[_Y + 1, k], rows[_SLOPE, k], rows[_KEPT, k] = _lagged(rows[_Y + 1, k], s, part, rho)
+            rho = part * h * rows[at(_RATE) + k]
+            rows[at(_Y) + k] += rho
+            rows[at(_Y + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
+                rows[at(_Y + 1) + k], s, part, rho
+            )
         if wanted:
             _carry(rows, part * h, _HALF, _WAYS)
 
@@ -191,27 +202,27 @@ def _branch(work: Array, constants: Array, which: int, rows: Array, wanted: bool
     _follow(constants[1] / constants[4 + 2 * which], rows, wanted)
     modulus = constants[0] * constants[3 + 2 * which]
     for k in range(_W):
-        mixed = _mixed(rows, k, rows[_Y, k], rows[_Y + 1, k])
+        mixed = _mixed(rows, k, rows[at(_Y) + k], rows[at(_Y + 1) + k])
         inverse, det = _inverse(mixed)
         root = power(det, 1.0 / 3.0)
-        put_six(rows, _MIXED, k, mixed)
+        put_six(rows, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
         put_six(rows, _INVERSE, k, inverse)
         put_six(rows, _STRESS, k, combined(1.0, six(rows, _STRESS, k), modulus * root, inverse, 0.0, mixed))
-        rows[_ROOT, k] = root
-        rows[_STORED, k] += 0.5 * modulus * (root * _double(inverse, six(rows, _NOW, k)) - 3.0)
+        rows[at(_ROOT) + k] = root
+        rows[at(_STORED) + k] += 0.5 * modulus * (root * _double(inverse, six(rows, _NOW, k)) - 3.0)
 
 
 @njit(**FAST)
-def _second(work: Array, constants: Array, rows: Array) -> None:
+def _second(constants: Array, rows: Array) -> None:
     """Fill in the inverse of ``C``, in the place of a branch's, and ``S``."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     for k in range(_W):
-        c, stress, size = six(rows, _C, k), six(rows, _STRESS, k), rows[_SIZE, k]
+        c, stress, size = six(rows, _C, k), six(rows, _STRESS, k), rows[at(_SIZE) + k]
         inverse, _ = _inverse(c)
-        third, pressure = size * _double(stress, c) / 3.0, bulk * log(work[ROWS[DETERMINANT] + k])
+        third, pressure = size * _double(stress, c) / 3.0, bulk * rows[at(_VOLUME) + k]
         put_six(rows, _INVERSE, k, inverse)
         put_six(rows, _SECOND, k, combined(size, stress, pressure - third, inverse, 0.0, c))
-        rows[_THIRD, k] = third
+        rows[at(_THIRD) + k] = third
 
 
 @njit(**FAST)
@@ -241,32 +252,32 @@ def _add_loss(x: float, modulus: float, rows: Array) -> None:
     one, two = 1.0 + kept - 2.0 * share, share * (1.0 - share) - 2.0 * rest
     for k in range(_W):
         old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-        mixed, inverse, root = six(rows, _MIXED, k), six(rows, _INVERSE, k), rows[_ROOT, k]
+        new, inverse, root = six(rows, _NEW, k), six(rows, _INVERSE, k), rows[at(_ROOT) + k]
         start, _ = _inverse(old)
         # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
-        u = product(start, combined(1.0 / root, mixed, -1.0, old, 0.0, now))
+        u = product(start, combined(1.0, new, -1.0, old, 0.0, now))
         det = u[0] * (u[4] * u[8] - u[5] * u[7]) - u[1] * (u[3] * u[8] - u[5] * u[6])
         det += u[2] * (u[3] * u[7] - u[4] * u[6])
         lost = 0.25 * (_trace(u, u) - (u[0] + u[4] + u[8]) ** 2) - 0.5 * det
         # Ci(0)^-1 - Ci^-1 is Ci(0)^-1 (Ci - Ci(0)) Ci^-1.
-        middle = combined(0.5 * root, before, 0.5 * root, now, -1.0, mixed)
+        middle = combined(0.5 * root, before, 0.5 * root, now, -root, new)
         lost += 0.5 * _trace(u, product(inverse, middle))
         u = product(inverse, combined(0.5 * root, before, -0.5 * root, old, 0.0, now))
         v = product(inverse, combined(0.5 * root, now, -0.5 * root, before, 0.0, old))
         left, right = (u[0] + u[4] + u[8]) / 3.0, v[0] + v[4] + v[8]
         lost -= one * (_trace(u, v) - left * right) + two * (_trace(v, v) - right * right / 3.0)
-        rows[_LOSS, k] += modulus * lost
+        rows[at(_LOSS) + k] += modulus * lost
 
 
 @njit(**FAST)
 def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
     """Fill in the stress, if wanted the energy, what springs store, and the loss; or let the state go on."""
-    rows = np.empty((_PLAIN, POINTS))
+    rows = np.empty(_PLAIN * POINTS)
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
     dissipated = np.uint64(POINTS * (FIBRE + 6 + 6 * count))
     _begin(work, constants, rows)
     for k in range(_W):
-        rows[_LOSS, k] = work[dissipated + k]
+        rows[at(_LOSS) + k] = work[dissipated + k]
     for i in range(count):
         _branch(work, constants, i, rows, False)
         if wanted or goes_on:
@@ -275,22 +286,22 @@ def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
             for m in range(6):
                 row, one = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
                 for k in range(_W):
-                    work[row + k] = rows[_MIXED + m, k] / rows[_ROOT, k] - one
-    _second(work, constants, rows)
+                    work[row + k] = rows[at(_NEW + m) + k] - one
+    _second(constants, rows)
     for k in range(_W):
         put_first(work, k, six(rows, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
     if wanted:
         for k in range(_W):
-            volume = log(work[ROWS[DETERMINANT] + k])
-            work[ROWS[ENERGY] + k] = rows[_STORED, k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
-            work[ROWS[ACTIVE] + k], work[ROWS[LOST] + k] = 0.0, rows[_LOSS, k]
+            volume = rows[at(_VOLUME) + k]
+            work[ROWS[ENERGY] + k] = rows[at(_STORED) + k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
+            work[ROWS[ACTIVE] + k], work[ROWS[LOST] + k] = 0.0, rows[at(_LOSS) + k]
     if goes_on:
         for k in range(_W):
-            work[dissipated + k] = rows[_LOSS, k]
+            work[dissipated + k] = rows[at(_LOSS) + k]
         for m in range(6):
             row, one = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
             for k in range(_W):
-                work[row + k] = rows[_NOW + m, k] - one
+                work[row + k] = rows[at(_NOW + m) + k] - one
 
 
 @njit(BLOCK, **FAST)
@@ -302,28 +313,29 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    rows, bent, moduli = np.empty((_WHOLE, POINTS)), np.zeros((36, POINTS)), np.empty((36, POINTS))
+    rows, bent, moduli = np.empty(_WHOLE * POINTS), np.zeros(36 * POINTS), np.empty(36 * POINTS)
     _begin(work, constants, rows)
     for i in range(int(constants[2])):
         _branch(work, constants, i, rows, True)
         for k in range(_W):
             # What grows with y and with c, and that between two inverses.
-            old, before, now, inverse = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k), six(rows, _INVERSE, k)
-            w = exp(-rows[_Y, k])
+            old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
+            w, inverse = exp(-rows[at(_Y) + k]), six(rows, _INVERSE, k)
             put_six(rows, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
             put_six(rows, _TURNED + 6, k, _between(inverse, combined(1.0, now, -1.0, before, 0.0, old)))
-            rows[_ROOT, k] *= constants[0] * constants[3 + 2 * i]
+            rows[at(_ROOT) + k] *= constants[0] * constants[3 + 2 * i]
         for m in range(6):
             for n in range(6):
                 ap, bq, aq, bp = _crossed(m, n)
                 one, other, first, second = _INVERSE + m, _INVERSE + n, _WAYS + n, _WAYS + 6 + n
                 for k in range(_W):
-                    crossed = rows[ap, k] * rows[bq, k] + rows[aq, k] * rows[bp, k]
-                    change = rows[_Y + 1, k] * (rows[one, k] * rows[other, k] / 3.0 - 0.5 * crossed)
-                    change += rows[_TURNED + m, k] * rows[first, k] + rows[_TURNED + 6 + m, k] * rows[second, k]
-                    bent[6 * m + n, k] += rows[_ROOT, k] * change
-    _second(work, constants, rows)
-    _isochoric(work, constants, rows, bent, moduli)
+                    crossed = rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k]
+                    change = rows[at(_Y + 1) + k] * (rows[at(one) + k] * rows[at(other) + k] / 3.0 - 0.5 * crossed)
+                    change += rows[at(_TURNED + m) + k] * rows[at(first) + k]
+                    change += rows[at(_TURNED + 6 + m) + k] * rows[at(second) + k]
+                    bent[at(6 * m + n) + k] += rows[at(_ROOT) + k] * change
+    _second(constants, rows)
+    _isochoric(constants, rows, bent, moduli)
     add_second(work, rows, _SECOND, moduli)
 
 
@@ -342,33 +354,38 @@ def _between(inverse: Six, one: Six) -> Six:
 
 
 @njit(**FAST)
-def _isochoric(work: Array, constants: Array, rows: Array, bent: Array, moduli: Array) -> None:
+def _isochoric(constants: Array, rows: Array, bent: Array, moduli: Array) -> None:
     """Fill in ``dS/dG`` from the slopes ``bent`` of the stress by ``C`` free of volume (Holzapfel 2000, 6.4)."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     whole = np.zeros(POINTS)
     for m in range(6):
         for n in range(m + 1, 6):
             for k in range(_W):
-                bent[6 * m + n, k] = 0.5 * (bent[6 * m + n, k] + bent[6 * n + m, k])
+                bent[at(6 * m + n) + k] = 0.5 * (bent[at(6 * m + n) + k] + bent[at(6 * n + m) + k])
             for k in range(_W):
-                bent[6 * n + m, k] = bent[6 * m + n, k]
+                bent[at(6 * n + m) + k] = bent[at(6 * m + n) + k]
     for m in range(6):
         for k in range(_W):
             by_row = _double(six(bent, 6 * m, k), six(rows, _C, k)) / 3.0
-            rows[_TURNED + m, k] = by_row
-            whole[k] += TWICE[m] * by_row * rows[_C + m, k] / 3.0
+            rows[at(_TURNED + m) + k] = by_row
+            whole[k] += TWICE[m] * by_row * rows[at(_C + m) + k] / 3.0
     for m in range(6):
         for n in range(6):
             ap, bq, aq, bp = _crossed(m, n)
             for k in range(_W):
-                size, third, one, other = rows[_SIZE, k], rows[_THIRD, k], rows[_INVERSE + m, k], rows[_INVERSE + n, k]
-                pressure = bulk * log(work[ROWS[DETERMINANT] + k])
-                crossed = 0.5 * (rows[ap, k] * rows[bq, k] + rows[aq, k] * rows[bp, k])
-                left, right = rows[_SECOND + m, k] - pressure * one, rows[_SECOND + n, k] - pressure * other
-                shape = bent[6 * m + n, k] - rows[_TURNED + m, k] * other - one * rows[_TURNED + n, k]
+                size, third, one, other = (
+                    rows[at(_SIZE) + k],
+                    rows[at(_THIRD) + k],
+                    rows[at(_INVERSE + m) + k],
+                    rows[at(_INVERSE + n) + k],
+                )
+                pressure = bulk * rows[at(_VOLUME) + k]
+                crossed = 0.5 * (rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k])
+                left, right = rows[at(_SECOND + m) + k] - pressure * one, rows[at(_SECOND + n) + k] - pressure * other
+                shape = bent[at(6 * m + n) + k] - rows[at(_TURNED + m) + k] * other - one * rows[at(_TURNED + n) + k]
                 value = 2.0 * size * size * (shape + whole[k] * one * other)
                 value += 2.0 * third * (crossed - one * other / 3.0) - 2.0 / 3.0 * (one * right + left * other)
-                moduli[6 * m + n, k] = value + bulk * one * other - 2.0 * pressure * crossed
+                moduli[at(6 * m + n) + k] = value + bulk * one * other - 2.0 * pressure * crossed
 
 
 @njit(BLOCK, **FAST)

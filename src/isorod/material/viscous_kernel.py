@@ -21,6 +21,7 @@ from isorod.material.logarithm_kernel import (
     TRACE,
     TWICE,
     add_moduli,
+    at,
     put_stress,
     strains,
 )
@@ -41,24 +42,24 @@ def _relax(constants: Array, rows: Array) -> None:
     """Let the elastic strain relax for half of the time, and add up what is lost."""
     c, n, half, stress = constants[2], constants[3], 0.5 * constants[1], 2.0 * constants[0] * np.sqrt(1.5)
     for k in range(_W):
-        rows[_SIZE, k] = 0.0
+        rows[at(_SIZE) + k] = 0.0
     for m in range(6):
         for k in range(_W):
-            rows[_SIZE, k] += TWICE[m] * rows[_ELASTIC + m, k] * rows[_ELASTIC + m, k]
+            rows[at(_SIZE) + k] += TWICE[m] * rows[at(_ELASTIC + m) + k] * rows[at(_ELASTIC + m) + k]
     for k in range(_W):
-        size = rows[_SIZE, k]
+        size = rows[at(_SIZE) + k]
         if n == 1.0:
             kept = exp(-c * half)
         else:
             # Where there is no strain: of the smallest number.
             fast = power(max(stress * np.sqrt(size), 1e-300), n - 1.0)
             kept = power(1.0 + (n - 1.0) * c * half * fast, -1.0 / (n - 1.0))
-        rows[_KEPT, k] = kept
-        rows[_LOSS, k] += constants[0] * (1.0 - kept * kept) * size
-        rows[_SIZE, k] = kept * np.sqrt(size)
+        rows[at(_KEPT) + k] = kept
+        rows[at(_LOSS) + k] += constants[0] * (1.0 - kept * kept) * size
+        rows[at(_SIZE) + k] = kept * np.sqrt(size)
     for m in range(6):
         for k in range(_W):
-            rows[_ELASTIC + m, k] *= rows[_KEPT, k]
+            rows[at(_ELASTIC + m) + k] *= rows[at(_KEPT) + k]
 
 
 @njit(**FAST)
@@ -67,68 +68,68 @@ def _respond(work: Array, constants: Array, rows: Array) -> int:
     mu, lame = constants[0], constants[constants.size - 1]
     rule = strains(work, rows)
     for k in range(_W):
-        rows[_PAST, k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
-        rows[_LOSS, k] = 0.0
+        rows[at(_PAST) + k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
+        rows[at(_LOSS) + k] = 0.0
     for m in range(6):
         row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
         viscous = np.uint64(POINTS * (FIBRE + 6 + m))
         for k in range(_W):
-            rows[_ELASTIC + m, k] = work[row + k] - third * rows[_PAST, k] - work[viscous + k]
+            rows[at(_ELASTIC + m) + k] = work[row + k] - third * rows[at(_PAST) + k] - work[viscous + k]
     _relax(constants, rows)
     for m in range(6):
         row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            change = rows[STRAIN + m, k] - work[row + k]
-            rows[_ELASTIC + m, k] += change - third * (rows[TRACE, k] - rows[_PAST, k])
+            change = rows[at(STRAIN + m) + k] - work[row + k]
+            rows[at(_ELASTIC + m) + k] += change - third * (rows[at(TRACE) + k] - rows[at(_PAST) + k])
     _relax(constants, rows)
     for m in range(6):
         bulk = lame + 2.0 / 3.0 * mu if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            rows[TENSION + m, k] = 2.0 * mu * rows[_ELASTIC + m, k] + bulk * rows[TRACE, k]
+            rows[at(TENSION + m) + k] = 2.0 * mu * rows[at(_ELASTIC + m) + k] + bulk * rows[at(TRACE) + k]
     return rule
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy, that of the elastic strain."""
-    rows = np.empty((_ROWS, POINTS))
+    rows = np.empty(_ROWS * POINTS)
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     _respond(work, constants, rows)
     put_stress(work, rows)
     if wanted:
         for k in range(_W):
-            stored = constants[0] * rows[_SIZE, k] ** 2 + 0.5 * bulk * rows[TRACE, k] ** 2
+            stored = constants[0] * rows[at(_SIZE) + k] ** 2 + 0.5 * bulk * rows[at(TRACE) + k] ** 2
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = stored, 0.0
-            work[ROWS[LOST] + k] = work[_DISSIPATED + k] + rows[_LOSS, k]
+            work[ROWS[LOST] + k] = work[_DISSIPATED + k] + rows[at(_LOSS) + k]
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the derivative of the stress at the end of the step, symmetric."""
-    rows, moduli = np.empty((_ROWS, POINTS)), np.empty((36, POINTS))
+    rows, moduli = np.empty(_ROWS * POINTS), np.empty(36 * POINTS)
     mu, lame, c, n = constants[0], constants[constants.size - 1], constants[2], constants[3]
     bulk, half = lame + 2.0 / 3.0 * mu, 0.5 * constants[1]
     rule = _respond(work, constants, rows)
     for k in range(_W):
         # What the second half leaves of a change across the strain, and of one along it, told by what is left.
-        size = rows[_SIZE, k]
+        size = rows[at(_SIZE) + k]
         if n == 1.0:
-            across, forth = rows[_KEPT, k], rows[_KEPT, k]
+            across, forth = rows[at(_KEPT) + k], rows[at(_KEPT) + k]
         else:
             q = max(2.0 * mu * np.sqrt(1.5) * size, 1e-300)
             across = power(1.0 - (n - 1.0) * c * half * power(q, n - 1.0), 1.0 / (n - 1.0))
             forth = power(across, n)
-        rows[_KEPT, k] = across
-        rows[_LOSS, k] = 2.0 * mu * (forth - across) / (size * size) if size > 0.0 else 0.0
+        rows[at(_KEPT) + k] = across
+        rows[at(_LOSS) + k] = 2.0 * mu * (forth - across) / (size * size) if size > 0.0 else 0.0
     for m in range(6):
         for p in range(6):
             own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[p] == SECOND[p] else 0.0
             for k in range(_W):
-                moduli[6 * m + p, k] = (
-                    2.0 * mu * rows[_KEPT, k] * (own - both / 3.0)
+                moduli[at(6 * m + p) + k] = (
+                    2.0 * mu * rows[at(_KEPT) + k] * (own - both / 3.0)
                     + bulk * both
-                    + rows[_LOSS, k] * rows[_ELASTIC + m, k] * rows[_ELASTIC + p, k]
+                    + rows[at(_LOSS) + k] * rows[at(_ELASTIC + m) + k] * rows[at(_ELASTIC + p) + k]
                 )
     add_moduli(work, rows, rule, moduli)
 
@@ -136,15 +137,15 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    rows = np.empty((_ROWS, POINTS))
+    rows = np.empty(_ROWS * POINTS)
     _respond(work, constants, rows)
     put_stress(work, rows)
     for k in range(_W):
-        work[_DISSIPATED + k] += rows[_LOSS, k]
+        work[_DISSIPATED + k] += rows[at(_LOSS) + k]
     for m in range(6):
         row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
         viscous = np.uint64(POINTS * (FIBRE + 6 + m))
         for k in range(_W):
-            work[row + k] = rows[STRAIN + m, k]
+            work[row + k] = rows[at(STRAIN + m) + k]
         for k in range(_W):
-            work[viscous + k] = rows[STRAIN + m, k] - third * rows[TRACE, k] - rows[_ELASTIC + m, k]
+            work[viscous + k] = rows[at(STRAIN + m) + k] - third * rows[at(TRACE) + k] - rows[at(_ELASTIC + m) + k]
