@@ -8,7 +8,8 @@ stress and its derivative by Green's strain ``G`` are then sums over the same po
 
 where ``T`` is the stress that the small-strain law has for ``E`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
 5383-5425).  No principal direction is asked for, nor whether principal values meet: all points of a block go the same
-way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Stretches beyond 16 and 1/16 have no stress, NaN.
+way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Stretches beyond 16, or 1/16, have no stress, NaN:
+beyond 12 where the others are not equal.
 
 Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
 """
