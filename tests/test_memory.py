@@ -61,6 +61,23 @@ def test_the_tangent_is_the_derivative_of_the_stress_and_symmetric(name: str, si
         assert np.abs(moduli - np.transpose(moduli, (0, 3, 4, 1, 2))).max() < 1e-12 * np.abs(moduli).max()
 
 
+def test_the_logarithm_is_right_for_stretches_of_any_size_that_it_takes() -> None:
+    # T_i / l_i along principal directions, from small strains to the last rule of Gauss points.
+    law, rng = _law(hardening=[[0.0, 1e9]]), np.random.default_rng(4)
+    G, lame = 200e3 / 2.6, 200e3 * 0.3 / (1.3 * 0.4)
+    for size in (1e-6, 1e-3, 8e-3, 0.03, 0.1, 0.3, 0.7, 1.5, 2.4):
+        logs = size * rng.uniform(-1.0, 1.0, (64, 3))
+        logs[:, 0] = size
+        stresses = (2.0 * G * logs + lame * logs.sum(axis=1)[:, None]) / np.exp(logs)
+        left, right = (Rotation.random(64, random_state=seed).as_matrix() for seed in (1, 2))
+        found = law.stress(np.einsum("nai,ni,nAi->naA", left, np.exp(logs), right))
+        exact = np.einsum("nai,ni,nAi->naA", left, stresses, right)
+        # Of small strains rounding of C is a larger share, and of large ones that of the largest principal value.
+        rel = np.abs(found - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
+        assert rel.max() < 1e-14 / size + 1e-14 * np.exp(6.5 * size)
+    assert np.isnan(law.stress(np.diag([17.0, 1.0, 1.0])[None])).all()
+
+
 def test_the_tangent_where_principal_stretches_meet_and_at_the_yield_surface() -> None:
     yields = 400.0 / 200e3
     same = [np.eye(3), 1.2 * np.eye(3), np.diag([1.1, 1.1, 1.0 + 1e-9]), np.diag([1.02, 1.02 + 1e-5, 0.97])]

@@ -6,19 +6,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import FAST, njit
-from isorod.material.logarithm_kernel import FIRST, PLACE, SECOND
 from isorod.material.points import FIBRE, POINTS
-
-
-@njit(**FAST)
-def _turn(tensor: Array, frame: Array, turned: Array) -> None:
-    """Fill in the components of a symmetric tensor in a frame, a direction in each row."""
-    for m in range(6):
-        total = 0.0
-        for A in range(3):
-            for B in range(3):
-                total += frame[FIRST[m], A] * tensor[PLACE[A, B]] * frame[SECOND[m], B]
-        turned[m] = total
 
 
 @njit(**FAST)
@@ -38,20 +26,6 @@ def written(work: Array, k: Any, places: Index, traces: Index, a: Array) -> None
             one = work[np.uint64(POINTS * (FIBRE + traces[i, 1])) + k]
             one += work[np.uint64(POINTS * (FIBRE + traces[i, 2])) + k]
             work[np.uint64(POINTS * (FIBRE + traces[i, 0])) + k] = -one
-
-
-@njit(**FAST)
-def turn_moduli(moduli: Array, frame: Array) -> None:
-    """Replace moduli ``(6, 6)`` by their components in a frame."""
-    one, turned = np.empty(6), np.empty(6)
-    for m in range(6):
-        one[:] = moduli[m]
-        _turn(one, frame, turned)
-        moduli[m] = turned
-    for m in range(6):
-        one[:] = moduli[:, m]
-        _turn(one, frame, turned)
-        moduli[:, m] = turned
 
 
 @njit(**FAST)

@@ -22,9 +22,9 @@ _HEAD = '''"""Written from the potentials of a law."""
 import numpy as np
 from math import erf
 from isorod.compiled import FAST, njit
-from isorod.material.dissipative_kernel import condensed, factor, solved, squared, told, turn_moduli, written
+from isorod.material.dissipative_kernel import condensed, factor, solved, squared, told, written
 from isorod.material.functions import exp, expm1, log, power
-from isorod.material.logarithm_kernel import add_moduli, principal_strains, put_stress, take_frame, take_strains, turn
+from isorod.material.logarithm_kernel import LOGARITHM, STRAIN, TENSION, add_moduli, at, put_stress, strains
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, POINTS, ROWS, TANGENT
 
 COUNT = {count}
@@ -81,53 +81,50 @@ def update(work, constants, activation, wanted):
 @njit(**FAST)
 def _go(work, constants, wanted, goes_on):
     """Fill in the stress, and if wanted the energy; or let the state go on."""
-    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
-    strain, total = np.empty((6, POINTS)), np.empty((6, POINTS))
-    e, stress, a, old = np.empty(6), np.empty(6), np.empty(COUNT), np.empty(COUNT)
+    rows, e, stress = np.empty(LOGARITHM * POINTS), np.empty(6), np.empty(6)
+    a, old = np.empty(COUNT), np.empty(COUNT)
     room, slopes, bends = np.empty((2, COUNT)), np.empty(COUNT), np.empty((COUNT, COUNT))
-    take_strains(spectral, principal, strain, trace)
+    strains(work, rows)
     for k in range(np.uint64(POINTS)):
-        e[:] = strain[:, k]
+        for m in range(6):
+            e[m] = rows[at(STRAIN + m) + k]
         told(work, k, PLACES, old)
         settled = _settle(e, old, constants, a, room, slopes, bends)
         _stress(e, a, constants, stress)
         for m in range(6):
-            total[m, k] = stress[m] if settled else np.nan
+            rows[at(TENSION + m) + k] = stress[m] if settled else np.nan
         if wanted:
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = _stored(e, a, constants), 0.0
         if goes_on:
             written(work, k, PLACES, TRACES, a)
-    put_stress(work, spectral, principal, total)
+    put_stress(work, rows)
 
 
 @njit(TANGENT, **FAST)
 def tangent(work, constants, activation):
     """Add the moduli."""
-    spectral, principal, trace = principal_strains(work), np.empty((3, POINTS)), np.empty(POINTS)
-    strain, total, turned = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty((6, POINTS))
-    c, frame, e, stress = np.empty(3), np.empty((3, 3)), np.empty(6), np.empty(6)
+    rows, moduli, e, stress = np.empty(LOGARITHM * POINTS), np.empty(36 * POINTS), np.empty(6), np.empty(6)
     a, old = np.empty(COUNT), np.empty(COUNT)
     room, slopes, bends = np.empty((2, COUNT)), np.empty(COUNT), np.empty((COUNT, COUNT))
-    stiff, crossed = np.empty((POINTS, 6, 6)), np.empty((6, COUNT))
-    take_strains(spectral, principal, strain, trace)
+    stiff, crossed = np.empty((6, 6)), np.empty((6, COUNT))
+    rule = strains(work, rows)
     for k in range(np.uint64(POINTS)):
-        e[:] = strain[:, k]
+        for m in range(6):
+            e[m] = rows[at(STRAIN + m) + k]
         told(work, k, PLACES, old)
         settled = _settle(e, old, constants, a, room, slopes, bends)
         _stress(e, a, constants, stress)
-        _moduli(e, a, constants, stiff[k], crossed)
+        _moduli(e, a, constants, stiff, crossed)
         if constants[0] > 0.0:
             _bends(e, a, old, constants, slopes, bends)
             settled = factor(bends) and settled
-            condensed(stiff[k], crossed, bends)
+            condensed(stiff, crossed, bends)
         for m in range(6):
-            total[m, k] = stress[m] if settled else np.nan
-    turn(total, spectral, turned)
-    for k in range(np.uint64(POINTS)):
-        take_frame(spectral, k, c, frame)
-        stress[:] = turned[:, k]
-        turn_moduli(stiff[k], frame)
-        add_moduli(work, k, c, frame, stress, stiff[k])
+            rows[at(TENSION + m) + k] = stress[m] if settled else np.nan
+        for m in range(6):
+            for n in range(6):
+                moduli[at(6 * m + n) + k] = stiff[m, n]
+    add_moduli(work, rows, rule, moduli)
 '''
 
 

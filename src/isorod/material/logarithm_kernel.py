@@ -1,12 +1,17 @@
 """Laws of small strains lifted to large ones by the logarithmic strain, compiled.
 
-The strain ``E = ln(C)/2`` has no rotation.  In the frame of the principal directions of ``C``, principal values ``c``,
+With ``X = C - 1`` the strain ``E = ln(C)/2`` is ``X/2`` times the mean of ``A = (1 + s X)^-1`` over ``s`` from 0 to 1,
+by Gauss points: right to 1e-14, of as many points as the largest stretch of a block needs.  The second Piola-Kirchhoff
+stress and its derivative by Green's strain ``G`` are then sums over the same points,
 
-    S_ij = f_ij T_ij,    dS_ij = f_ij dT_ij + 2 sum_k f_ikj (T_ik dG_kj + dG_ik T_kj),    dE_ij = f_ij dG_ij,
+    S = sum w A T A,    dS = sum w (A dT A - s (A dC A T A + A T A dC A)),    dE = sum w A dG A,
 
-where ``T`` is the stress that the small-strain law has for ``E``, ``G`` Green's strain, ``f_ij`` and ``f_ijk`` the
-first and second divided differences of the logarithm at the ``c`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
-5383-5425).  Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
+where ``T`` is the stress that the small-strain law has for ``E`` (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002)
+5383-5425).  No principal direction is asked for, nor whether principal values meet: all points of a block go the same
+way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Stretches beyond 16, or 1/16, have no stress, NaN:
+beyond 12 where the others are not equal.
+
+Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
 """
 
 from typing import Any
@@ -15,248 +20,347 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import SPECTRAL, log, principals
 from isorod.material.points import DETERMINANT, GRADIENT, MODULI, POINTS, ROWS, SQUARES
-
-# Where principal values are among the rows of `isorod.material.functions.principals`.
-VALUE = np.array([0, 3, 5])
 
 # Where the components of a symmetric tensor are, and how often each is in a sum over all nine.
 PLACE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 FIRST, SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 
-_W, _3, _6 = np.uint64(POINTS), np.uint64(3), np.uint64(6)
+# Rows of a block, ``POINTS`` numbers each, that laws have before their own: X, X^2, the invariants of X, the largest
+# principal value of C or of its inverse, sums over Gauss points, the strain and its trace, the stress that belongs to
+# it, which laws fill in, and the second Piola-Kirchhoff stress.
+_X, _SQUARE, _INVARIANTS, _LARGEST, _FIRST, _TWO = 0, 6, 12, 15, 16, 19
+STRAIN, TRACE, TENSION, _STRESS = 24, 30, 31, 37
+LOGARITHM = 43
 
-# Principal values that are nearer to each other, relative, have their differences from a series.
-_NEAR = 1e-3
+_W = np.uint64(POINTS)
 
+# Numbers of Gauss points, and up to which principal value of C or of its inverse they are right to this share.
+_COUNTS, _RIGHT = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128), 1e-14
+_RULES = [np.polynomial.legendre.leggauss(count) for count in _COUNTS]
+_PLACES = np.concatenate([0.5 * (1.0 + places) for places, _ in _RULES])
+_SHARES = np.concatenate([0.5 * shares for _, shares in _RULES])
+_BEGIN = np.cumsum([0, *_COUNTS])
+_REACH = np.array([((1.0 + r) / (1.0 - r)) ** 2 for r in (_RIGHT ** (0.5 / count) for count in _COUNTS)])
+_FARTHEST = float(_REACH[-1])
 
-@njit(**FAST)
-def principal_strains(work: Array) -> Array:
-    """Return principal values of ``F^T F`` and directions of a block (`isorod.material.functions.principals`)."""
-    spectral = np.empty(SPECTRAL * POINTS)
-    for k in range(np.uint64(POINTS)):
-        f00, f01, f02 = work[ROWS[GRADIENT] + k], work[ROWS[GRADIENT + 1] + k], work[ROWS[GRADIENT + 2] + k]
-        f10, f11, f12 = work[ROWS[GRADIENT + 3] + k], work[ROWS[GRADIENT + 4] + k], work[ROWS[GRADIENT + 5] + k]
-        f20, f21, f22 = work[ROWS[GRADIENT + 6] + k], work[ROWS[GRADIENT + 7] + k], work[ROWS[GRADIENT + 8] + k]
-        spectral[k] = f00 * f00 + f10 * f10 + f20 * f20
-        spectral[ROWS[1] + k] = f00 * f01 + f10 * f11 + f20 * f21
-        spectral[ROWS[2] + k] = f00 * f02 + f10 * f12 + f20 * f22
-        spectral[ROWS[3] + k] = f01 * f01 + f11 * f11 + f21 * f21
-        spectral[ROWS[4] + k] = f01 * f02 + f11 * f12 + f21 * f22
-        spectral[ROWS[5] + k] = f02 * f02 + f12 * f12 + f22 * f22
-    principals(spectral, POINTS)
-    return spectral
+Six = tuple[float, float, float, float, float, float]
 
 
 @njit(**FAST)
-def take_frame(spectral: Array, k: Any, c: Array, frame: Array) -> None:
-    """Fill in a point's principal values ``(3,)``, and directions, a row each."""
-    for i in range(3):
-        c[i] = spectral[np.uint64(POINTS * VALUE[i]) + k]
-        for A in range(3):
-            frame[i, A] = spectral[np.uint64(POINTS * (6 + 3 * i + A)) + k]
+def at(row: int) -> Any:
+    """Return where a row begins: a constant, which tells the compiler that rows lie apart."""
+    return np.uint64(POINTS * row)
 
 
 @njit(**FAST)
-def take_strains(spectral: Array, principal: Array, strain: Array, trace: Array) -> None:
-    """Fill in the principal strains of a block, ``(3, POINTS)``, the strains ``(6, POINTS)``, and their traces."""
-    for i in range(3):
-        row = np.uint64(POINTS * VALUE[i])
-        for k in range(_W):
-            principal[i, k] = 0.5 * log(spectral[row + k])
+def six(rows: Array, row: int, k: Any) -> Six:
+    """Return a symmetric tensor at a point, whose rows begin at one."""
+    n = at(row) + k
+    return (
+        rows[n],
+        rows[n + ROWS[1]],
+        rows[n + ROWS[2]],
+        rows[n + ROWS[3]],
+        rows[n + ROWS[4]],
+        rows[n + ROWS[5]],
+    )
+
+
+@njit(**FAST)
+def put_six(rows: Array, row: int, k: Any, a: Six) -> None:
+    """Fill in a symmetric tensor at a point."""
+    n = at(row) + k
+    rows[n], rows[n + ROWS[1]], rows[n + ROWS[2]] = a[0], a[1], a[2]
+    rows[n + ROWS[3]], rows[n + ROWS[4]], rows[n + ROWS[5]] = a[3], a[4], a[5]
+
+
+@njit(**FAST)
+def gradient(work: Array, k: Any) -> tuple[float, ...]:
+    """Return the nine components of ``F`` at a point."""
+    return (
+        work[ROWS[GRADIENT] + k],
+        work[ROWS[GRADIENT + 1] + k],
+        work[ROWS[GRADIENT + 2] + k],
+        work[ROWS[GRADIENT + 3] + k],
+        work[ROWS[GRADIENT + 4] + k],
+        work[ROWS[GRADIENT + 5] + k],
+        work[ROWS[GRADIENT + 6] + k],
+        work[ROWS[GRADIENT + 7] + k],
+        work[ROWS[GRADIENT + 8] + k],
+    )
+
+
+@njit(**FAST)
+def squares(f: tuple[float, ...]) -> Six:
+    """Return ``F^T F``."""
+    return (
+        f[0] * f[0] + f[3] * f[3] + f[6] * f[6],
+        f[0] * f[1] + f[3] * f[4] + f[6] * f[7],
+        f[0] * f[2] + f[3] * f[5] + f[6] * f[8],
+        f[1] * f[1] + f[4] * f[4] + f[7] * f[7],
+        f[1] * f[2] + f[4] * f[5] + f[7] * f[8],
+        f[2] * f[2] + f[5] * f[5] + f[8] * f[8],
+    )
+
+
+@njit(**FAST)
+def combined(x: float, a: Six, y: float, b: Six, z: float, c: Six) -> Six:
+    """Return ``x a + y b + z c``."""
+    return (
+        x * a[0] + y * b[0] + z * c[0],
+        x * a[1] + y * b[1] + z * c[1],
+        x * a[2] + y * b[2] + z * c[2],
+        x * a[3] + y * b[3] + z * c[3],
+        x * a[4] + y * b[4] + z * c[4],
+        x * a[5] + y * b[5] + z * c[5],
+    )
+
+
+@njit(**FAST)
+def product(a: Six, b: Six) -> tuple[float, ...]:
+    """Return the nine components of ``a b``."""
+    return (
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2],
+        a[0] * b[1] + a[1] * b[3] + a[2] * b[4],
+        a[0] * b[2] + a[1] * b[4] + a[2] * b[5],
+        a[1] * b[0] + a[3] * b[1] + a[4] * b[2],
+        a[1] * b[1] + a[3] * b[3] + a[4] * b[4],
+        a[1] * b[2] + a[3] * b[4] + a[4] * b[5],
+        a[2] * b[0] + a[4] * b[1] + a[5] * b[2],
+        a[2] * b[1] + a[4] * b[3] + a[5] * b[4],
+        a[2] * b[2] + a[4] * b[4] + a[5] * b[5],
+    )
+
+
+@njit(**FAST)
+def symmetric(a: Six, u: tuple[float, ...]) -> Six:
+    """Return ``a u`` of which it is known that it is symmetric."""
+    return (
+        a[0] * u[0] + a[1] * u[3] + a[2] * u[6],
+        a[0] * u[1] + a[1] * u[4] + a[2] * u[7],
+        a[0] * u[2] + a[1] * u[5] + a[2] * u[8],
+        a[1] * u[1] + a[3] * u[4] + a[4] * u[7],
+        a[1] * u[2] + a[3] * u[5] + a[4] * u[8],
+        a[2] * u[2] + a[4] * u[5] + a[5] * u[8],
+    )
+
+
+@njit(**FAST)
+def strains(work: Array, rows: Array) -> int:
+    """Fill in the strains of a block and their traces, and what goes with them; return the rule of its Gauss points."""
     for k in range(_W):
-        trace[k] = principal[0, k] + principal[1, k] + principal[2, k]
-    for m in range(6):
-        left, right = np.uint64(POINTS * (6 + FIRST[m])), np.uint64(POINTS * (6 + SECOND[m]))
+        c = squares(gradient(work, k))
+        x = c[0] - 1.0, c[1], c[2], c[3] - 1.0, c[4], c[5] - 1.0
+        y = symmetric(x, (x[0], x[1], x[2], x[1], x[3], x[4], x[2], x[4], x[5]))
+        first = x[3] * x[5] - x[4] * x[4]
+        i1, i2 = x[0] + x[3] + x[5], first + x[0] * x[3] - x[1] * x[1] + x[0] * x[5] - x[2] * x[2]
+        i3 = x[0] * first - x[1] * (x[1] * x[5] - x[2] * x[4]) + x[2] * (x[1] * x[4] - x[2] * x[3])
+        # No principal value is larger than this of the mean and the deviator's size, nor any of the inverse.
+        i3c = 1.0 + i1 + i2 + i3
+        j1, j2 = (3.0 + 2.0 * i1 + i2) / i3c, (3.0 + i1) / i3c
+        large = 1.0 + i1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(i1 * i1 - 3.0 * i2, 0.0))
+        small = j1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(j1 * j1 - 3.0 * j2, 0.0))
+        put_six(rows, _X, k, x)
+        put_six(rows, _SQUARE, k, y)
+        rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k] = i1, i2, i3
+        rows[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
+    largest, rule = 1.0, 0
+    for k in range(_W):
+        largest = max(largest, rows[at(_LARGEST) + k])
+    while rule + 1 < _REACH.size and largest > _REACH[rule]:
+        rule += 1
+    for m in range(8):
         for k in range(_W):
-            strain[m, k] = (
-                principal[0, k] * spectral[left + k] * spectral[right + k]
-                + principal[1, k] * spectral[left + ROWS[3] + k] * spectral[right + ROWS[3] + k]
-                + principal[2, k] * spectral[left + ROWS[6] + k] * spectral[right + ROWS[6] + k]
+            rows[at(_FIRST + m) + k] = 0.0
+    for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
+        s, w = _PLACES[q], _SHARES[q]
+        for k in range(_W):
+            one = 1.0 / (
+                1.0
+                + s
+                * (rows[at(_INVARIANTS) + k] + s * (rows[at(_INVARIANTS + 1) + k] + s * rows[at(_INVARIANTS + 2) + k]))
             )
+            p, t = w * one, w * one * one
+            rows[at(_FIRST) + k] += p
+            rows[at(_FIRST + 1) + k] += s * p
+            rows[at(_FIRST + 2) + k] += s * s * p
+            rows[at(_TWO) + k] += t
+            rows[at(_TWO + 1) + k] += s * t
+            rows[at(_TWO + 2) + k] += s * s * t
+            rows[at(_TWO + 3) + k] += s * s * s * t
+            rows[at(_TWO + 4) + k] += s * s * s * s * t
+    for k in range(_W):
+        i1, p1 = rows[at(_INVARIANTS) + k], rows[at(_FIRST + 1) + k]
+        whole = 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
+        one = whole, 0.0, 0.0, whole, 0.0, whole
+        half = 0.5 * (rows[at(_FIRST) + k] + p1 * i1)
+        e = combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
+        put_six(rows, STRAIN, k, e)
+        rows[at(TRACE) + k] = e[0] + e[3] + e[5]
+    return rule
 
 
 @njit(**FAST)
-def turn(tensor: Array, spectral: Array, turned: Array) -> None:
-    """Fill in what symmetric tensors of a block are in the frames of its points, both ``(6, POINTS)``."""
-    for m in range(6):
+def _second_stress(rows: Array) -> None:
+    """Fill in the second Piola-Kirchhoff stress of a block from what belongs to ``E``."""
+    for k in range(_W):
+        x, y, t = six(rows, _X, k), six(rows, _SQUARE, k), six(rows, TENSION, k)
+        i1, i2 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k]
+        q1, q2, q3, q4 = rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k], rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
+        # S is the sum of b_ij X^i T X^j.
+        b00 = rows[at(_TWO) + k] + 2.0 * i1 * q1 + (i1 * i1 + 2.0 * i2) * q2 + 2.0 * i1 * i2 * q3 + i2 * i2 * q4
+        b01 = -(q1 + 2.0 * i1 * q2 + (i1 * i1 + i2) * q3 + i1 * i2 * q4)
+        b02, b11, b12 = q2 + i1 * q3 + i2 * q4, q2 + 2.0 * i1 * q3 + i1 * i1 * q4, -(q3 + i1 * q4)
+        u, v = product(t, x), product(t, y)
+        a = b01 * u[0] + b02 * v[0], b01 * u[1] + b02 * v[1], b01 * u[2] + b02 * v[2]
+        b = b01 * u[3] + b02 * v[3], b01 * u[4] + b02 * v[4], b01 * u[5] + b02 * v[5]
+        c = b01 * u[6] + b02 * v[6], b01 * u[7] + b02 * v[7], b01 * u[8] + b02 * v[8]
+        both = 2.0 * a[0], a[1] + b[0], a[2] + c[0], 2.0 * b[1], b[2] + c[1], 2.0 * c[2]
+        one = symmetric(x, _both(b11, u, b12, v))
+        two = symmetric(y, _both(b12, u, q4, v))
+        put_six(rows, _STRESS, k, combined(1.0, combined(b00, t, 1.0, both, 1.0, one), 1.0, two, 0.0, two))
+
+
+@njit(**FAST)
+def _both(x: float, u: tuple[float, ...], y: float, v: tuple[float, ...]) -> tuple[float, ...]:
+    """Return ``x u + y v`` of nine components."""
+    return (
+        x * u[0] + y * v[0],
+        x * u[1] + y * v[1],
+        x * u[2] + y * v[2],
+        x * u[3] + y * v[3],
+        x * u[4] + y * v[4],
+        x * u[5] + y * v[5],
+        x * u[6] + y * v[6],
+        x * u[7] + y * v[7],
+        x * u[8] + y * v[8],
+    )
+
+
+@njit(**FAST)
+def put_stress(work: Array, rows: Array) -> None:
+    """Fill the rows of ``P`` of a block from the stress that belongs to ``E``."""
+    _second_stress(rows)
+    for k in range(_W):
+        fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (rows[at(_LARGEST) + k] <= _FARTHEST)
+        put_first(work, k, six(rows, _STRESS, k), 1.0 if fits else np.nan)
+
+
+@njit(**FAST)
+def put_first(work: Array, k: Any, s: Six, valid: float) -> None:
+    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress, times a number."""
+    f = gradient(work, k)
+    _put_row(work, 0, k, f[0], f[1], f[2], s, valid)
+    _put_row(work, 3, k, f[3], f[4], f[5], s, valid)
+    _put_row(work, 6, k, f[6], f[7], f[8], s, valid)
+
+
+@njit(**FAST)
+def _put_row(work: Array, row: int, k: Any, x: float, y: float, z: float, s: Six, valid: float) -> None:
+    """Fill in a row of ``P`` at a point from that of ``F``."""
+    work[ROWS[row] + k] = valid * (x * s[0] + y * s[1] + z * s[2])
+    work[ROWS[row + 1] + k] = valid * (x * s[1] + y * s[3] + z * s[4])
+    work[ROWS[row + 2] + k] = valid * (x * s[2] + y * s[4] + z * s[5])
+
+
+@njit(**FAST)
+def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
+    """Add to the moduli of a block from stress and moduli ``dT/dE`` ``(36, POINTS)``, not to be used again."""
+    near, bent, found = np.zeros(36 * POINTS), np.zeros(36 * POINTS), np.empty(12 * POINTS)
+    _second_stress(rows)
+    for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
+        s, w = _PLACES[q], _SHARES[q]
         for k in range(_W):
-            turned[m, k] = 0.0
-        for A in range(3):
-            left = np.uint64(POINTS * (6 + 3 * FIRST[m] + A))
-            for B in range(3):
-                right, row = np.uint64(POINTS * (6 + 3 * SECOND[m] + B)), np.uint64(PLACE[A, B])
-                for k in range(_W):
-                    turned[m, k] += spectral[left + k] * tensor[row, k] * spectral[right + k]
-
-
-@njit(**FAST)
-def _first_difference(a: float, b: float) -> float:
-    """Return ``(ln a - ln b)/(a - b)``."""
-    z = (a - b) / (a + b)
-    if abs(z) > 0.05:
-        return (log(a) - log(b)) / (a - b)
-    s = z * z
-    return 2.0 / (a + b) * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s / 13))))))
-
-
-@njit(**FAST)
-def _second_difference(a: float, b: float, c: float) -> float:
-    """Return the second divided difference of the logarithm."""
-    # The first and the last are to be those farthest apart.
-    if abs(a - b) > abs(a - c):
-        b, c = c, b
-    if abs(b - c) > abs(a - c):
-        a, b = b, a
-    mean = (a + b + c) / 3.0
-    if abs(a - c) > _NEAR * mean:
-        return (_first_difference(a, b) - _first_difference(b, c)) / (a - c)
-    x, y, z = a / mean - 1.0, b / mean - 1.0, c / mean - 1.0
-    return (-0.5 - (x * x + y * y + z * z) / 8.0 + (x * x * x + y * y * y + z * z * z) / 15.0) / (mean * mean)
-
-
-@njit(**FAST)
-def _carried(work: Array, k: Any, frame: Array, carried: Array) -> None:
-    """Fill in ``F`` times the principal directions, a row each."""
-    for i in range(3):
-        for a in range(3):
-            total = 0.0
-            for A in range(3):
-                total += work[np.uint64(POINTS * (GRADIENT + 3 * a + A)) + k] * frame[i, A]
-            carried[i, a] = total
-
-
-@njit(**FAST)
-def _turned_back(turned: Array, frame: Array, tensor: Array) -> None:
-    """Fill in a symmetric tensor from its components in a frame."""
-    for m in range(6):
-        A, B = FIRST[m], SECOND[m]
-        total = 0.0
-        for i in range(3):
-            for j in range(3):
-                total += frame[i, A] * turned[PLACE[i, j]] * frame[j, B]
-        tensor[m] = total
-
-
-@njit(**FAST)
-def _second_stress(c: Array, stress: Array, second: Array) -> None:
-    """Fill in the second Piola-Kirchhoff stress of a stress that belongs to ``E``, both in the principal frame."""
-    for m in range(6):
-        second[m] = _first_difference(c[FIRST[m]], c[SECOND[m]]) * stress[m]
-
-
-@njit(**FAST)
-def put_stress(work: Array, spectral: Array, principal: Array, stress: Array) -> None:
-    """Fill the rows of ``P`` from the stress ``(6, POINTS)`` that belongs to ``E``, and principal strains."""
-    carried, second, mixed = np.empty((9, POINTS)), np.empty((6, POINTS)), np.empty((9, POINTS))
-    turn(stress, spectral, second)
-    for m in range(6):
-        p, q = np.uint64(FIRST[m]), np.uint64(SECOND[m])
-        one, other = np.uint64(POINTS * VALUE[FIRST[m]]), np.uint64(POINTS * VALUE[SECOND[m]])
-        for k in range(_W):
-            a, b = spectral[one + k], spectral[other + k]
-            total = a + b
-            apart = (a - b) / total
-            s = apart * apart
-            far = s > 0.0025
-            quotient = 2.0 * (principal[p, k] - principal[q, k]) / (a - b if far else 1.0)
-            series = 2.0 / total * (1.0 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s * (1 / 11 + s / 13))))))
-            second[m, k] *= quotient if far else series
-    for i in range(3):
-        for a in range(3):
-            place = np.uint64(3 * i + a)
-            f, g = np.uint64(POINTS * (GRADIENT + 3 * a)), np.uint64(POINTS * (6 + 3 * i))
-            s0, s1, s2 = np.uint64(PLACE[i, 0]), np.uint64(PLACE[i, 1]), np.uint64(PLACE[i, 2])
-            h = np.uint64(POINTS * (6 + a))
-            for k in range(_W):
-                carried[place, k] = (
-                    work[f + k] * spectral[g + k]
-                    + work[f + ROWS[1] + k] * spectral[g + ROWS[1] + k]
-                    + work[f + ROWS[2] + k] * spectral[g + ROWS[2] + k]
-                )
-                mixed[place, k] = (
-                    second[s0, k] * spectral[h + k]
-                    + second[s1, k] * spectral[h + ROWS[3] + k]
-                    + second[s2, k] * spectral[h + ROWS[6] + k]
-                )
-    for a in range(3):
-        for A in range(3):
-            row = np.uint64(POINTS * (3 * a + A))
-            p, q = np.uint64(a), np.uint64(A)
-            for k in range(_W):
-                valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
-                work[row + k] = valid * (
-                    carried[p, k] * mixed[q, k]
-                    + carried[p + _3, k] * mixed[q + _3, k]
-                    + carried[p + _6, k] * mixed[q + _6, k]
-                )
-
-
-@njit(**FAST)
-def add_moduli(work: Array, k: Any, c: Array, frame: Array, stress: Array, moduli: Array) -> None:
-    """Add to the moduli at a point from stress and moduli ``dT/dE`` ``(6, 6)``, not to be used again, in that frame."""
-    second = np.empty(6)
-    _second_stress(c, stress, second)
-    for m in range(6):
-        f = _first_difference(c[FIRST[m]], c[SECOND[m]])
-        for n in range(6):
-            moduli[m, n] *= f
-            moduli[n, m] *= f
-    for m in range(6):
-        i, j = FIRST[m], SECOND[m]
-        for n in range(6):
-            p, q = FIRST[n], SECOND[n]
-            total, one, other = 0.0, 0.0, 0.0
-            if q == j or p == i or q == i or p == j:
-                one = _second_difference(c[i], c[p], c[j])
-                other = _second_difference(c[i], c[q], c[j])
-            if q == j:
-                total += one * stress[PLACE[i, p]]
-            if p == j:
-                total += other * stress[PLACE[i, q]]
-            if q == i:
-                total += one * stress[PLACE[p, j]]
-            if p == i:
-                total += other * stress[PLACE[q, j]]
-            moduli[m, n] += total
-    add_second(work, k, frame, second, moduli)
-
-
-@njit(**FAST)
-def add_second(work: Array, k: Any, frame: Array, second: Array, moduli: Array) -> None:
-    """Add to the moduli at a point from ``S`` and ``dS_ij/dG_kl`` ``(6, 6)``, ``G`` Green's strain, in a frame."""
-    carried, back = np.empty((3, 3)), np.empty(6)
-    _carried(work, k, frame, carried)
-    # dP/dF = d_ab S_AB + sum M_mn G_m G_n, G what a change of F makes of Green's strain.
-    slopes, products = np.empty((6, 9)), np.empty((6, 9))
-    for m in range(6):
-        i, j = FIRST[m], SECOND[m]
-        for a in range(3):
-            for A in range(3):
-                value = carried[i, a] * frame[j, A]
-                slopes[m, 3 * a + A] = value if i == j else value + carried[j, a] * frame[i, A]
-    for m in range(6):
-        for r in range(9):
-            total = 0.0
-            for n in range(6):
-                total += moduli[m, n] * slopes[n, r]
-            products[m, r] = total
-    _turned_back(second, frame, back)
-    for a in range(3):
-        row = SQUARES + 6 * a
+            i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
+            share = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
+            whole = share * (1.0 + s * (i1 + s * i2))
+            one = whole, 0.0, 0.0, whole, 0.0, whole
+            x, y = six(rows, _X, k), six(rows, _SQUARE, k)
+            a = combined(1.0, one, -share * s * (1.0 + s * i1), x, share * s * s, y)
+            put_six(found, 0, k, a)
+            put_six(found, 6, k, symmetric(a, product(six(rows, TENSION, k), a)))
         for m in range(6):
-            A, B = FIRST[m], SECOND[m]
-            total = back[m]
+            i, j = FIRST[m], SECOND[m]
+            for n in range(m, 6):
+                ip, jq, iq, jp = PLACE[i, FIRST[n]], PLACE[j, SECOND[n]], PLACE[i, SECOND[n]], PLACE[j, FIRST[n]]
+                place = 6 * m + n
+                for k in range(_W):
+                    near[at(place) + k] += (
+                        0.5 * w * (found[at(ip) + k] * found[at(jq) + k] + found[at(iq) + k] * found[at(jp) + k])
+                    )
+                for k in range(_W):
+                    bent[at(place) + k] -= (w * s) * (
+                        found[at(ip) + k] * found[at(6 + jq) + k]
+                        + found[at(jq) + k] * found[at(6 + ip) + k]
+                        + found[at(iq) + k] * found[at(6 + jp) + k]
+                        + found[at(jp) + k] * found[at(6 + iq) + k]
+                    )
+    _mirror(near)
+    products = np.empty(36 * POINTS)
+    _multiply(moduli, near, products)
+    _multiply(near, products, moduli)
+    _mirror(bent)
+    for m in range(36):
+        for k in range(_W):
+            moduli[at(m) + k] += bent[at(m) + k]
+    add_second(work, rows, _STRESS, moduli)
+
+
+@njit(**FAST)
+def _mirror(matrix: Array) -> None:
+    """Fill in the lower triangle of matrices ``(36, POINTS)``."""
+    for m in range(6):
+        for n in range(m):
+            for k in range(_W):
+                matrix[at(6 * m + n) + k] = matrix[at(6 * n + m) + k]
+
+
+@njit(**FAST)
+def _multiply(one: Array, other: Array, products: Array) -> None:
+    """Fill in what two maps of symmetric tensors ``(36, POINTS)`` do one after the other, the second first."""
+    for m in range(6):
+        for n in range(6):
+            for k in range(_W):
+                products[at(6 * m + n) + k] = (
+                    one[at(6 * m) + k] * other[at(n) + k]
+                    + 2.0 * one[at(6 * m + 1) + k] * other[at(6 + n) + k]
+                    + 2.0 * one[at(6 * m + 2) + k] * other[at(12 + n) + k]
+                    + one[at(6 * m + 3) + k] * other[at(18 + n) + k]
+                    + 2.0 * one[at(6 * m + 4) + k] * other[at(24 + n) + k]
+                    + one[at(6 * m + 5) + k] * other[at(30 + n) + k]
+                )
+
+
+@njit(**FAST)
+def add_second(work: Array, rows: Array, stress: int, moduli: Array) -> None:
+    """Add to the moduli of a block from ``S``, whose rows begin at one, and symmetric ``dS/dG`` ``(36, POINTS)``."""
+    turned = np.empty(18 * POINTS)
+    for a in range(3):
+        f = np.uint64(POINTS * (GRADIENT + 3 * a))
+        for A in range(3):
+            p, q, r = 6 * PLACE[A, 0], 6 * PLACE[A, 1], 6 * PLACE[A, 2]
             for n in range(6):
-                total += slopes[n, 3 * a + A] * products[n, 3 * a + B]
-            work[np.uint64(POINTS * (row + m)) + k] += total
-        for b in range(a + 1, 3):
-            row = MODULI + 9 * (a + b - 1)
+                for k in range(_W):
+                    turned[at(6 * A + n) + k] = (
+                        work[f + k] * moduli[at(p + n) + k]
+                        + work[f + ROWS[1] + k] * moduli[at(q + n) + k]
+                        + work[f + ROWS[2] + k] * moduli[at(r + n) + k]
+                    )
+        for b in range(a, 3):
+            g = np.uint64(POINTS * (GRADIENT + 3 * b))
             for A in range(3):
-                for B in range(3):
-                    total = 0.0
-                    for n in range(6):
-                        total += slopes[n, 3 * a + A] * products[n, 3 * b + B]
-                    work[np.uint64(POINTS * (row + 3 * A + B)) + k] += total
+                for B in range(A if a == b else 0, 3):
+                    one = SQUARES + 6 * a + PLACE[A, B] if a == b else MODULI + 9 * (a + b - 1) + 3 * A + B
+                    row, own = np.uint64(POINTS * one), stress + PLACE[A, B]
+                    p, q, r = 6 * A + PLACE[B, 0], 6 * A + PLACE[B, 1], 6 * A + PLACE[B, 2]
+                    for k in range(_W):
+                        work[row + k] += (
+                            work[g + k] * turned[at(p) + k]
+                            + work[g + ROWS[1] + k] * turned[at(q) + k]
+                            + work[g + ROWS[2] + k] * turned[at(r) + k]
+                        )
+                    if a == b:
+                        for k in range(_W):
+                            work[row + k] += rows[at(own) + k]

@@ -17,21 +17,29 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
+from isorod.material.functions import expm1
 from isorod.material.logarithm_kernel import (
     FIRST,
+    LOGARITHM,
     SECOND,
+    STRAIN,
+    TENSION,
+    TRACE,
     TWICE,
     add_moduli,
-    principal_strains,
+    at,
     put_stress,
-    take_frame,
-    take_strains,
-    turn,
+    strains,
 )
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 from isorod.material.relaxing_kernel import shares
 
 _W = np.uint64(POINTS)
+
+# Rows of a block: the direction of flow, or before that is known the deviator that returns; its norm; accumulated
+# plastic strain of the step, and the slope of `_excess` at its end; what the step dissipates; which share of the back
+# stress goes, and that over ``gamma``.
+_WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(7))
 
 # Where the table stands, and in the state the back stress and what was dissipated.
 _COUNT, _BACK, _DISSIPATED = 6, 7, 13
@@ -39,8 +47,9 @@ _COUNT, _BACK, _DISSIPATED = 6, 7, 13
 # Of the yield stress, above which a stress has to be to flow: the rest is rounding.
 _ROUNDING = 1e-12
 
-# Newton's steps to the root, or halvings of where it lies, at most, and the share of it that is rounding.
-_STEPS, _NEAR = 100, 1e-15
+# Newton's steps to the root, or halvings of where it lies, at most, and by which share of it the last one may move: the
+# square of that is rounding.
+_STEPS, _NEAR = 100, 1e-9
 
 
 @njit(**FAST)
@@ -106,10 +115,10 @@ def _root(q: float, p: float, squares: tuple[float, float, float], constants: Ar
         value, slope = _excess(d, p, squares, constants)
         low, high = (d, high) if value > 0.0 else (low, d)
         new = d - value / slope
-        new = new if low < new < high else 0.5 * (low + high)
         if abs(new - d) <= _NEAR * d:
+            d = new
             break
-        d = new
+        d = new if low < new < high else 0.5 * (low + high)
     return d, _excess(d, p, squares, constants)[1]
 
 
@@ -143,164 +152,172 @@ def _lost(d: float, p: float, forth: float, aa: float, constants: Array) -> floa
 
 
 @njit(**FAST)
-def _try(work: Array, constants: Array, strain: Array, trace: Array, stress: Array, way: Array, size: Array) -> None:
-    """Fill in stress and relative deviator of a step without flow, ``(6, POINTS)``, and the norm of the latter."""
+def _try(work: Array, constants: Array, rows: Array) -> None:
+    """Fill in the stress of a step without flow, and its deviator about the back stress with its norm."""
     mu, lame = constants[0], constants[constants.size - 1]
     for k in range(_W):
-        size[k] = 0.0
-    # Short loops: the compiler sees which arrays lie apart.
+        rows[at(_SIZE) + k] = 0.0
+    # Short loops: the compiler sees which rows lie apart.
     for m in range(6):
         row, square = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
         back = np.uint64(POINTS * (FIBRE + _BACK + m))
         for k in range(_W):
-            stress[m, k] = 2.0 * mu * (strain[m, k] - work[row + k])
+            deviator = 2.0 * mu * (rows[at(STRAIN + m) + k] - work[row + k])
+            rows[at(TENSION + m) + k] = deviator + square * lame * rows[at(TRACE) + k]
+            rows[at(_WAY + m) + k] = deviator - work[back + k] - 2.0 / 3.0 * square * mu * rows[at(TRACE) + k]
         for k in range(_W):
-            way[m, k] = stress[m, k] - work[back + k] - 2.0 / 3.0 * square * mu * trace[k]
-        for k in range(_W):
-            stress[m, k] += square * lame * trace[k]
-        for k in range(_W):
-            size[k] += TWICE[m] * way[m, k] * way[m, k]
+            rows[at(_SIZE) + k] += TWICE[m] * rows[at(_WAY + m) + k] * rows[at(_WAY + m) + k]
     for k in range(_W):
-        size[k] = np.sqrt(size[k])
+        rows[at(_SIZE) + k] = np.sqrt(rows[at(_SIZE) + k])
 
 
 @njit(**FAST)
-def _respond(
-    work: Array, k: Any, constants: Array, stress: Array, way: Array, size: Array, after: Array
-) -> tuple[float, float]:
-    """Let a point flow whose stress is beyond the yield surface (`_try`).
-
-    Parameters
-    ----------
-    stress, way, size
-        To be replaced: stress and direction of flow at the end of the step, and norm of the deviator that returns;
-        columns are points.
-    after
-        Where it flows to be filled with the state at the end.
-
-    Returns
-    -------
-    step, slope
-        Accumulated plastic strain of the step, and slope of `_excess` at its end.
-    """
-    mu, kinematic, recovery = constants[0], constants[1], constants[2]
-    p, q = work[ROWS[FIBRE + 6] + k], np.sqrt(1.5) * size[k]
-    # Tables do not fall: most points are done with their first stress.
-    if not q > constants[_COUNT + 2]:
-        return 0.0, -1.0
-    rests = constants[4] > 0.0 and not constants[3] > 0.0
-    if rests or not q > _yield_stress(p, constants)[0] * (1.0 + _ROUNDING):
-        return 0.0, -1.0
-    ss, sa, aa, forth, whole = 0.0, 0.0, 0.0, 0.0, 0.0
-    for m in range(6):
-        back = work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        before = way[m, k] + back
-        ss, sa, aa = ss + TWICE[m] * before * before, sa + TWICE[m] * before * back, aa + TWICE[m] * back * back
+def _step(work: Array, k: Any, constants: Array, rows: Array) -> bool:
+    """Fill in the plastic strain of a step at a point, and what comes with it; return whether it flows."""
+    p, q = work[ROWS[FIBRE + 6] + k], np.sqrt(1.5) * rows[at(_SIZE) + k]
+    if not q > _yield_stress(p, constants)[0] * (1.0 + _ROUNDING):
+        return False
+    aa, sa, ss = 0.0, 0.0, rows[at(_SIZE) + k] ** 2
+    if constants[2] > 0.0:
+        for m in range(6):
+            back = work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
+            sa, aa = sa + TWICE[m] * rows[at(_WAY + m) + k] * back, aa + TWICE[m] * back * back
+        ss, sa = ss + 2.0 * sa + aa, sa + aa
     step, slope = _root(q, p, (ss, sa, aa), constants)
-    kept, grown = np.exp(-recovery * step), -np.expm1(-recovery * step) / recovery if recovery > 0.0 else step
+    # The deviator that returns is s - kept a, and this of it along a.
+    kept = np.exp(-constants[2] * step) if constants[2] > 0.0 else 1.0
+    forth = (sa - kept * aa) / np.sqrt(max(ss - 2.0 * kept * sa + kept * kept * aa, 1e-300))
+    rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = step, slope, _lost(step, p, forth, aa, constants)
+    return True
+
+
+@njit(**FAST)
+def _respond(work: Array, constants: Array, rows: Array) -> int:
+    """Fill in stress, direction of flow and what else there is at the end of the step; return the Gauss points' rule.
+
+    Where nothing flows the direction is not of length 1 (`_try`).
+    """
+    mu, recovery = constants[0], constants[2]
+    rule, beyond, flows = strains(work, rows), 0.0, False
+    _try(work, constants, rows)
+    for k in range(_W):
+        rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = 0.0, -1.0, 0.0
+        rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, 0.0
+        # Tables do not fall: most points are done with their first stress.
+        beyond += 1.0 if np.sqrt(1.5) * rows[at(_SIZE) + k] > constants[_COUNT + 2] else 0.0
+    if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0):
+        return rule
+    for k in range(_W):
+        flows = _step(work, k, constants, rows) or flows
+    if not flows:
+        return rule
+    for k in range(_W):
+        gone = -expm1(-recovery * rows[at(_FLOWN) + k])
+        rows[at(_GONE) + k] = gone
+        rows[at(_GROWN) + k] = gone / recovery if recovery > 0.0 else rows[at(_FLOWN) + k]
+        rows[at(_SIZE) + k] = 0.0
     for m in range(6):
-        back = work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        way[m, k] += (1.0 - kept) * back
-        whole += TWICE[m] * way[m, k] ** 2
-    size[k] = np.sqrt(whole)
+        way, back = at(_WAY + m), at(FIBRE + _BACK + m)
+        for k in range(_W):
+            rows[way + k] += rows[at(_GONE) + k] * work[back + k]
+        for k in range(_W):
+            rows[at(_SIZE) + k] += TWICE[m] * rows[way + k] * rows[way + k]
+    for k in range(_W):
+        size, flown = np.sqrt(rows[at(_SIZE) + k]), rows[at(_FLOWN) + k]
+        rows[at(_SIZE) + k] = size if flown > 0.0 else 1.0
     for m in range(6):
-        back = work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        way[m, k] /= size[k]
-        forth += TWICE[m] * way[m, k] * back
-        flown = np.sqrt(1.5) * step * way[m, k]
-        stress[m, k] -= 2.0 * mu * flown
-        after[m] = work[np.uint64(POINTS * (FIBRE + m)) + k] + flown
-        after[_BACK + m] = kept * back + np.sqrt(2.0 / 3.0) * kinematic * grown * way[m, k]
-    after[6] = p + step
-    after[_DISSIPATED] = work[ROWS[FIBRE + _DISSIPATED] + k] + _lost(step, p, forth, aa, constants)
-    return step, slope
+        way, stress = at(_WAY + m), at(TENSION + m)
+        for k in range(_W):
+            rows[way + k] /= rows[at(_SIZE) + k]
+        for k in range(_W):
+            rows[stress + k] -= 2.0 * mu * np.sqrt(1.5) * rows[at(_FLOWN) + k] * rows[way + k]
+    return rule
+
+
+@njit(**FAST)
+def _back(work: Array, k: Any, constants: Array, rows: Array, m: int) -> float:
+    """Return a component of the back stress at the end of the step."""
+    left = (1.0 - rows[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
+    return left + np.sqrt(2.0 / 3.0) * constants[1] * rows[at(_GROWN) + k] * rows[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy: that of the elastic strain and of kinematic hardening."""
-    spectral, principal, strain = principal_strains(work), np.empty((3, POINTS)), np.empty((6, POINTS))
-    stress, way, trace, size = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS), np.empty(POINTS)
-    after = np.empty(_DISSIPATED + 1)
-    take_strains(spectral, principal, strain, trace)
-    _try(work, constants, strain, trace, stress, way, size)
+    rows = np.empty(_ROWS * POINTS)
+    _respond(work, constants, rows)
+    put_stress(work, rows)
+    if not wanted:
+        return
+    mu, kinematic, lame = constants[0], constants[1], constants[constants.size - 1]
     for k in range(_W):
-        step, _ = _respond(work, k, constants, stress, way, size, after)
-        if wanted:
-            if not step > 0.0:
-                for m in range(after.size):
-                    after[m] = work[np.uint64(POINTS * (FIBRE + m)) + k]
-            energy = 0.5 * constants[constants.size - 1] * trace[k] ** 2
-            for m in range(6):
-                energy += TWICE[m] * constants[0] * (strain[m, k] - after[m]) ** 2
-                energy += TWICE[m] * 0.75 * after[_BACK + m] ** 2 / constants[1] if constants[1] > 0.0 else 0.0
-            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = energy, 0.0
-            work[ROWS[LOST] + k] = after[_DISSIPATED]
-    put_stress(work, spectral, principal, stress)
-
-
-@njit(**FAST)
-def _aside(
-    work: Array, k: Any, constants: Array, way: Array, step: float, slope: float, less: float, across: Array
-) -> None:
-    """Fill in how the flow turns as its size grows: to what is left of the back stress before, across the flow."""
-    recovery, forth = constants[2], 0.0
-    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * step)
+        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * rows[at(TRACE) + k] ** 2, 0.0
+        work[ROWS[LOST] + k] = work[ROWS[FIBRE + _DISSIPATED] + k] + rows[at(_LOSS) + k]
     for m in range(6):
-        across[m, k] = factor * work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        forth += TWICE[m] * across[m, k] * way[m, k]
-    for m in range(6):
-        across[m, k] -= forth * way[m, k]
+        square = 1.0 if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            elastic = rows[at(TENSION + m) + k] - square * lame * rows[at(TRACE) + k]
+            work[ROWS[ENERGY] + k] += TWICE[m] * 0.25 / mu * elastic * elastic
+        if kinematic > 0.0:
+            for k in range(_W):
+                work[ROWS[ENERGY] + k] += TWICE[m] * 0.75 / kinematic * _back(work, k, constants, rows, m) ** 2
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    spectral, principal, strain = principal_strains(work), np.empty((3, POINTS)), np.empty((6, POINTS))
-    stress, way, trace, size = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS), np.empty(POINTS)
-    turned, along = np.empty((6, POINTS)), np.empty((6, POINTS))
-    across, crossed, after = np.zeros((6, POINTS)), np.zeros((6, POINTS)), np.empty(_DISSIPATED + 1)
-    steps, slopes, less = np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
-    c, frame, own, moduli = np.empty(3), np.empty((3, 3)), np.empty(6), np.empty((6, 6))
+    rows, moduli, across = np.empty(_ROWS * POINTS), np.empty(36 * POINTS), np.zeros(6 * POINTS)
     mu, recovery, lame = constants[0], constants[2], constants[constants.size - 1]
-    take_strains(spectral, principal, strain, trace)
-    _try(work, constants, strain, trace, stress, way, size)
+    rule = _respond(work, constants, rows)
     for k in range(_W):
-        steps[k], slopes[k] = _respond(work, k, constants, stress, way, size, after)
-        if steps[k] > 0.0:
-            less[k] = 2.0 * mu * np.sqrt(1.5) * steps[k] / size[k]
-            if recovery > 0.0:
-                _aside(work, k, constants, way, steps[k], slopes[k], less[k], across)
-    turn(stress, spectral, turned)
-    turn(way, spectral, along)
-    if recovery > 0.0:
-        turn(across, spectral, crossed)
-    for k in range(_W):
-        take_frame(spectral, k, c, frame)
-        back, forth = less[k], -3.0 * mu / slopes[k] - less[k]
-        for m in range(6):
-            own[m] = turned[m, k]
-            for n in range(6):
-                same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
-                both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
-                moduli[m, n] = 2.0 * mu * (1.0 - back) * same + (lame + 2.0 * mu * back / 3.0) * both
-                if steps[k] > 0.0:
-                    moduli[m, n] -= 2.0 * mu * forth * along[m, k] * along[n, k]
-                    moduli[m, n] -= mu * (crossed[m, k] * along[n, k] + along[m, k] * crossed[n, k])
-        add_moduli(work, k, c, frame, own, moduli)
+        step, slope = rows[at(_FLOWN) + k], rows[at(_SLOPE) + k]
+        # By how much less the deviator grows across the flow, and along it.
+        rows[at(_LOSS) + k] = 2.0 * mu * np.sqrt(1.5) * step / rows[at(_SIZE) + k] if step > 0.0 else 0.0
+        rows[at(_SLOPE) + k] = -3.0 * mu / slope - rows[at(_LOSS) + k] if step > 0.0 else 0.0
+        if recovery > 0.0 and step > 0.0:
+            _aside(work, k, constants, rows, rows[at(_LOSS) + k], slope, across)
+    for m in range(6):
+        for n in range(6):
+            same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
+            both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
+            for k in range(_W):
+                less = rows[at(_LOSS) + k]
+                value = 2.0 * mu * (1.0 - less) * same + (lame + 2.0 * mu * less / 3.0) * both
+                value -= 2.0 * mu * rows[at(_SLOPE) + k] * rows[at(_WAY + m) + k] * rows[at(_WAY + n) + k]
+                value -= mu * (across[at(m) + k] * rows[at(_WAY + n) + k] + rows[at(_WAY + m) + k] * across[at(n) + k])
+                moduli[at(6 * m + n) + k] = value
+    add_moduli(work, rows, rule, moduli)
+
+
+@njit(**FAST)
+def _aside(work: Array, k: Any, constants: Array, rows: Array, less: float, slope: float, across: Array) -> None:
+    """Fill in how the flow turns as its size grows: to what is left of the back stress before, across the flow."""
+    recovery, forth = constants[2], 0.0
+    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * rows[at(_FLOWN) + k])
+    for m in range(6):
+        across[at(m) + k] = factor * work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
+        forth += TWICE[m] * across[at(m) + k] * rows[at(_WAY + m) + k]
+    for m in range(6):
+        across[at(m) + k] -= forth * rows[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    spectral, principal, strain = principal_strains(work), np.empty((3, POINTS)), np.empty((6, POINTS))
-    stress, way, trace, size = np.empty((6, POINTS)), np.empty((6, POINTS)), np.empty(POINTS), np.empty(POINTS)
-    after = np.empty(_DISSIPATED + 1)
-    take_strains(spectral, principal, strain, trace)
-    _try(work, constants, strain, trace, stress, way, size)
+    rows, flown = np.empty(_ROWS * POINTS), 0.0
+    _respond(work, constants, rows)
+    put_stress(work, rows)
     for k in range(_W):
-        step, _ = _respond(work, k, constants, stress, way, size, after)
-        if step > 0.0:
-            for m in range(after.size):
-                work[np.uint64(POINTS * (FIBRE + m)) + k] = after[m]
-    put_stress(work, spectral, principal, stress)
+        flown += rows[at(_FLOWN) + k]
+    if not flown > 0.0:
+        return
+    for m in range(6):
+        row, back = np.uint64(POINTS * (FIBRE + m)), np.uint64(POINTS * (FIBRE + _BACK + m))
+        for k in range(_W):
+            work[row + k] += np.sqrt(1.5) * rows[at(_FLOWN) + k] * rows[at(_WAY + m) + k]
+        if constants[1] > 0.0:
+            for k in range(_W):
+                work[back + k] = _back(work, k, constants, rows, m)
+    for k in range(_W):
+        work[ROWS[FIBRE + 6] + k] += rows[at(_FLOWN) + k]
+        work[ROWS[FIBRE + _DISSIPATED] + k] += rows[at(_LOSS) + k]

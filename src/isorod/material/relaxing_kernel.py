@@ -21,9 +21,25 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import exp, expm1, log
-from isorod.material.logarithm_kernel import FIRST, PLACE, SECOND, TWICE, add_second
-from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, LOST, POINTS, ROWS, TANGENT
+from isorod.material.functions import exp, expm1, log, power
+from isorod.material.logarithm_kernel import (
+    FIRST,
+    PLACE,
+    SECOND,
+    TWICE,
+    Six,
+    add_second,
+    at,
+    combined,
+    gradient,
+    product,
+    put_first,
+    put_six,
+    six,
+    squares,
+    symmetric,
+)
+from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 
 # Parts of a step of one tau, and of any step at most: one step to anywhere, held at a stretch of 1.5, is then off by
 # 4e-5 at the most, measured.
@@ -32,175 +48,188 @@ _PARTS, _MOST = 4, 8
 # Share of a time of relaxation below which a step is told by a series.
 _SHORT = 1e-3
 
+_W = np.uint64(POINTS)
+_ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+
+# Rows of a block: C, the same free of volume, that at the start of the step, the stress for C free of volume, the
+# second Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
+_C, _NOW, _BEFORE, _STRESS, _SECOND, _THIRD, _SIZE, _VOLUME, _STORED, _LOSS = 0, 6, 12, 18, 24, *range(30, 35)
+# Of a branch: Ci at the start of the step and at its end, the inverse of what this is but for its size, and the cube
+# root of the determinant of that; y and c, the same at the middle of a part, r, what is left of c in a time and the
+# slope of c by that.
+_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _KEPT, _SLOPE, _PLAIN = 35, 41, 47, 53, 54, 56, *range(58, 62)
+# Where moduli are asked for: slopes of r by y, by c and by C1, those of y and c by C1, at the middle of a part too, and
+# how the inverse changes with y and c.
+_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = 61, 69, 81, 93, 105
+
 
 @njit(**FAST)
-def _inverse(a: Array, inverse: Array) -> float:
-    """Fill in the inverse of a symmetric tensor and return its determinant."""
-    inverse[0], inverse[1] = a[3] * a[5] - a[4] * a[4], a[2] * a[4] - a[1] * a[5]
-    inverse[2], inverse[3] = a[1] * a[4] - a[2] * a[3], a[0] * a[5] - a[2] * a[2]
-    inverse[4], inverse[5] = a[1] * a[2] - a[0] * a[4], a[0] * a[3] - a[1] * a[1]
-    det = a[0] * inverse[0] + a[1] * inverse[1] + a[2] * inverse[2]
-    for m in range(6):
-        inverse[m] /= det
-    return det
+def _inverse(a: Six) -> tuple[Six, float]:
+    """Return the inverse of a symmetric tensor and its determinant."""
+    b0, b1, b2 = a[3] * a[5] - a[4] * a[4], a[2] * a[4] - a[1] * a[5], a[1] * a[4] - a[2] * a[3]
+    det = a[0] * b0 + a[1] * b1 + a[2] * b2
+    x = 1.0 / det
+    b3, b4, b5 = a[0] * a[5] - a[2] * a[2], a[1] * a[2] - a[0] * a[4], a[0] * a[3] - a[1] * a[1]
+    return (x * b0, x * b1, x * b2, x * b3, x * b4, x * b5), det
 
 
 @njit(**FAST)
-def _double(a: Array, b: Array) -> float:
+def _double(a: Six, b: Six) -> float:
     """Return ``a : b``."""
-    total = 0.0
-    for m in range(6):
-        total += TWICE[m] * a[m] * b[m]
-    return total
+    return a[0] * b[0] + a[3] * b[3] + a[5] * b[5] + 2.0 * (a[1] * b[1] + a[2] * b[2] + a[4] * b[4])
 
 
 @njit(**FAST)
-def _strains(work: Array, k: Any, c: Array, now: Array, before: Array) -> float:
-    """Fill in ``C``, the same free of volume, and that at the start of the step; return ``J^(-2/3)``."""
-    for m in range(6):
-        A, B, total = FIRST[m], SECOND[m], 0.0
-        for a in range(3):
-            row = GRADIENT + 3 * a
-            total += work[np.uint64(POINTS * (row + A)) + k] * work[np.uint64(POINTS * (row + B)) + k]
-        c[m] = total
-        before[m] = work[np.uint64(POINTS * (FIBRE + m)) + k] + (1.0 if A == B else 0.0)
-    size = exp(-2.0 / 3.0 * log(work[ROWS[DETERMINANT] + k]))
-    for m in range(6):
-        now[m] = size * c[m]
-    return size
+def _begin(work: Array, constants: Array, rows: Array) -> None:
+    """Fill in ``C``, the same free of volume, that at the start of the step, and what no branch adds."""
+    rest, mu = 1.0, constants[0]
+    for i in range(int(constants[2])):
+        rest -= constants[3 + 2 * i]
+    for k in range(_W):
+        c, volume = squares(gradient(work, k)), log(work[ROWS[DETERMINANT] + k])
+        size = exp(-2.0 / 3.0 * volume)
+        now = combined(size, c, 0.0, c, 0.0, c)
+        put_six(rows, _C, k, c)
+        put_six(rows, _NOW, k, now)
+        put_six(rows, _STRESS, k, combined(rest * mu, _ONE, 0.0, _ONE, 0.0, _ONE))
+        rows[at(_SIZE) + k], rows[at(_VOLUME) + k] = size, volume
+        rows[at(_STORED) + k] = 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
+    _told(work, FIBRE, rows, _BEFORE)
 
 
 @njit(**FAST)
-def _mixed(w: float, c: float, old: Array, before: Array, now: Array, mixed: Array, inverse: Array) -> float:
-    """Return the cube root of the determinant of what ``Ci`` is but for its size; fill in that and its inverse."""
+def _told(work: Array, first: int, rows: Array, to: int) -> None:
+    """Fill in a tensor of the state, whose rows begin at one, which has it less 1."""
     for m in range(6):
-        mixed[m] = w * old[m] + (1.0 - w - c) * before[m] + c * now[m]
-    return np.cbrt(_inverse(mixed, inverse))
+        row, one = np.uint64(POINTS * (first + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+        for k in range(_W):
+            rows[at(to + m) + k] = work[row + k] + one
 
 
 @njit(**FAST)
-def _rate(s: float, y: float, c: float, old: Array, before: Array, now: Array, room: Array, slopes: Array) -> float:
-    """Return ``r``, and fill in its slopes by ``y``, by ``c``, and by the six of ``C1``, ``(8,)``."""
-    path, mixed, inverse = room[0], room[1], room[2]
-    for m in range(6):
-        path[m] = (1.0 - s) * before[m] + s * now[m]
-    size = np.cbrt(_inverse(path, inverse))
-    for m in range(6):
-        slopes[2 + m] = -s / 3.0 * inverse[m]
+def _mixed(rows: Array, k: Any, y: float, c: float) -> Six:
+    """Return ``Ci`` at a point but for its size."""
     w = exp(-y)
-    rate = _mixed(w, c, old, before, now, mixed, inverse) / size
-    slopes[0], slopes[1] = 0.0, 0.0
-    for m in range(6):
-        slopes[0] -= TWICE[m] * inverse[m] * w * (old[m] - before[m]) / 3.0
-        slopes[1] += TWICE[m] * inverse[m] * (now[m] - before[m]) / 3.0
-        slopes[2 + m] += c / 3.0 * inverse[m]
-    for m in range(8):
-        slopes[m] *= rate
-    return rate
+    return combined(w, six(rows, _OLD, k), 1.0 - w - c, six(rows, _BEFORE, k), c, six(rows, _NOW, k))
 
 
 @njit(**FAST)
-def _lagged(c: float, s: float, part: float, rho: float) -> tuple[float, float]:
-    """Return what ``c`` is after ``c' = s - c`` over ``rho``, while ``s`` grows by a part, and its slope by ``rho``."""
-    kept = exp(-rho)
-    if rho > 1e-3:
-        mean = -expm1(-rho) / rho
-        slope = (kept - mean) / rho
-    else:
-        mean = 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
-        slope = -0.5 + rho * (1.0 / 3.0 - rho * (0.125 - rho / 30.0))
-    return kept * c + s + part - s * kept - part * mean, kept * (s - c) - part * slope
+def _rate(s: float, rows: Array, where: int, wanted: bool) -> None:
+    """Fill in ``r`` of the ``y`` and ``c`` in two rows, and if wanted its slopes by these and by the six of ``C1``."""
+    for k in range(_W):
+        now = six(rows, _NOW, k)
+        _, path = _inverse(combined(1.0 - s, six(rows, _BEFORE, k), s, now, 0.0, now))
+        _, det = _inverse(_mixed(rows, k, rows[at(where) + k], rows[at(where + 1) + k]))
+        rows[at(_RATE) + k] = power(det / path, 1.0 / 3.0)
+    if not wanted:
+        return
+    for k in range(_W):
+        old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
+        y, c, rate = rows[at(where) + k], rows[at(where + 1) + k], rows[at(_RATE) + k] / 3.0
+        path, _ = _inverse(combined(1.0 - s, before, s, now, 0.0, now))
+        inverse, _ = _inverse(_mixed(rows, k, y, c))
+        rows[at(_SLOPES) + k] = -rate * exp(-y) * _double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
+        rows[at(_SLOPES + 1) + k] = rate * _double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
+        put_six(rows, _SLOPES + 2, k, combined(rate * c, inverse, -rate * s, path, 0.0, now))
 
 
 @njit(**FAST)
-def _follow(
-    h: float, old: Array, before: Array, now: Array, room: Array, slopes: Array, ways: Array, wanted: bool
-) -> tuple[float, float]:
-    """Return ``y`` and ``c`` at the end of a step of ``h`` times ``tau``; fill in, if wanted, slopes by ``C1``."""
-    count = 1 + int(min(_PARTS * h, _MOST - 1.0))
-    y, c, part, half = 0.0, 0.0, 1.0 / count, room[3:]
-    ways[:] = 0.0
-    for k in range(count):
-        s = k * part
-        rho = 0.5 * part * h * _rate(s, y, c, old, before, now, room, slopes)
-        middle, slope = _lagged(c, s, 0.5 * part, rho)
-        if wanted:
-            kept = exp(-rho)
-            for m in range(6):
-                change = 0.5 * part * h * (slopes[0] * ways[0, m] + slopes[1] * ways[1, m] + slopes[2 + m])
-                half[0, m], half[1, m] = ways[0, m] + change, kept * ways[1, m] + slope * change
-        rho = part * h * _rate(s + 0.5 * part, y + rho, middle, old, before, now, room, slopes)
-        new, slope = _lagged(c, s, part, rho)
-        if wanted:
-            kept = exp(-rho)
-            for m in range(6):
-                change = part * h * (slopes[0] * half[0, m] + slopes[1] * half[1, m] + slopes[2 + m])
-                ways[0, m] += change
-                ways[1, m] = kept * ways[1, m] + slope * change
-        y, c = y + rho, new
-    return y, c
+def _lagged(c: float, s: float, part: float, rho: float) -> tuple[float, float, float]:
+    """Return what ``c`` is after ``c' = s - c`` over ``rho``, while ``s`` grows by a part, its slope, and what is left.
 
-
-@njit(**FAST)
-def _branch(
-    work: Array,
-    k: Any,
-    constants: Array,
-    which: int,
-    before: Array,
-    now: Array,
-    old: Array,
-    mixed: Array,
-    inverse: Array,
-    room: Array,
-    slopes: Array,
-    ways: Array,
-    wanted: bool,
-) -> tuple[float, float, float]:
-    """Fill in ``Ci`` at the start of the step, at its end but for its size, and the inverse of this.
-
-    Returns
-    -------
-    y, c, size
-        Of the step, and what the inverse has to be multiplied by to be free of volume.
+    The slope is that by ``rho``; what is left is of ``c`` before.
     """
+    grown, long = expm1(-rho), rho > _SHORT
+    kept, x = 1.0 + grown, rho if long else 1.0
+    mean = -grown / x if long else 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
+    slope = (kept - mean) / x if long else -0.5 + rho * (1.0 / 3.0 - rho * (0.125 - rho / 30.0))
+    return kept * c + s + part - s * kept - part * mean, kept * (s - c) - part * slope, kept
+
+
+@njit(**FAST)
+def _carry(rows: Array, time: float, start: int, to: int) -> None:
+    """Fill in the slopes of ``y`` and ``c`` by ``C1`` after a time, from those of where its rate is taken."""
     for m in range(6):
-        row = FIBRE + 6 + 6 * which + m
-        old[m] = work[np.uint64(POINTS * row) + k] + (1.0 if FIRST[m] == SECOND[m] else 0.0)
-    y, c = _follow(constants[1] / constants[4 + 2 * which], old, before, now, room, slopes, ways, wanted)
-    return y, c, _mixed(exp(-y), c, old, before, now, mixed, inverse)
+        for k in range(_W):
+            first, second = (
+                rows[at(_SLOPES) + k] * rows[at(start + m) + k],
+                rows[at(_SLOPES + 1) + k] * rows[at(start + 6 + m) + k],
+            )
+            change = time * (first + second + rows[at(_SLOPES + 2 + m) + k])
+            rows[at(to + 6 + m) + k] = rows[at(_KEPT) + k] * rows[at(_WAYS + 6 + m) + k] + rows[at(_SLOPE) + k] * change
+            rows[at(to + m) + k] = rows[at(_WAYS + m) + k] + change
 
 
 @njit(**FAST)
-def _second(pressure: float, size: float, c: Array, stress: Array, other: Array, second: Array) -> float:
-    """Fill in ``C^-1`` and ``S`` of a stress for ``C`` free of volume; return a third of this ``: C``."""
-    _inverse(c, other)
-    third = size * _double(stress, c) / 3.0
-    for m in range(6):
-        second[m] = size * stress[m] + (pressure - third) * other[m]
-    return third
+def _follow(h: float, rows: Array, wanted: bool) -> None:
+    """Fill in ``y`` and ``c`` at the end of a step of ``h`` times ``tau``, and if wanted their slopes by ``C1``."""
+    count = 1 + int(min(_PARTS * h, _MOST - 1.0))
+    part = 1.0 / count
+    # At the start all is free of volume.
+    for k in range(_W):
+        rows[at(_Y) + k], rows[at(_Y + 1) + k], rows[at(_RATE) + k] = 0.0, 0.0, 1.0
+    if wanted:
+        for m in range(24):
+            for k in range(_W):
+                rows[at(_WAYS + m) + k] = 0.0
+    for p in range(count):
+        s = p * part
+        if p > 0:
+            _rate(s, rows, _Y, wanted)
+        for k in range(_W):
+            rho = 0.5 * part * h * rows[at(_RATE) + k]
+            rows[at(_MIDDLE) + k] = rows[at(_Y) + k] + rho
+            rows[at(_MIDDLE + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
+                rows[at(_Y + 1) + k], s, 0.5 * part, rho
+            )
+        if wanted and p > 0:
+            _carry(rows, 0.5 * part * h, _WAYS, _HALF)
+        _rate(s + 0.5 * part, rows, _MIDDLE, wanted)
+        for k in range(_W):
+            rho = part * h * rows[at(_RATE) + k]
+            rows[at(_Y) + k] += rho
+            rows[at(_Y + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
+                rows[at(_Y + 1) + k], s, part, rho
+            )
+        if wanted:
+            _carry(rows, part * h, _HALF, _WAYS)
 
 
 @njit(**FAST)
-def _product(one: Array, other: Array, product: Array) -> None:
-    """Fill in the product ``(3, 3)`` of two symmetric tensors."""
-    for i in range(3):
-        for j in range(3):
-            total = 0.0
-            for k in range(3):
-                total += one[PLACE[i, k]] * other[PLACE[k, j]]
-            product[i, j] = total
+def _branch(work: Array, constants: Array, which: int, rows: Array, wanted: bool) -> None:
+    """Fill in the rows of a branch, and add its stress; if wanted with slopes by ``C1``."""
+    _told(work, FIBRE + 6 + 6 * which, rows, _OLD)
+    _follow(constants[1] / constants[4 + 2 * which], rows, wanted)
+    modulus = constants[0] * constants[3 + 2 * which]
+    for k in range(_W):
+        mixed = _mixed(rows, k, rows[at(_Y) + k], rows[at(_Y + 1) + k])
+        inverse, det = _inverse(mixed)
+        root = power(det, 1.0 / 3.0)
+        put_six(rows, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
+        put_six(rows, _INVERSE, k, inverse)
+        put_six(rows, _STRESS, k, combined(1.0, six(rows, _STRESS, k), modulus * root, inverse, 0.0, mixed))
+        rows[at(_ROOT) + k] = root
+        rows[at(_STORED) + k] += 0.5 * modulus * (root * _double(inverse, six(rows, _NOW, k)) - 3.0)
 
 
 @njit(**FAST)
-def _twofold(one: Array, other: Array, share: float) -> float:
-    """Return ``tr(one other) - share tr(one) tr(other)``."""
-    total, left, right = 0.0, 0.0, 0.0
-    for i in range(3):
-        left, right = left + one[i, i], right + other[i, i]
-        for j in range(3):
-            total += one[i, j] * other[j, i]
-    return total - share * left * right
+def _second(constants: Array, rows: Array) -> None:
+    """Fill in the inverse of ``C``, in the place of a branch's, and ``S``."""
+    bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
+    for k in range(_W):
+        c, stress, size = six(rows, _C, k), six(rows, _STRESS, k), rows[at(_SIZE) + k]
+        inverse, _ = _inverse(c)
+        third, pressure = size * _double(stress, c) / 3.0, bulk * rows[at(_VOLUME) + k]
+        put_six(rows, _INVERSE, k, inverse)
+        put_six(rows, _SECOND, k, combined(size, stress, pressure - third, inverse, 0.0, c))
+        rows[at(_THIRD) + k] = third
+
+
+@njit(**FAST)
+def _trace(u: tuple[float, ...], v: tuple[float, ...]) -> float:
+    """Return the trace of the product of two tensors of nine components."""
+    total = u[0] * v[0] + u[4] * v[4] + u[8] * v[8] + u[1] * v[3] + u[3] * v[1]
+    return total + u[2] * v[6] + u[6] * v[2] + u[5] * v[7] + u[7] * v[5]
 
 
 @njit(**FAST)
@@ -213,87 +242,66 @@ def shares(x: float) -> tuple[float, float, float]:
 
 
 @njit(**FAST)
-def _lost(x: float, root: float, before: Array, now: Array, old: Array, mixed: Array, inverse: Array) -> float:
-    """Return what a branch of shear modulus 1 dissipates in a step of ``x`` times ``tau``.
+def _add_loss(x: float, modulus: float, rows: Array) -> None:
+    """Add what a branch dissipates in a step of ``x`` times ``tau``.
 
     It is what the spring would lose if the damper went its way at the middle of the strain's, and what is wrong with
     that in small strains: exact there, and where nothing moves.
     """
-    start, change, first, second = np.empty(6), np.empty(6), np.empty((3, 3)), np.empty((3, 3))
-    _inverse(old, start)
-    for m in range(6):
-        change[m] = mixed[m] / root - old[m]
-    # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
-    _product(start, change, first)
-    det = first[0, 0] * (first[1, 1] * first[2, 2] - first[1, 2] * first[2, 1])
-    det -= first[0, 1] * (first[1, 0] * first[2, 2] - first[1, 2] * first[2, 0])
-    det += first[0, 2] * (first[1, 0] * first[2, 1] - first[1, 1] * first[2, 0])
-    lost = 0.25 * _twofold(first, first, 1.0) - 0.5 * det
-    for m in range(6):
-        change[m] = root * (0.5 * (before[m] + now[m]) - mixed[m] / root)
-    # Ci(0)^-1 - Ci^-1 is Ci(0)^-1 (Ci - Ci(0)) Ci^-1.
-    _product(inverse, change, second)
-    lost += 0.5 * _twofold(first, second, 0.0)
-    for m in range(6):
-        start[m], change[m] = 0.5 * root * (before[m] - old[m]), 0.5 * root * (now[m] - before[m])
-    _product(inverse, start, first)
-    _product(inverse, change, second)
     kept, share, rest = shares(x)
-    lost -= (1.0 + kept - 2.0 * share) * _twofold(first, second, 1.0 / 3.0)
-    return lost - (share * (1.0 - share) - 2.0 * rest) * _twofold(second, second, 1.0 / 3.0)
-
-
-@njit(**FAST)
-def _put(work: Array, k: Any, second: Array) -> None:
-    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress."""
-    valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
-    for a in range(3):
-        for A in range(3):
-            total = 0.0
-            for B in range(3):
-                total += work[np.uint64(POINTS * (GRADIENT + 3 * a + B)) + k] * second[PLACE[B, A]]
-            work[np.uint64(POINTS * (3 * a + A)) + k] = valid * total
+    one, two = 1.0 + kept - 2.0 * share, share * (1.0 - share) - 2.0 * rest
+    for k in range(_W):
+        old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
+        new, inverse, root = six(rows, _NEW, k), six(rows, _INVERSE, k), rows[at(_ROOT) + k]
+        start, _ = _inverse(old)
+        # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
+        u = product(start, combined(1.0, new, -1.0, old, 0.0, now))
+        det = u[0] * (u[4] * u[8] - u[5] * u[7]) - u[1] * (u[3] * u[8] - u[5] * u[6])
+        det += u[2] * (u[3] * u[7] - u[4] * u[6])
+        lost = 0.25 * (_trace(u, u) - (u[0] + u[4] + u[8]) ** 2) - 0.5 * det
+        # Ci(0)^-1 - Ci^-1 is Ci(0)^-1 (Ci - Ci(0)) Ci^-1.
+        middle = combined(0.5 * root, before, 0.5 * root, now, -root, new)
+        lost += 0.5 * _trace(u, product(inverse, middle))
+        u = product(inverse, combined(0.5 * root, before, -0.5 * root, old, 0.0, now))
+        v = product(inverse, combined(0.5 * root, now, -0.5 * root, before, 0.0, old))
+        left, right = (u[0] + u[4] + u[8]) / 3.0, v[0] + v[4] + v[8]
+        lost -= one * (_trace(u, v) - left * right) + two * (_trace(v, v) - right * right / 3.0)
+        rows[at(_LOSS) + k] += modulus * lost
 
 
 @njit(**FAST)
 def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
     """Fill in the stress, if wanted the energy, what springs store, and the loss; or let the state go on."""
-    c, now, before, old, mixed, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    stress, second = np.empty(6), np.empty(6)
-    room, slopes, ways = np.empty((5, 6)), np.empty(8), np.empty((2, 6))
+    rows = np.empty(_PLAIN * POINTS)
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
     dissipated = np.uint64(POINTS * (FIBRE + 6 + 6 * count))
-    for k in range(np.uint64(POINTS)):
-        size = _strains(work, k, c, now, before)
-        stored, rest, lost = 0.0, 1.0, work[dissipated + k]
-        stress[:] = 0.0
-        for i in range(count):
-            share = constants[3 + 2 * i]
-            _, _, root = _branch(work, k, constants, i, before, now, old, mixed, inverse, room, slopes, ways, False)
-            for m in range(6):
-                stress[m] += share * mu * root * inverse[m]
-            if wanted or goes_on:
-                lost += share * mu * _lost(constants[1] / constants[4 + 2 * i], root, before, now, old, mixed, inverse)
-            stored += 0.5 * share * mu * (root * _double(inverse, now) - 3.0)
-            rest -= share
-            if goes_on:
-                for m in range(6):
-                    one = 1.0 if FIRST[m] == SECOND[m] else 0.0
-                    work[np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)) + k] = mixed[m] / root - one
-        stored += 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
-        for m in range(6):
-            stress[m] += rest * mu if FIRST[m] == SECOND[m] else 0.0
-        volume = log(work[ROWS[DETERMINANT] + k])
-        bulk = lame + 2.0 / 3.0 * mu
-        _second(bulk * volume, size, c, stress, inverse, second)
-        _put(work, k, second)
-        if wanted:
-            work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = stored + 0.5 * bulk * volume**2, 0.0
-            work[ROWS[LOST] + k] = lost
+    _begin(work, constants, rows)
+    for k in range(_W):
+        rows[at(_LOSS) + k] = work[dissipated + k]
+    for i in range(count):
+        _branch(work, constants, i, rows, False)
+        if wanted or goes_on:
+            _add_loss(constants[1] / constants[4 + 2 * i], mu * constants[3 + 2 * i], rows)
         if goes_on:
-            work[dissipated + k] = lost
             for m in range(6):
-                work[np.uint64(POINTS * (FIBRE + m)) + k] = now[m] - (1.0 if FIRST[m] == SECOND[m] else 0.0)
+                row, one = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+                for k in range(_W):
+                    work[row + k] = rows[at(_NEW + m) + k] - one
+    _second(constants, rows)
+    for k in range(_W):
+        put_first(work, k, six(rows, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
+    if wanted:
+        for k in range(_W):
+            volume = rows[at(_VOLUME) + k]
+            work[ROWS[ENERGY] + k] = rows[at(_STORED) + k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
+            work[ROWS[ACTIVE] + k], work[ROWS[LOST] + k] = 0.0, rows[at(_LOSS) + k]
+    if goes_on:
+        for k in range(_W):
+            work[dissipated + k] = rows[at(_LOSS) + k]
+        for m in range(6):
+            row, one = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+            for k in range(_W):
+                work[row + k] = rows[at(_NOW + m) + k] - one
 
 
 @njit(BLOCK, **FAST)
@@ -305,91 +313,79 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    c, now, before, old, mixed, inverse = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    stress, second, frame = np.empty(6), np.empty(6), np.eye(3)
-    room, slopes, ways = np.empty((5, 6)), np.empty(8), np.empty((2, 6))
-    bent, moduli, way, turned = np.empty((6, 6)), np.empty((6, 6)), np.empty((2, 6)), np.empty((2, 6))
-    mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
-    for k in range(np.uint64(POINTS)):
-        size = _strains(work, k, c, now, before)
-        bent[:], stress[:] = 0.0, 0.0
-        rest = 1.0
-        for i in range(count):
-            share = constants[3 + 2 * i] * mu
-            rest -= constants[3 + 2 * i]
-            y, lag, root = _branch(work, k, constants, i, before, now, old, mixed, inverse, room, slopes, ways, True)
-            w = exp(-y)
+    rows, bent, moduli = np.empty(_WHOLE * POINTS), np.zeros(36 * POINTS), np.empty(36 * POINTS)
+    _begin(work, constants, rows)
+    for i in range(int(constants[2])):
+        _branch(work, constants, i, rows, True)
+        for k in range(_W):
             # What grows with y and with c, and that between two inverses.
-            for m in range(6):
-                stress[m] += share * root * inverse[m]
-                way[0, m], way[1, m] = -w * (old[m] - before[m]), now[m] - before[m]
-            for j in range(2):
-                _between(inverse, way[j], turned[j])
-                trace = _double(inverse, way[j]) / 3.0
-                for m in range(6):
-                    turned[j, m] = trace * inverse[m] - turned[j, m]
-            for m in range(6):
-                a, b = FIRST[m], SECOND[m]
-                for n in range(6):
-                    p, q = FIRST[n], SECOND[n]
-                    crossed = inverse[PLACE[a, p]] * inverse[PLACE[b, q]]
-                    crossed += inverse[PLACE[a, q]] * inverse[PLACE[b, p]]
-                    change = lag * (inverse[m] * inverse[n] / 3.0 - 0.5 * crossed)
-                    change += turned[0, m] * ways[0, n] + turned[1, m] * ways[1, n]
-                    bent[m, n] += share * root * change
+            old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
+            w, inverse = exp(-rows[at(_Y) + k]), six(rows, _INVERSE, k)
+            put_six(rows, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
+            put_six(rows, _TURNED + 6, k, _between(inverse, combined(1.0, now, -1.0, before, 0.0, old)))
+            rows[at(_ROOT) + k] *= constants[0] * constants[3 + 2 * i]
         for m in range(6):
-            stress[m] += rest * mu if FIRST[m] == SECOND[m] else 0.0
-        bulk = lame + 2.0 / 3.0 * mu
-        pressure = bulk * log(work[ROWS[DETERMINANT] + k])
-        third = _second(pressure, size, c, stress, inverse, second)
-        _isochoric(size, bulk, pressure, third, c, inverse, second, bent, moduli)
-        add_second(work, k, frame, second, moduli)
+            for n in range(6):
+                ap, bq, aq, bp = _crossed(m, n)
+                one, other, first, second = _INVERSE + m, _INVERSE + n, _WAYS + n, _WAYS + 6 + n
+                for k in range(_W):
+                    crossed = rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k]
+                    change = rows[at(_Y + 1) + k] * (rows[at(one) + k] * rows[at(other) + k] / 3.0 - 0.5 * crossed)
+                    change += rows[at(_TURNED + m) + k] * rows[at(first) + k]
+                    change += rows[at(_TURNED + 6 + m) + k] * rows[at(second) + k]
+                    bent[at(6 * m + n) + k] += rows[at(_ROOT) + k] * change
+    _second(constants, rows)
+    _isochoric(constants, rows, bent, moduli)
+    add_second(work, rows, _SECOND, moduli)
 
 
 @njit(**FAST)
-def _between(inverse: Array, one: Array, found: Array) -> None:
-    """Fill in ``inverse one inverse``."""
-    for m in range(6):
-        total = 0.0
-        for i in range(3):
-            for j in range(3):
-                total += inverse[PLACE[FIRST[m], i]] * one[PLACE[i, j]] * inverse[PLACE[j, SECOND[m]]]
-        found[m] = total
+def _crossed(m: int, n: int) -> tuple[int, int, int, int]:
+    """Return rows of the inverse, of components ``ab`` and ``pq`` those of ``ap, bq, aq, bp``."""
+    a, b, p, q = FIRST[m], SECOND[m], FIRST[n], SECOND[n]
+    return _INVERSE + PLACE[a, p], _INVERSE + PLACE[b, q], _INVERSE + PLACE[a, q], _INVERSE + PLACE[b, p]
 
 
 @njit(**FAST)
-def _isochoric(
-    size: float,
-    bulk: float,
-    pressure: float,
-    third: float,
-    c: Array,
-    inverse: Array,
-    second: Array,
-    bent: Array,
-    moduli: Array,
-) -> None:
+def _between(inverse: Six, one: Six) -> Six:
+    """Return ``(inverse : one)/3 inverse - inverse one inverse``."""
+    turned = symmetric(inverse, product(one, inverse))
+    return combined(_double(inverse, one) / 3.0, inverse, -1.0, turned, 0.0, one)
+
+
+@njit(**FAST)
+def _isochoric(constants: Array, rows: Array, bent: Array, moduli: Array) -> None:
     """Fill in ``dS/dG`` from the slopes ``bent`` of the stress by ``C`` free of volume (Holzapfel 2000, 6.4)."""
-    by_rows, whole = np.empty(6), 0.0
+    bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
+    whole = np.zeros(POINTS)
     for m in range(6):
         for n in range(m + 1, 6):
-            bent[m, n] = 0.5 * (bent[m, n] + bent[n, m])
-            bent[n, m] = bent[m, n]
+            for k in range(_W):
+                bent[at(6 * m + n) + k] = 0.5 * (bent[at(6 * m + n) + k] + bent[at(6 * n + m) + k])
+            for k in range(_W):
+                bent[at(6 * n + m) + k] = bent[at(6 * m + n) + k]
     for m in range(6):
-        by_rows[m] = _double(bent[m], c) / 3.0
-        whole += TWICE[m] * by_rows[m] * c[m] / 3.0
+        for k in range(_W):
+            by_row = _double(six(bent, 6 * m, k), six(rows, _C, k)) / 3.0
+            rows[at(_TURNED + m) + k] = by_row
+            whole[k] += TWICE[m] * by_row * rows[at(_C + m) + k] / 3.0
     for m in range(6):
-        a, b = FIRST[m], SECOND[m]
         for n in range(6):
-            p, q = FIRST[n], SECOND[n]
-            crossed = 0.5 * inverse[PLACE[a, p]] * inverse[PLACE[b, q]]
-            crossed += 0.5 * inverse[PLACE[a, q]] * inverse[PLACE[b, p]]
-            both = inverse[m] * inverse[n]
-            left, right = second[m] - pressure * inverse[m], second[n] - pressure * inverse[n]
-            shape = bent[m, n] - by_rows[m] * inverse[n] - inverse[m] * by_rows[n] + whole * both
-            value = 2.0 * size * size * shape + 2.0 * third * (crossed - both / 3.0)
-            value -= 2.0 / 3.0 * (inverse[m] * right + left * inverse[n])
-            moduli[m, n] = value + bulk * both - 2.0 * pressure * crossed
+            ap, bq, aq, bp = _crossed(m, n)
+            for k in range(_W):
+                size, third, one, other = (
+                    rows[at(_SIZE) + k],
+                    rows[at(_THIRD) + k],
+                    rows[at(_INVERSE + m) + k],
+                    rows[at(_INVERSE + n) + k],
+                )
+                pressure = bulk * rows[at(_VOLUME) + k]
+                crossed = 0.5 * (rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k])
+                left, right = rows[at(_SECOND + m) + k] - pressure * one, rows[at(_SECOND + n) + k] - pressure * other
+                shape = bent[at(6 * m + n) + k] - rows[at(_TURNED + m) + k] * other - one * rows[at(_TURNED + n) + k]
+                value = 2.0 * size * size * (shape + whole[k] * one * other)
+                value += 2.0 * third * (crossed - one * other / 3.0) - 2.0 / 3.0 * (one * right + left * other)
+                moduli[at(6 * m + n) + k] = value + bulk * one * other - 2.0 * pressure * crossed
 
 
 @njit(BLOCK, **FAST)
