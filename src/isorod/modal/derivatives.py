@@ -21,7 +21,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
-from isorod.statics.differences import Beside, Derivatives, Measured
+from isorod.statics.differences import WIDE, Beside, Derivatives, Measured, Steps
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -55,11 +55,12 @@ def derivatives(
         moving = None if solution.equilibrium is None else stack.enter_context(closing(Moving(solution.equilibrium)))
         comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
 
-        def states(models: Sequence[Model], steps: Sequence[float]) -> "Sequence[tuple[Assembler, PETSc.Vec]]":
-            if moving is not None:
-                return moving.states(models, steps)
-            several = [assembler_for(one, comm) for one in models]
-            return [(one, one.vector()) for one in several]
+        def states(steps: Steps, models: Sequence[Model]) -> "list[tuple[Assembler, PETSc.Vec]]":
+            if moving is None:
+                several = [assembler_for(one, comm) for one in models]
+                return [(one, one.vector()) for one in several]
+            rate, known = moving.rate(steps, models)
+            return [(one, moving.x + step * rate) for (one, _), step in zip(known, steps.steps, strict=True)]
 
         factor = 0.0 if moving is None else 1.0
         own = assembler_for(model, comm)
@@ -78,11 +79,12 @@ def derivatives(
             weight = np.sqrt(np.outer(values, values))
             return found | {"mass": weight * found["mass"]}
 
-        begun = (own, own.vector()) if moving is None else (moving.assembler, moving.x)
-        changes = beside.derivatives(
-            energies(*begun),
-            lambda name, steps: [energies(*one) for one in states(beside.models(name, steps), steps)],
-        )
+        begun = energies(*((own, own.vector()) if moving is None else (moving.assembler, moving.x)))
+
+        def along(steps: Steps, models: Sequence[Model]) -> Measured:
+            return steps.slopes([energies(*one) for one in states(steps, models)], begun)
+
+        changes = beside.derivatives(begun, along, [WIDE])
     by = {}
     for name in changes.by:
         rates, turn = _rates(values, changes.by[name])

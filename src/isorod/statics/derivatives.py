@@ -2,35 +2,46 @@
 
 Of the residual ``R(u, p) = 0`` the equilibrium moves by ``du/dp = - K^-1 dR/dp``: one back-substitution of the factors
 of the tangent for each parameter, whatever is measured.  ``dR/dp`` is a difference of residuals at one displacement, of
-models beside (`isorod.statics.differences`), and so is what is measured, where these are in balance, to which they come
-from there with the same factors.
+models beside (`isorod.statics.differences`); and ``dm/dp`` is that of what is measured there, and how that changes
+along ``du/dp`` in the model itself.  Forces of supports go with the rows of the tangent there, exactly.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks.reactions import carried
 from isorod.checks.tie_result import at_load
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
-from isorod.statics.differences import NEAR, Beside, Derivatives, Measured, silently, weights
+from isorod.statics.differences import (
+    APART,
+    Beside,
+    Derivatives,
+    Kinked,
+    Measured,
+    Steps,
+    largest,
+    scale,
+    silently,
+)
 
-# A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
-# the second.
-_BALANCES, _BALANCED, _ROUNDED = 12, 1e-11, 1e-6
+# Residuals whose slope jumps by more of it are those of a kink, or noise of what is built.
+_ROUGH = 1e-3
 
-# What does not move at all still has digits of a displacement of this share of the model's size.
-_STILL = 1e-6
+# How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
+# them for the whole parameter, or, where there are none, of the model's size.
+_SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5), 1e-13, 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
@@ -62,6 +73,11 @@ class Moving:
     ----------
     solution
         The `isorod.statics.Equilibrium`; once more brought into balance, as far as digits go.
+
+    Attributes
+    ----------
+    assembler, x, acting
+        Its own, the state, and the forces in it on what supports hold (`Assembler.acting`).
     """
 
     def __init__(self, solution: Any) -> None:
@@ -72,89 +88,56 @@ class Moving:
         self.x = self.assembler.state(solution.displacement, solution.pressures, solution.solids)
         self._tangent = self.assembler.matrix()
         self.assembler.tangent(self.x, 1.0, self._tangent)
+        self._rest = self.assembler.vector()
         with defaults(room(self.comm)):
             self._ksp = direct(self._tangent, factorisation(self.assembler))
-            self.x.axpy(-1.0, self._solved(self._residual(self.assembler, self.x)))
+            self.assembler.residual(self.x, 1.0, self._rest)
+            self.x.axpy(-1.0, self._solved(self._rest))
+        self.acting = self.assembler.acting(self.x, 1.0, self._rest)
 
     def close(self) -> None:
         """Give back matrix and factors."""
         for one in (self._ksp, self._tangent):
             one.destroy()
 
-    @staticmethod
-    def _residual(assembler: Assembler, x: PETSc.Vec) -> PETSc.Vec:
-        out = assembler.vector()
-        assembler.residual(x, 1.0, out)
-        return out
-
     def _solved(self, force: PETSc.Vec) -> PETSc.Vec:
         found = force.duplicate()
         self._ksp.solve(force, found)
         return found
 
-    def states(self, models: Sequence[Model], steps: Sequence[float]) -> list[tuple[Assembler, PETSc.Vec]]:
-        """Return assemblers and states of models at steps, on the line along which it moves."""
-        several = [assembler_for(model, self.comm) for model in models]
-        rate = self.assembler.vector()
-        step = abs(steps[0])
-        share = weights([one / step for one in steps]) / step
-        rate.maxpy(share.tolist(), [self._residual(one, self.x) for one in several])
-        rate = self._solved(rate)
-        found = []
-        for assembler, one in zip(several, steps, strict=True):
-            state = self.x.copy()
-            state.axpy(-one, rate)
-            moved = abs(one) * rate.norm() + NEAR * self.x.norm() + _STILL * self.solution.model.size
-            self._balance(assembler, state, moved)
-            found.append((assembler, state))
-        return found
-
-    def _balance(self, assembler: Assembler, state: PETSc.Vec, size: float) -> None:
-        """Bring a state beside into balance, with the factors that there are, or where these do not suit with its own.
-
-        Parameters
-        ----------
-        size
-            How far it moved, to which changes are compared.
+    def rate(self, steps: Steps, models: Sequence[Model]) -> tuple[PETSc.Vec, list[tuple[Assembler, Array]]]:
+        """Return how fast it moves as models go on, and of each its assembler and what is acting where it is.
 
         Raises
         ------
-        SolveError
-            If it does not come into balance.
+        Kinked
+            If forces have no derivative.
         """
-        began = state.copy()
-        if self._stepped(assembler, state, size, lambda: self._ksp):
-            return
-        began.copy(state)
-        with ExitStack() as stack:
-            matrix = stack.enter_context(_destroyed(assembler.matrix()))
+        several, rows = [], []
+        for model in models:
+            assembler, row = assembler_for(model, self.comm), self.assembler.vector()
+            if _gap(assembler) > 2.0 * _gap(self.assembler):
+                raise Kinked("surfaces that are tied part, or overlap")
+            several.append((assembler, assembler.acting(self.x, 1.0, row)))
+            row.axpy(-1.0, self._rest)
+            rows.append(row)
+        force, jump = self.assembler.vector(), self.assembler.vector()
+        force.maxpy(steps.weights.tolist(), rows)
+        jump.maxpy(steps.jumps.tolist(), rows)
+        most = max(force.norm(), float(np.linalg.norm(self.acting)) / steps.size)
+        if not jump.norm() <= _ROUGH * most:
+            raise Kinked("its slope jumps")
+        rate = self._solved(force)
+        # What digits are lost by the factors, forces of slender rods lose twice.
+        left = force.duplicate()
+        self._tangent.mult(rate, left)
+        rate.axpy(-1.0, self._solved(left - force))
+        rate.scale(-1.0)
+        return rate, several
 
-            def own() -> PETSc.KSP:
-                assembler.tangent(state, 1.0, matrix)
-                with defaults(room(self.comm)):
-                    return stack.enter_context(_destroyed(direct(matrix, factorisation(assembler))))
-
-            if not self._stepped(assembler, state, size, own):
-                raise SolveError("they do not come into balance")
-
-    def _stepped(self, assembler: Assembler, state: PETSc.Vec, size: float, factors: Callable[[], PETSc.KSP]) -> bool:
-        """Take steps of Newton's method with some factors; return whether they came to an end."""
-        last = np.inf
-        for _ in range(_BALANCES):
-            change = state.duplicate()
-            factors().solve(self._residual(assembler, state), change)
-            state.axpy(-1.0, change)
-            off = change.norm()
-            if off <= _BALANCED * size:
-                return True
-            if off > 0.5 * last:
-                return bool(off <= _ROUNDED * size)
-            last = off
-        return False
-
-    def equilibrium(self, assembler: Assembler, x: PETSc.Vec) -> Any:
-        """Return what answers for a state."""
-        own = carried(assembler, x, 1.0)
+    def equilibrium(self, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
+        """Return what answers for a state, and for what is acting in it."""
+        own = carried(assembler, x, 1.0, acting)
         return replace(
             self.solution,
             model=assembler.model,
@@ -163,7 +146,7 @@ class Moving:
             moments=own.moments,
             work=own.work,
             pressures=assembler.pressures(x),
-            ties=at_load(assembler, x, 1.0),
+            ties=at_load(assembler, x, 1.0, acting),
             solids=assembler.solids(x, 1.0),
             path=(),
             in_more_steps=None,
@@ -196,32 +179,53 @@ def derivatives(
     """
     with closing(Moving(solution)) as moving:
         beside = Beside(make, at, solution.model)
-        own = moving.equilibrium(moving.assembler, moving.x)
-        gaps = dict[str, float]()
+
+        def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
+            return numbers(measure(moving.equilibrium(assembler, x, acting)))
+
         with silently():
-            values = numbers(measure(own))
+            values = measured(moving.assembler, moving.x, moving.acting)
 
-        def along(name: str, steps: Sequence[float]) -> list[Measured]:
-            several = [moving.equilibrium(*one) for one in moving.states(beside.models(name, steps), steps)]
-            gaps[name] = max(map(_gap, several))
-            return [numbers(measure(one)) for one in several]
+        def by(steps: Steps, models: Sequence[Model]) -> Measured:
+            rate, several = moving.rate(steps, models)
+            held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
+            moved = _along(moving, rate, steps.size, values, measured)
+            return {name: held[name] + moved[name] for name in values}
 
-        found = beside.derivatives(values, along)
-        none = {
-            name: "surfaces that are tied part, or overlap" if gaps.get(name, 0.0) > 2.0 * _gap(own) else why
-            for name, why in found.none.items()
-        }
-        return replace(found, none=none)
+        return beside.derivatives(values, by)
 
 
-def _gap(solution: Any) -> float:
+def _along(
+    moving: Moving,
+    rate: PETSc.Vec,
+    size: float,
+    values: Measured,
+    measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
+) -> Measured:
+    """Return the derivatives of what is measured of one model as it moves at a rate."""
+    norm, x = rate.norm(), moving.x
+    whole = x.norm() or _STILL * moving.solution.model.size
+    if norm * size < _UNMOVED * whole:
+        return {name: np.zeros_like(value) for name, value in values.items()}
+    change, why = moving.assembler.change(x, 1.0, rate), ""
+    for share in _SHARES:
+        steps = Steps((-2, -1, 1, 2), share * whole / norm, size)
+        several = [
+            measured(moving.assembler, x + one * rate, moving.acting + one * change) for one in steps.steps
+        ]
+        try:
+            found = steps.slopes(several, values)
+        except Kinked as problem:
+            why = str(problem)
+            continue
+        coarse = {name: (several[2][name] - several[1][name]) / (2.0 * steps.step) for name in values}
+        off = [largest(coarse[one] - found[one]) / scale(found[one], value, size) for one, value in values.items()]
+        if max(off, default=0.0) <= APART:
+            return found
+        why = "what is measured does not change evenly as it moves"
+    raise Kinked(why)
+
+
+def _gap(assembler: Assembler) -> float:
     """Return how far the surfaces of ties are apart at rest."""
-    return max((one.gap for one in solution.ties), default=0.0)
-
-
-@contextmanager
-def _destroyed(one: Any) -> Iterator[Any]:
-    try:
-        yield one
-    finally:
-        one.destroy()
+    return max((one.gap for one in assembler.coupling.constraints.ties), default=0.0) if assembler.coupling else 0.0
