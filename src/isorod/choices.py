@@ -19,6 +19,8 @@ class Choices:
     def __init__(self) -> None:
         self.made: list[Any] = []
         self.next: int | None = None
+        # What was built, by what it was built of, and the choices within.
+        self.built: dict[Any, tuple[Any, int]] = {}
 
 
 _current: Choices | None = None
@@ -63,6 +65,23 @@ def chosen(choose: Callable[[], T]) -> T:
     choices.next += 1
     known: T = choices.made[choices.next - 1]
     return known
+
+
+def same(of: Any, build: Callable[[], T]) -> T:
+    """Return what is built of something hashable, and nothing else: where choices are repeated, what there is of it."""
+    choices = _current
+    if choices is None:
+        return build()
+    if choices.next is None:
+        before = len(choices.made)
+        found = build()
+        choices.built[of] = found, len(choices.made) - before
+        return found
+    if of not in choices.built:
+        return build()
+    known, count = choices.built[of]
+    choices.next += count
+    return known  # type: ignore[no-any-return]
 
 
 @contextmanager
