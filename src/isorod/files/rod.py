@@ -179,7 +179,8 @@ class RodPlan:
             with self.place.locating():
                 rod: Rod = self._sweep.make(self=line, section=outline)
                 rod = rod if self._motion is None else self._motion(rod)
-                rod.check()
+                if not choices.near():
+                    rod.check()
         for one in said:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)

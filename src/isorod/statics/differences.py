@@ -20,13 +20,15 @@ Measured = dict[str, Array]
 
 # Models beside are what a derivative costs: two at this share of the parameter do.  At one displacement forces are
 # rounded alike, and less than 1e-9 of a derivative is lost.
-NEAR = 2e-6
+NEAR = 1e-6
 
-# Where rounding is not alike, as of what is fitted, and for matrices, four are further off, of fourth order.
-WIDE = 1e-3
+# Four are of fourth order: for modes, which ask for more digits; and further off where rounding is not alike, as of
+# what is fitted, and of matrices.
+BY, WIDE = 1e-4, 1e-3
 
 # On both sides; or on one, where the number may not be larger, or smaller.
-_PLACES = {NEAR: ((-1, 1), (-1, -2), (1, 2)), WIDE: ((-2, -1, 1, 2), (-1, -2, -3, -4), (1, 2, 3, 4))}
+_TWO, _FOUR = ((-1, 1), (-1, -2), (1, 2)), ((-2, -1, 1, 2), (-1, -2, -3, -4), (1, 2, 3, 4))
+_PLACES = {NEAR: _TWO, BY: _FOUR, WIDE: _FOUR}
 
 # A slope that jumps by more than this share of it is none.
 APART = 1e-2
@@ -170,7 +172,7 @@ class Beside:
         raise Kinked(why)
 
     def _model(self, name: str, step: float) -> Model:
-        with silently(), choices.repeated(self._choices):
+        with silently(), choices.repeated(self._choices, near=True):
             model = self._make(self.at | {name: self.at[name] + step})
         self._refuse(model, name)
         return model
