@@ -58,10 +58,14 @@ class Loaded(Parts):
         It is this one's, or the same with other loads, of which none follows; ``x`` is a state at some load factor.
         """
         if model is not self.model:
-            self._store(self._once(model.external), out)
+            self.spread(model.external, out)
             return
         self._reach(1.0)
         self._store(self._loads(self._state(x, factor)), out)
+
+    def spread(self, forces: Array, out: PETSc.Vec) -> None:
+        """Fill ``out`` with the forces on the unknowns of those on all degrees of freedom, the same on all ranks."""
+        self._store(self._once(forces), out)
 
     @cached_property
     def _external(self) -> Array:

@@ -44,6 +44,8 @@ def derivatives(
     """
     model = solution.model
     refuse(model)
+    if model.contacts:
+        raise InputError("derivatives: of modes with contact they are not told; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):
         raise InputError("derivatives: of modes with a spin, or of the mixed formulation, they are not told")
     first = solution.rigid
@@ -59,8 +61,8 @@ def derivatives(
             if moving is None:
                 several = [assembler_for(one, comm) for one in models]
                 return [(one, one.vector()) for one in several]
-            rate, known = moving.rate(steps, models)
-            return [(one, moving.x + step * rate) for (one, _), step in zip(known, steps.steps, strict=True)]
+            motion, known = moving.motion(steps, models)
+            return [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
 
         factor = 0.0 if moving is None else 1.0
         own = assembler_for(model, comm)

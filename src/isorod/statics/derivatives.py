@@ -9,7 +9,7 @@ along ``du/dp`` in the model itself.  Forces of supports go with the rows of the
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -36,6 +36,10 @@ from isorod.statics.differences import (
     silently,
 )
 
+if TYPE_CHECKING:
+    from isorod.contact.packed import Settled
+    from isorod.contact.settled import Tight
+
 # Residuals whose slope jumps by more of it are those of a kink, or noise of what is built.
 _ROUGH = 1e-3
 
@@ -58,12 +62,20 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 def refuse(model: Model) -> None:
     """Raise `InputError` for what one back-substitution does not tell."""
-    if model.contacts:
-        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
+    if any(one.friction for one in model.contacts):
+        raise InputError("derivatives: not told with friction, which depends on the path; isorod sweep varies the number")
     if model.remembers or model.times is not None:
         raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
     if model.solids:
         raise InputError("derivatives: not told with finite element bodies")
+
+
+class Motion(NamedTuple):
+    """How an equilibrium moves by a parameter: unknowns, forces on supports as of `Assembler.acting`, multipliers."""
+
+    rate: PETSc.Vec
+    change: Array
+    pressures: Array
 
 
 class Moving:
@@ -86,6 +98,10 @@ class Moving:
         self.solution = solution
         self.assembler = assembler_for(solution.model, self.comm)
         self.x = self.assembler.state(solution.displacement, solution.pressures, solution.solids)
+        self._left: Settled | None = None
+        self._tight: Tight | None = None
+        if solution.model.contacts:
+            self._settle(solution.settled)
         self._tangent = self.assembler.matrix()
         self.assembler.tangent(self.x, 1.0, self._tangent)
         self._rest = self.assembler.vector()
@@ -94,6 +110,21 @@ class Moving:
             self.assembler.residual(self.x, 1.0, self._rest)
             self.x.axpy(-1.0, self._solved(self._rest))
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
+        self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
+
+    def _settle(self, left: "Settled | None") -> None:
+        """Let contact be as the solution left it, and cells keep their mean gaps where multipliers have closed them."""
+        from isorod.contact.settled import Tight, relative, restore
+
+        if left is None:
+            raise InputError("derivatives: how contact was settled is not known; solve the model anew")
+        contact = self.assembler.contact
+        self._left = relative(contact, left)
+        restore(contact, left._replace(penalties=np.ones_like(left.penalties), multipliers=self._left.multipliers))
+        moved = self.assembler.touching(self.x, 1.0)
+        if left.multipliers.any():
+            self._tight = Tight(contact, contact.results(moved), moved, self.comm)
+            self.assembler.contact = self._tight  # type: ignore[assignment]
 
     def close(self) -> None:
         """Give back matrix and factors."""
@@ -105,20 +136,26 @@ class Moving:
         self._ksp.solve(force, found)
         return found
 
-    def rate(self, steps: Steps, models: Sequence[Model]) -> tuple[PETSc.Vec, list[tuple[Assembler, Array]]]:
-        """Return how fast it moves as models go on, and of each its assembler and what is acting where it is.
+    def motion(self, steps: Steps, models: Sequence[Model]) -> tuple["Motion", list[tuple[Assembler, Array]]]:
+        """Return how it moves as models go on, and of each its assembler and what is acting where it is.
 
         Raises
         ------
         Kinked
             If forces have no derivative.
         """
-        several, rows = [], []
+        several, rows, gaps = [], [], []
+        if self._left is not None:
+            from isorod.contact.settled import restore
         for model in models:
             assembler, row = assembler_for(model, self.comm), self.assembler.vector()
             if _gap(assembler) > 2.0 * _gap(self.assembler):
                 raise Kinked("surfaces that are tied part, or overlap")
+            if self._left is not None:
+                restore(assembler.contact, self._left)
             several.append((assembler, assembler.acting(self.x, 1.0, row)))
+            if self._tight is not None:
+                gaps.append(self._tight.gaps(assembler.contact))
             row.axpy(-1.0, self._rest)
             rows.append(row)
         force, jump = self.assembler.vector(), self.assembler.vector()
@@ -127,17 +164,39 @@ class Moving:
         most = max(force.norm(), float(np.linalg.norm(self.acting)) / steps.size)
         if not jump.norm() <= _ROUGH * most:
             raise Kinked("its slope jumps")
+        grown = steps.weights @ (np.array(gaps) - self._gaps) if self._tight is not None else self._gaps
+        if self._tight is not None:
+            self.assembler.spread(self._tight.held(grown), jump)
+            force.axpy(1.0, jump)
         rate = self._solved(force)
         # What digits are lost by the factors, forces of slender rods lose twice.
         left = force.duplicate()
         self._tangent.mult(rate, left)
         rate.axpy(-1.0, self._solved(left - force))
         rate.scale(-1.0)
-        return rate, several
+        return Motion(rate, *self._changes(rate, grown)), several
+
+    def _changes(self, rate: PETSc.Vec, grown: Array) -> tuple[Array, Array]:
+        """Return how fast `acting` and multipliers of contact change, where gaps grow by themselves."""
+        found, contact = self.assembler.change(self.x, 1.0, rate), self.assembler.contact
+        if contact is None:
+            return found, self._gaps
+        move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
+        forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
+        if self._tight is not None:
+            forces += self._tight.held(grown)
+            pressures = self._tight.pressures(grown, move)
+        return found + (forces if self.assembler.coupling else forces[self.assembler.model.bound]), pressures
+
+    def ahead(self, step: float, motion: "Motion") -> tuple[PETSc.Vec, Array]:
+        """Let multipliers go a step on, or back, and return the state there, and what is acting in it."""
+        if self.assembler.contact is not None:
+            self.assembler.contact.packed.multipliers[:] += step * motion.pressures
+        return self.x + step * motion.rate, self.acting + step * motion.change
 
     def equilibrium(self, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
         """Return what answers for a state, and for what is acting in it."""
-        own = carried(assembler, x, 1.0, acting)
+        own, contact = carried(assembler, x, 1.0, acting), assembler.contact
         return replace(
             self.solution,
             model=assembler.model,
@@ -147,6 +206,7 @@ class Moving:
             work=own.work,
             pressures=assembler.pressures(x),
             ties=at_load(assembler, x, 1.0, acting),
+            contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
             solids=assembler.solids(x, 1.0),
             path=(),
             in_more_steps=None,
@@ -187,9 +247,9 @@ def derivatives(
             values = measured(moving.assembler, moving.x, moving.acting)
 
         def by(steps: Steps, models: Sequence[Model]) -> Measured:
-            rate, several = moving.rate(steps, models)
+            motion, several = moving.motion(steps, models)
             held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
-            moved = _along(moving, rate, steps.size, values, measured)
+            moved = _along(moving, motion, steps.size, values, measured)
             return {name: held[name] + moved[name] for name in values}
 
         return beside.derivatives(values, by)
@@ -197,22 +257,22 @@ def derivatives(
 
 def _along(
     moving: Moving,
-    rate: PETSc.Vec,
+    motion: "Motion",
     size: float,
     values: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> Measured:
     """Return the derivatives of what is measured of one model as it moves at a rate."""
-    norm, x = rate.norm(), moving.x
-    whole = x.norm() or _STILL * moving.solution.model.size
+    norm = motion.rate.norm()
+    whole = moving.x.norm() or _STILL * moving.solution.model.size
     if norm * size < _UNMOVED * whole:
         return {name: np.zeros_like(value) for name, value in values.items()}
-    change, why = moving.assembler.change(x, 1.0, rate), ""
+    why = ""
     for share in _SHARES:
-        steps = Steps((-2, -1, 1, 2), share * whole / norm, size)
-        several = [
-            measured(moving.assembler, x + one * rate, moving.acting + one * change) for one in steps.steps
-        ]
+        steps, several = Steps((-2, -1, 1, 2), share * whole / norm, size), []
+        for one in steps.steps:
+            several.append(measured(moving.assembler, *moving.ahead(one, motion)))
+            moving.ahead(-one, motion)
         try:
             found = steps.slopes(several, values)
         except Kinked as problem:
