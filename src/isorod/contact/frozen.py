@@ -32,7 +32,7 @@ _NONE = 1e-12
 _STEP = 1e-4
 
 # Stiffness against what all points of a cell do together, in penalties.
-TIGHT = 1e4
+_TIGHT = 1e4
 
 
 class _Case(NamedTuple):
@@ -167,7 +167,7 @@ class Frozen:
             gaps, means = one.gaps @ motions.T, _means(one)
             within += one.springs @ gaps**2
             # Mean forces are what the tight springs bear.
-            besides += np.sum((TIGHT * (means @ motions.T)) ** 2, axis=0)
+            besides += np.sum((_TIGHT * (means @ motions.T)) ** 2, axis=0)
         return within, besides
 
     def work(self, displacement: Array) -> Array:
@@ -228,7 +228,7 @@ def _means(one: _Points) -> csr_matrix:
 def _tight(one: _Points) -> csr_matrix:
     """Return the stiffness against mean gaps of cells."""
     means = _means(one)
-    return csr_matrix(TIGHT * (means.T @ means))
+    return csr_matrix(_TIGHT * (means.T @ means))
 
 
 def _bent(case: _Case, one: ContactResult, displacement: Array, sliding: csr_matrix, loads: Array) -> csr_matrix:

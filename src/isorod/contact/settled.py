@@ -8,20 +8,32 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.contact.defaults import smallest_radius
-from isorod.contact.frozen import TIGHT, Frozen
+from isorod.contact.frozen import Frozen
 from isorod.contact.packed import Settled
 from isorod.contact.result import ContactResult, of_contacts
 
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
 
+# How much deeper than the surface, in the smallest radius, what is not pressed would have to go to be.
+_AWAY = 1e-2
 
-def relative(contact: "ContactOperator", left: Settled) -> Settled:
-    """Return it in the units of a model's contact, which is as it begins: penalties, and pressures of these."""
+# Points of less than this share of the largest pressure leave contact by next to nothing.
+_RIM = 2e-3
+
+
+def relative(contact: "ContactOperator", left: Settled, results: Sequence[ContactResult]) -> Settled:
+    """Return it in the units of a model's contact, which is as it begins: penalties, and pressures of these.
+
+    What is not pressed in the outcome comes into contact nowhere near; what hardly is, is not.
+    """
     contact.look(left.points)
     begun = contact.packed.passes["penalty"].copy()
     contact.packed.passes["penalty"][:] = left.penalties
-    return Settled(left.points, left.multipliers / _pressures(contact), left.penalties / begun)
+    pressed = np.concatenate([one.pressure > _RIM * one.peak for one in results])
+    multipliers = np.where(pressed, left.multipliers / _pressures(contact), -_AWAY)
+    contact.packed.passes["penalty"][:] = begun
+    return Settled(left.points, multipliers, left.penalties / begun)
 
 
 def restore(contact: "ContactOperator", left: Settled) -> None:
@@ -48,24 +60,31 @@ class Tight:
         The operator, its outcome, and the displacement ``(dofs,)`` that this is of.
     comm
         The ranks.
+    times
+        By how many penalties.
     """
 
     def __init__(
-        self, contact: "ContactOperator", results: Sequence[ContactResult], displacement: Array, comm: PETSc.Comm
+        self,
+        contact: "ContactOperator",
+        results: Sequence[ContactResult],
+        displacement: Array,
+        comm: PETSc.Comm,
+        times: float,
     ) -> None:
         self._contact, model = contact, contact.model
         # Contacts that nobody tightens give way by their penalty.
         multipliers, parts = contact.packed.multipliers, [one[2] for one in of_contacts(model, contact.packed)]
-        which = [k for k, points in enumerate(parts) if multipliers[points].any()]
+        which = [k for k, points in enumerate(parts) if (multipliers[points] > 0.0).any()]
         frozen = Frozen(
             model, [model.contacts[k] for k in which], [results[k] for k in which], displacement, comm, tight=True
         )
-        self._means, self._cells = frozen.means, frozen.cells
+        self._means, self._cells, self._times = frozen.means, frozen.cells, times
         pressed = np.zeros(contact.packed.areas.size, dtype=bool)
         for k in which:
             pressed[parts[k]] = results[k].pressure > 0.0
         self._pressed = np.flatnonzero(pressed)
-        entries = (TIGHT * (self._means.T @ self._means)).tocoo()
+        entries = (times * (self._means.T @ self._means)).tocoo()
         mine = np.arange(entries.nnz) % comm.getSize() == comm.getRank()
         self._entries = entries.row.astype(np.int64), entries.col.astype(np.int64), np.where(mine, entries.data, 0.0)
 
@@ -82,7 +101,7 @@ class Tight:
 
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""
-        return np.asarray(self._contact.product(move) + TIGHT * (self._means.T @ (self._means @ move)))
+        return np.asarray(self._contact.product(move) + self._times * (self._means.T @ (self._means @ move)))
 
     def gaps(self, contact: "ContactOperator") -> Array:
         """Return the gaps, as the last forces left them, of the points that are held, in its smallest radii."""
@@ -93,13 +112,13 @@ class Tight:
 
     def held(self, gaps: Array) -> Array:
         """Return the forces ``(dofs,)``, internal ones, by which cells resist gaps of `gaps`."""
-        return np.asarray(TIGHT * (self._means.T @ (self._cells @ self._of_lengths(gaps))))
+        return np.asarray(self._times * (self._means.T @ (self._cells @ self._of_lengths(gaps))))
 
     def pressures(self, gaps: Array, move: Array) -> Array:
         """Return the multipliers ``(Q,)`` that come of the same, and of a motion ``(dofs,)``."""
         mean = self._means @ move + self._cells @ self._of_lengths(gaps)
         found = np.zeros(self._contact.packed.areas.size)
-        found[self._pressed] = -TIGHT * (self._cells.T @ mean) / self._contact.packed.areas[self._pressed]
+        found[self._pressed] = -self._times * (self._cells.T @ mean) / self._contact.packed.areas[self._pressed]
         return found
 
     def _of_lengths(self, gaps: Array) -> Array:

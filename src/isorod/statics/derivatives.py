@@ -6,8 +6,9 @@ models beside (`isorod.statics.differences`); and ``dm/dp`` is that of what is m
 along ``du/dp`` in the model itself.  Forces of supports go with the rows of the tangent there, exactly.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +27,8 @@ from isorod.options import defaults
 from isorod.petsc.direct import direct, room
 from isorod.statics.differences import (
     APART,
+    NEAR,
+    WIDE,
     Beside,
     Derivatives,
     Kinked,
@@ -40,12 +43,17 @@ if TYPE_CHECKING:
     from isorod.contact.packed import Settled
     from isorod.contact.settled import Tight
 
-# Residuals whose slope jumps by more of it are those of a kink, or noise of what is built.
-_ROUGH = 1e-3
+# Residuals whose slope jumps by more of it are those of a kink, or noise of what is built; a point of contact that
+# leaves is none.
+_ROUGH, _LEAVES = 1e-3, 1e-2
+
+# How stiffly cells of contact keep their mean gaps, in penalties: as updates of multipliers leave them, and altogether.
+# More than this share of a derivative between both is warned of.
+HELD, _UNSURE = (10.0, 1e4), 5e-3
 
 # How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
 # them for the whole parameter, or, where there are none, of the model's size.
-_SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5), 1e-13, 1e-6
+_SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5, 1e-6), 1e-13, 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
@@ -85,6 +93,8 @@ class Moving:
     ----------
     solution
         The `isorod.statics.Equilibrium`; once more brought into balance, as far as digits go.
+    times
+        How stiffly cells of contact keep their mean gaps, in penalties.
 
     Attributes
     ----------
@@ -92,7 +102,7 @@ class Moving:
         Its own, the state, and the forces in it on what supports hold (`Assembler.acting`).
     """
 
-    def __init__(self, solution: Any) -> None:
+    def __init__(self, solution: Any, times: float = HELD[0]) -> None:
         refuse(solution.model)
         self.comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
         self.solution = solution
@@ -101,7 +111,7 @@ class Moving:
         self._left: Settled | None = None
         self._tight: Tight | None = None
         if solution.model.contacts:
-            self._settle(solution.settled)
+            self._settle(solution, times)
         self._tangent = self.assembler.matrix()
         self.assembler.tangent(self.x, 1.0, self._tangent)
         self._rest = self.assembler.vector()
@@ -112,19 +122,24 @@ class Moving:
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
 
-    def _settle(self, left: "Settled | None") -> None:
-        """Let contact be as the solution left it, and cells keep their mean gaps where multipliers have closed them."""
+    def _settle(self, solution: Any, times: float) -> None:
+        """Let contact be as the solution left it; cells whose gaps multipliers have closed keep these."""
         from isorod.contact.settled import Tight, relative, restore
 
-        if left is None:
+        contact, left = self.assembler.contact, solution.settled
+        if left is None or contact is None:
             raise InputError("derivatives: how contact was settled is not known; solve the model anew")
-        contact = self.assembler.contact
-        self._left = relative(contact, left)
-        restore(contact, left._replace(penalties=np.ones_like(left.penalties), multipliers=self._left.multipliers))
+        self._left = relative(contact, left, solution.contacts)
+        restore(contact, self._left)
         moved = self.assembler.touching(self.x, 1.0)
         if left.multipliers.any():
-            self._tight = Tight(contact, contact.results(moved), moved, self.comm)
+            self._tight = Tight(contact, contact.results(moved), moved, self.comm, times)
             self.assembler.contact = self._tight  # type: ignore[assignment]
+
+    @property
+    def tight(self) -> bool:
+        """Whether cells of contact keep their mean gaps."""
+        return self._tight is not None
 
     def close(self) -> None:
         """Give back matrix and factors."""
@@ -162,7 +177,7 @@ class Moving:
         force.maxpy(steps.weights.tolist(), rows)
         jump.maxpy(steps.jumps.tolist(), rows)
         most = max(force.norm(), float(np.linalg.norm(self.acting)) / steps.size)
-        if not jump.norm() <= _ROUGH * most:
+        if not jump.norm() <= (_ROUGH if self._left is None else _LEAVES) * most:
             raise Kinked("its slope jumps")
         grown = steps.weights @ (np.array(gaps) - self._gaps) if self._tight is not None else self._gaps
         if self._tight is not None:
@@ -237,8 +252,12 @@ def derivatives(
     InputError
         If the model has contact, a memory, times or finite element bodies, or a parameter is zero.
     """
-    with closing(Moving(solution)) as moving:
-        beside = Beside(make, at, solution.model)
+    with ExitStack() as stack:
+        several = [stack.enter_context(closing(Moving(solution)))]
+        if several[0].tight:
+            several.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
+        beside, (moving, *_) = Beside(make, at, solution.model), several
+        unsure = 0.0, ""
 
         def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
             return numbers(measure(moving.equilibrium(assembler, x, acting)))
@@ -247,12 +266,37 @@ def derivatives(
             values = measured(moving.assembler, moving.x, moving.acting)
 
         def by(steps: Steps, models: Sequence[Model]) -> Measured:
-            motion, several = moving.motion(steps, models)
-            held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
-            moved = _along(moving, motion, steps.size, values, measured)
-            return {name: held[name] + moved[name] for name in values}
+            nonlocal unsure
+            found, *others = (_of(one, steps, models, values, measured) for one in several)
+            for name, other in ((name, one[name]) for one in others for name in values):
+                whole = max(largest(found[name]), largest(values[name]) / steps.size) or 1.0
+                off = largest(other - found[name]) / whole
+                unsure = max(unsure, (off, name))
+            return found
 
-        return beside.derivatives(values, by)
+        # Further off other points touch.
+        found = beside.derivatives(values, by, [NEAR] if solution.model.contacts else [NEAR, WIDE])
+    if unsure[0] > _UNSURE:
+        warnings.warn(
+            f"derivatives of {unsure[1]} are known to {100.0 * unsure[0]:.2g} %: where a patch of contact rolls or tips, "
+            "points of its rim hold more or less; a finer space sees better",
+            stacklevel=3,
+        )
+    return found
+
+
+def _of(
+    moving: Moving,
+    steps: Steps,
+    models: Sequence[Model],
+    values: Measured,
+    measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
+) -> Measured:
+    """Return the derivatives of what is measured."""
+    motion, several = moving.motion(steps, models)
+    held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
+    moved = _along(moving, motion, steps.size, values, held, measured)
+    return {name: held[name] + moved[name] for name in values}
 
 
 def _along(
@@ -260,9 +304,10 @@ def _along(
     motion: "Motion",
     size: float,
     values: Measured,
+    held: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> Measured:
-    """Return the derivatives of what is measured of one model as it moves at a rate."""
+    """Return the derivatives of what is measured of one model as it moves, beside those where it is ``held``."""
     norm = motion.rate.norm()
     whole = moving.x.norm() or _STILL * moving.solution.model.size
     if norm * size < _UNMOVED * whole:
@@ -274,12 +319,15 @@ def _along(
             several.append(measured(moving.assembler, *moving.ahead(one, motion)))
             moving.ahead(-one, motion)
         try:
-            found = steps.slopes(several, values)
+            found = steps.slopes(several, values, held)
         except Kinked as problem:
             why = str(problem)
             continue
         coarse = {name: (several[2][name] - several[1][name]) / (2.0 * steps.step) for name in values}
-        off = [largest(coarse[one] - found[one]) / scale(found[one], value, size) for one, value in values.items()]
+        off = [
+            largest(coarse[one] - found[one]) / scale(found[one] + held[one], value, size)
+            for one, value in values.items()
+        ]
         if max(off, default=0.0) <= APART:
             return found
         why = "what is measured does not change evenly as it moves"

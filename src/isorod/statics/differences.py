@@ -116,14 +116,21 @@ class Steps:
             return np.array([-1.0, 4.0, 4.0, -1.0]) / (2.0 * self.step)
         return self._weights(2) / self.step if len(self.offsets) == 2 else np.zeros(len(self.offsets))
 
-    def slopes(self, several: Sequence[Measured], values: Measured) -> Measured:
-        """Return the derivatives of what is measured; raises `Kinked` where a slope jumps."""
+    def slopes(self, several: Sequence[Measured], values: Measured, others: Measured | None = None) -> Measured:
+        """Return the derivatives of what is measured.
+
+        Raises
+        ------
+        Kinked
+            Where a slope jumps by more than a share of all that there is, that of ``others`` too.
+        """
         found = {}
         for name, value in values.items():
             rows = np.array([one[name] for one in several]) - value
             found[name] = np.einsum("i,i...->...", self.weights, rows)
             jump = largest(np.einsum("i,i...->...", self.jumps, rows))
-            if not jump <= APART * scale(found[name], value, self.size):
+            whole = found[name] if others is None else found[name] + others[name]
+            if not jump <= APART * scale(whole, value, self.size):
                 raise Kinked(f"the slope of {name} jumps, as where the largest of several changes its place")
         return found
 
@@ -182,7 +189,7 @@ class Beside:
             raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
 
     def derivatives(
-        self, values: Measured, by: Callable[[Steps, Sequence[Model]], Measured], shares: Sequence[float] = (NEAR, WIDE)
+        self, values: Measured, by: Callable[[Steps, Sequence[Model]], Measured], shares: Sequence[float]
     ) -> Derivatives:
         """Return derivatives by all parameters.
 
