@@ -61,9 +61,7 @@ class TieResult:
         return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
 
 
-def at_load(
-    assembler: "Assembler", x: "PETSc.Vec", factor: float, acting: Array | None = None
-) -> list[TieResult]:
+def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float, acting: Array | None = None) -> list[TieResult]:
     """Return what each tie carries in an equilibrium, on every rank; ``acting`` may be known."""
     if assembler.coupling is None:
         return []

@@ -71,7 +71,7 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 def refuse(model: Model) -> None:
     """Raise `InputError` for what one back-substitution does not tell."""
     if any(one.friction for one in model.contacts):
-        raise InputError("derivatives: not told with friction, which depends on the path; isorod sweep varies the number")
+        raise InputError("derivatives: not told with friction, which depends on the path; isorod sweep varies it")
     if model.remembers or model.times is not None:
         raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
     if model.solids:
@@ -278,8 +278,8 @@ def derivatives(
         found = beside.derivatives(values, by, [NEAR] if solution.model.contacts else [NEAR, WIDE])
     if unsure[0] > _UNSURE:
         warnings.warn(
-            f"derivatives of {unsure[1]} are known to {100.0 * unsure[0]:.2g} %: where a patch of contact rolls or tips, "
-            "points of its rim hold more or less; a finer space sees better",
+            f"derivatives of {unsure[1]} are known to {100.0 * unsure[0]:.2g} %: where a patch of contact rolls or "
+            "tips, points of its rim hold more or less; a finer space sees better",
             stacklevel=3,
         )
     return found
