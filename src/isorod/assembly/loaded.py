@@ -93,7 +93,7 @@ class Loaded(Parts):
             slots = part.slots_of(which)
             np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
 
-    def change(self, x: PETSc.Vec, factor: float, rate: PETSc.Vec) -> Array:
+    def acting_along(self, x: PETSc.Vec, factor: float, rate: PETSc.Vec) -> Array:
         """Return how `acting` changes when the unknowns move by a rate, exactly; without contact and solids."""
         with self._timed():
             local, coupling = self._state(x, factor), self.coupling

@@ -166,11 +166,12 @@ class Moving:
             assembler, row = assembler_for(model, self.comm), self.assembler.vector()
             if _gap(assembler) > 2.0 * _gap(self.assembler):
                 raise Kinked("surfaces that are tied part, or overlap")
-            if self._left is not None:
-                restore(assembler.contact, self._left)
+            contact = assembler.contact
+            if self._left is not None and contact is not None:
+                restore(contact, self._left)
             several.append((assembler, assembler.acting(self.x, 1.0, row)))
-            if self._tight is not None:
-                gaps.append(self._tight.gaps(assembler.contact))
+            if self._tight is not None and contact is not None:
+                gaps.append(self._tight.gaps(contact))
             row.axpy(-1.0, self._rest)
             rows.append(row)
         force, jump = self.assembler.vector(), self.assembler.vector()
@@ -193,7 +194,7 @@ class Moving:
 
     def _changes(self, rate: PETSc.Vec, grown: Array) -> tuple[Array, Array]:
         """Return how fast `acting` and multipliers of contact change, where gaps grow by themselves."""
-        found, contact = self.assembler.change(self.x, 1.0, rate), self.assembler.contact
+        found, contact = self.assembler.acting_along(self.x, 1.0, rate), self.assembler.contact
         if contact is None:
             return found, self._gaps
         move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
