@@ -343,3 +343,20 @@ def test_a_muscle_at_the_end_of_its_range_has_one_sided_derivatives(tmp_path):
     }
     assert own["activation"] == pytest.approx(own["sigma_max"], rel=1e-8)
     assert own["E"] + own["sigma_max"] + own["m1"] == pytest.approx(1.0, abs=1e-9)
+
+
+def contact_on_two(path):
+    scene = files.find(path)
+    both, alone = (
+        derivatives.of(scene, statics.solve(scene.model(), comm=comm), {RADIUS: 5.0})
+        for comm in (PETSc.COMM_WORLD, PETSc.COMM_SELF)
+    )
+    for measured in ("push", "widening"):
+        one, other = (logarithmic(each, measured, RADIUS) for each in (both, alone))
+        assert one == pytest.approx(other, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_ranks_find_the_same_with_contact(on_ranks, tmp_path):
+    (tmp_path / "ring.toml").write_text(RING)
+    on_ranks(2, f"test_rates.contact_on_two({str(tmp_path / 'ring.toml')!r})")
