@@ -19,6 +19,10 @@ class Choices:
     def __init__(self) -> None:
         self.made: list[Any] = []
         self.next: int | None = None
+        # Whether they are repeated so near to what they were made for that what was in order is.
+        self.near = False
+        # What was built, by what it was built of, and the choices within.
+        self.built: dict[Any, tuple[Any, int]] = {}
 
 
 _current: Choices | None = None
@@ -33,19 +37,24 @@ def kept() -> Iterator[Choices]:
 
 
 @contextmanager
-def repeated(choices: Choices) -> Iterator[None]:
-    """Let what is built within have these choices.
+def repeated(choices: Choices, near: bool = False) -> Iterator[None]:
+    """Let what is built within have these choices; where it is near to what they were made for, a rod does not fold.
 
     Raises
     ------
     InputError
         If it makes more of them, or fewer: it is another model.
     """
-    choices.next = 0
+    choices.next, choices.near = 0, near
     with _as_current(choices):
         yield
     if choices.next != len(choices.made):
         raise InputError("the discretisation changes with the parameter")
+
+
+def near() -> bool:
+    """Whether what is built is near to what was looked at."""
+    return _current is not None and _current.near
 
 
 def chosen(choose: Callable[[], T]) -> T:
@@ -63,6 +72,23 @@ def chosen(choose: Callable[[], T]) -> T:
     choices.next += 1
     known: T = choices.made[choices.next - 1]
     return known
+
+
+def same(of: Any, build: Callable[[], T]) -> T:
+    """Return what is built of something hashable, and nothing else: where choices are repeated, what there is of it."""
+    choices = _current
+    if choices is None:
+        return build()
+    if choices.next is None:
+        before = len(choices.made)
+        found = build()
+        choices.built[of] = found, len(choices.made) - before
+        return found
+    if of not in choices.built:
+        return build()
+    known, count = choices.built[of]
+    choices.next += count
+    return known  # type: ignore[no-any-return]
 
 
 @contextmanager

@@ -183,10 +183,26 @@ class Assembler(Loaded):
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the forces of the supports on the model, one a degree of freedom in `Model.bound`, on every rank."""
+        return self.on_supports(self.acting(x, factor))
+
+    def on_supports(self, acting: Array) -> Array:
+        """Return of `acting` what supports exert, those on slaves of ties passed on to what holds the masters."""
+        return acting if self.coupling is None else self.coupling.passed_on(acting)[self.model.bound]
+
+    def acting(self, x: PETSc.Vec, factor: float, out: PETSc.Vec | None = None) -> Array:
+        """Return the internal less the external forces on `Model.bound`, with ties those on all, on every rank.
+
+        ``out`` is filled with those on the unknowns.
+        """
         if self.coupling is not None:
-            return self.coupling.passed_on(self.system_forces(x, factor))[self.model.bound]
+            if out is not None:
+                self.residual(x, factor, out)
+            return self.system_forces(x, factor)
         with self._timed():
-            return self._bound(self._forces(self._state(x, factor), factor))
+            forces = self._forces(self._state(x, factor), factor)
+            if out is not None:
+                self._store(forces, out)
+            return self._bound(forces)
 
     def system_forces(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the internal less the external forces on all degrees of freedom, solids' too, on every rank."""
@@ -327,13 +343,7 @@ class Assembler(Loaded):
         """Add a part's to `load_forces`: supports ``move`` its nodes."""
         part = self.parts[k]
         # Those at supports alone.
-        which = part.elements_of(np.flatnonzero(move))
-        if which.size:
-            matrices = part.matrices(local, factor, which)
-            if self.model.spin is not None or self._pressing:
-                matrices += self._load_stiffness(k, local, factor, which)
-            slots = part.slots_of(which)
-            np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
+        self._add_product(k, local, factor, move, part.elements_of(np.flatnonzero(move)), total)
         if self.model.spin is not None:
             grown = self.model.share(self.model.spin.history, factor, step)
             part.add(-grown * part.centrifugal(local, self.model.spin), total)

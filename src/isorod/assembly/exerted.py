@@ -29,10 +29,9 @@ def carried(constraints: Constraints, forces: Array, displacement: Array) -> dic
     return found
 
 
-def in_equilibrium(assembler: Assembler, x: PETSc.Vec, factor: float) -> dict[int, Array]:
-    """Return what `carried` does of an equilibrium."""
+def in_equilibrium(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array) -> dict[int, Array]:
+    """Return what `carried` does of an equilibrium and what is `acting` in it."""
     if not assembler.model.means:
         return {}
     assert assembler.coupling is not None
-    everywhere = assembler.system_forces(x, factor), assembler.system_displacement(x, factor)
-    return carried(assembler.coupling.constraints, *everywhere)
+    return carried(assembler.coupling.constraints, acting, assembler.system_displacement(x, factor))

@@ -58,10 +58,14 @@ class Loaded(Parts):
         It is this one's, or the same with other loads, of which none follows; ``x`` is a state at some load factor.
         """
         if model is not self.model:
-            self._store(self._once(model.external), out)
+            self.spread(model.external, out)
             return
         self._reach(1.0)
         self._store(self._loads(self._state(x, factor)), out)
+
+    def spread(self, forces: Array, out: PETSc.Vec) -> None:
+        """Fill ``out`` with the forces on the unknowns of those on all degrees of freedom, the same on all ranks."""
+        self._store(self._once(forces), out)
 
     @cached_property
     def _external(self) -> Array:
@@ -78,3 +82,32 @@ class Loaded(Parts):
             whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
             found -= whole[which].reshape(found.shape)
         return found
+
+    def _add_product(self, k: int, local: Array, factor: float, move: Array, which: Index, total: Array) -> None:
+        """Add what some elements of a part have of the tangent times a motion of this rank's degrees of freedom."""
+        if which.size:
+            part = self.parts[k]
+            matrices = part.matrices(local, factor, which)
+            if self.model.spin is not None or self._pressing:
+                matrices += self._load_stiffness(k, local, factor, which)
+            slots = part.slots_of(which)
+            np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
+
+    def acting_along(self, x: PETSc.Vec, factor: float, rate: PETSc.Vec) -> Array:
+        """Return how `acting` changes when the unknowns move by a rate, exactly; without contact and solids."""
+        with self._timed():
+            local, coupling = self._state(x, factor), self.coupling
+            move, total = np.zeros((2, local.size))
+            self._exchange.add_unknowns(rate if coupling is None else coupling.to_rods(rate), move)
+            where = np.sort(self._exchange.bound[1])
+            if coupling is not None:
+                moved, slots = self._exchange.moved
+                where = np.union1d(where, slots[np.isin(moved, coupling.constraints.slaves)])
+            for k, part in enumerate(self.parts):
+                self._add_product(k, local, factor, move, part.elements_of(where), total)
+            if coupling is None:
+                return self._bound(total)
+            way = self.system_displacement(rate, factor) - coupling.given(factor)
+            bonds = coupling.bonds
+            found = self.everywhere(total)
+            return found if bonds is None else found + bonds.change(self.system_displacement(x, factor), way)

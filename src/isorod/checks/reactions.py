@@ -148,14 +148,15 @@ class Carried(NamedTuple):
     work: float
 
 
-def carried(assembler: Assembler, x: PETSc.Vec, factor: float) -> Carried:
-    """Return what supports exert in a state, those of mean motions and springs too."""
+def carried(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array | None = None) -> Carried:
+    """Return what supports exert in a state, those of mean motions and springs too; ``acting`` may be known."""
     model, displacement = assembler.model, assembler.displacement(x, factor)
-    forces = assembler.reactions(x, factor)
+    acting = assembler.acting(x, factor) if acting is None else acting
+    forces = assembler.on_supports(acting)
     reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
     # Without times what is driven is told at the full load alone.
     driven = model.driven if model.times is None else model.drives(factor)
-    work, own = float(forces @ driven[model.bound]), exerted.in_equilibrium(assembler, x, factor)
+    work, own = float(forces @ driven[model.bound]), exerted.in_equilibrium(assembler, x, factor, acting)
     reactions += averages.forces_of(model, own)
     places = _places(model, displacement) if own else displacement
     for k, amounts in own.items():

@@ -61,12 +61,12 @@ class TieResult:
         return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
 
 
-def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieResult]:
-    """Return what each tie carries in an equilibrium, on every rank."""
+def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float, acting: Array | None = None) -> list[TieResult]:
+    """Return what each tie carries in an equilibrium, on every rank; ``acting`` may be known."""
     if assembler.coupling is None:
         return []
-    everywhere = assembler.system_forces(x, factor), assembler.system_displacement(x, factor)
-    return results(assembler.model, assembler.coupling, *everywhere)
+    acting = assembler.system_forces(x, factor) if acting is None else acting
+    return results(assembler.model, assembler.coupling, acting, assembler.system_displacement(x, factor))
 
 
 def results(model: Model, coupling: "Coupling", forces: Array, displacement: Array) -> list[TieResult]:

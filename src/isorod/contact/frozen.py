@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
-from scipy.sparse import csr_matrix, diags, vstack
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
 
 from isorod.arrays import Array, Index
 from isorod.contact.facets import nodes_of, values_of
@@ -127,6 +127,16 @@ class Frozen:
         self.values = np.where(mine, entries.data, 0.0)
         self.of_rods = np.maximum(self.rows, self.columns) < model.dofs
 
+    @property
+    def cells(self) -> csr_matrix:
+        """What mean gaps of cells are of those of pressed points, times the root of the cell's stiffness."""
+        return csr_matrix(block_diag([_cells(one) for one in self._found]))
+
+    @property
+    def means(self) -> csr_matrix:
+        """The same of all degrees of freedom."""
+        return csr_matrix(vstack([_means(one) for one in self._found]))
+
     def place(self, factor: float) -> None:
         """Leave obstacles where they are."""
 
@@ -202,12 +212,17 @@ def _points(case: _Case, one: ContactResult, displacement: Array) -> _Points:
     )
 
 
-def _means(one: _Points) -> csr_matrix:
-    """Return mean gaps of cells, rows over all degrees of freedom, times the root of the cell's stiffness."""
+def _cells(one: _Points) -> csr_matrix:
+    """Return sums over the points of cells of the springs' forces, over the root of the cell's stiffness."""
     numbers, cell = np.unique(one.cells, return_inverse=True)
     sums = csr_matrix((one.springs, (cell, np.arange(cell.size))), shape=(numbers.size, cell.size))
     total = np.asarray(sums.sum(axis=1)).ravel()
-    return csr_matrix(diags(1.0 / np.sqrt(total)) @ (sums @ one.gaps))
+    return csr_matrix(diags(1.0 / np.sqrt(total)) @ sums)
+
+
+def _means(one: _Points) -> csr_matrix:
+    """Return mean gaps of cells, rows over all degrees of freedom, times the root of the cell's stiffness."""
+    return csr_matrix(_cells(one) @ one.gaps)
 
 
 def _tight(one: _Points) -> csr_matrix:

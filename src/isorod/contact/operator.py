@@ -18,7 +18,7 @@ from isorod.contact.defaults import points_of, smallest_radius
 from isorod.contact.facets import nodes_of
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.lift_kernel import lift, lower
-from isorod.contact.packed import PLACED, Friction, Packed, Row
+from isorod.contact.packed import PLACED, Friction, Packed, Row, Settled
 from isorod.contact.placing_kernel import place_obstacles
 from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, loads_of, measure, of_contacts
@@ -322,6 +322,10 @@ class ContactOperator:
         self.points = points
         self._take(self._packed(points))
         return True
+
+    def settled(self) -> Settled:
+        """Return what a solution leaves of points, multipliers and penalties."""
+        return Settled(self.points, self.packed.multipliers.copy(), self.packed.passes["penalty"].copy())
 
     def keep(self) -> Callable[[], None]:
         """Return what takes points, multipliers, penalties and friction back to what they are now."""

@@ -281,3 +281,21 @@ PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)
 ANCHOR_ROW = from_dtype(ANCHOR)
 ANCHORS = types.Array(ANCHOR_ROW, 1, "C")
 FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
+
+
+class Settled(NamedTuple):
+    """What Uzawa's updates and finer points have left.
+
+    Attributes
+    ----------
+    points
+        Points round an arc and along an element, of each pass.
+    multipliers : (Q,)
+        Those of the points.
+    penalties : (passes,)
+        Those of the passes.
+    """
+
+    points: list[tuple[int, int]]
+    multipliers: Array
+    penalties: Array

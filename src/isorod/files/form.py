@@ -104,7 +104,7 @@ class Form:
             found = getattr(found, name)
         return found
 
-    @property
+    @cached_property
     def solution(self) -> Any:
         """The annotation of what a measure is taken of."""
         return inspect.signature(self.function).parameters["solution"].annotation

@@ -1,5 +1,6 @@
 """A rod of a scene file: curve, section, laws and space."""
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 # Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
+
+# Keys of what it is made of in space.
+_SHAPE = ("curve", "section", "space", "tree", *schema.SWEEP.parameters, *schema.RINGS.parameters)
 
 # Points round the section, innermost and outermost, at which temperatures are looked at.
 _LOOKED = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -95,6 +99,7 @@ class RodPlan:
     def __init__(self, place: Place, table: Mapping[str, Any], motion: "Motion | None" = None) -> None:
         self.place, self._motion = place, motion
         self._built: Rod | None = None
+        self._shape = _shape(place, table, motion)
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -164,7 +169,7 @@ class RodPlan:
     def rod(self) -> "Rod":
         """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
         if self._built is None:
-            self._built = self._build()
+            self._built = choices.same(self._shape, self._build)
         return self._built
 
     def _build(self) -> "Rod":
@@ -174,7 +179,8 @@ class RodPlan:
             with self.place.locating():
                 rod: Rod = self._sweep.make(self=line, section=outline)
                 rod = rod if self._motion is None else self._motion(rod)
-                rod.check()
+                if not choices.near():
+                    rod.check()
         for one in said:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
@@ -250,14 +256,14 @@ class RodPlan:
         """Return the body."""
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
-        rod = self.rod()
+        own = rod = self.rod()
         laws = self._expanded(rod, [one.make() for one in self.laws])
         reach = _reach(rod, laws) if use.stressed else 0.0
         if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
             from isorod.space import choice as chosen
 
             rim = choices.chosen(lambda: use.bonded or chosen.is_short(rod, reach))
-            rod = chosen.with_rim(rod) if rim else rod
+            rod = choices.same((rod, "rim"), lambda: chosen.with_rim(own)) if rim else rod
         joints, rings = self._joints(rod), len(rod.rings) - 1
         places = len(joints) - 1 if rings == 1 else rings
         if len(laws) not in (1, places):
@@ -271,11 +277,22 @@ class RodPlan:
 
             space = closer(rod, use.patches)
         else:
-            space = self.space.make(rod=rod, **self._along(rod, use, reach), **self._across(rod, use, reach))
+            # Both are choices, and hold for models beside.
+            suited = choices.chosen(lambda: self._along(rod, use, reach) | self._across(rod, use, reach))
+            space = choices.same((rod, "space"), lambda: self.space.make(rod=rod, **suited))
         material = laws[0] if len(laws) == 1 else laws
         form = self._body or call(self.place, schema.BODY, {})
         body: Body = form.make(space=space, material=material)
         return body
+
+
+def _shape(place: Place, table: Mapping[str, Any], motion: "Motion | None") -> Any:
+    """Return what a rod is built of, to compare; nothing is like what is no plain table."""
+    try:
+        said = json.dumps({key: one for key, one in table.items() if key in _SHAPE})
+    except TypeError:
+        return object()
+    return str(place), said, *(() if motion is None else map(bytes, motion))
 
 
 def _reach(rod: "Rod", laws: Sequence[Any]) -> float:

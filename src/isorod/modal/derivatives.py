@@ -21,7 +21,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
-from isorod.statics.differences import Beside, Derivatives, Measured
+from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Measured, Steps
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -44,6 +44,8 @@ def derivatives(
     """
     model = solution.model
     refuse(model)
+    if model.contacts:
+        raise InputError("derivatives: of modes with contact they are not told; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):
         raise InputError("derivatives: of modes with a spin, or of the mixed formulation, they are not told")
     first = solution.rigid
@@ -55,11 +57,12 @@ def derivatives(
         moving = None if solution.equilibrium is None else stack.enter_context(closing(Moving(solution.equilibrium)))
         comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
 
-        def states(models: Sequence[Model], steps: Sequence[float]) -> "Sequence[tuple[Assembler, PETSc.Vec]]":
-            if moving is not None:
-                return moving.states(models, steps)
-            several = [assembler_for(one, comm) for one in models]
-            return [(one, one.vector()) for one in several]
+        def states(steps: Steps, models: Sequence[Model]) -> "list[tuple[Assembler, PETSc.Vec]]":
+            if moving is None:
+                several = [assembler_for(one, comm) for one in models]
+                return [(one, one.vector()) for one in several]
+            motion, known = moving.motion(steps, models)
+            return [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
 
         factor = 0.0 if moving is None else 1.0
         own = assembler_for(model, comm)
@@ -68,21 +71,27 @@ def derivatives(
             own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
         ]
 
+        # Forces on one motion are rounded alike on models beside, entries of matrices are not.
+        exact = moving is None and not model.coupled and all(body.linear for body in model.bodies)
+
         def energies(assembler: Assembler, x: PETSc.Vec) -> Measured:
+            mass = assembler.mass(solution.lumped)
+            found = {"mass": np.sqrt(np.outer(values, values)) * _products(mass.mult, shapes)}
+            mass.destroy()
+            if exact:
+                return found | {"stiffness": _products(lambda one, out: assembler.residual(one, factor, out), shapes)}
             stiffness = assembler.matrix()
             assembler.tangent(x, factor, stiffness)
-            mass = assembler.mass(solution.lumped)
-            found = {"stiffness": _products(stiffness, shapes), "mass": _products(mass, shapes)}
-            for one in (stiffness, mass):
-                one.destroy()
-            weight = np.sqrt(np.outer(values, values))
-            return found | {"mass": weight * found["mass"]}
+            found["stiffness"] = _products(stiffness.mult, shapes)
+            stiffness.destroy()
+            return found
 
-        begun = (own, own.vector()) if moving is None else (moving.assembler, moving.x)
-        changes = beside.derivatives(
-            energies(*begun),
-            lambda name, steps: [energies(*one) for one in states(beside.models(name, steps), steps)],
-        )
+        begun = energies(*((own, own.vector()) if moving is None else (moving.assembler, moving.x)))
+
+        def along(steps: Steps, models: Sequence[Model]) -> Measured:
+            return steps.slopes([energies(*one) for one in states(steps, models)], begun)
+
+        changes = beside.derivatives(begun, along, [BY, WIDE] if exact else [WIDE])
     by = {}
     for name in changes.by:
         rates, turn = _rates(values, changes.by[name])
@@ -92,12 +101,12 @@ def derivatives(
     return Derivatives(dict(at), numbers(measure(solution)), by, changes.none)
 
 
-def _products(matrix: PETSc.Mat, shapes: "Sequence[PETSc.Vec]") -> Array:
-    """Return ``x^T A y`` of all pairs of shapes."""
+def _products(times: "Callable[[PETSc.Vec, PETSc.Vec], object]", shapes: "Sequence[PETSc.Vec]") -> Array:
+    """Return ``x^T A y`` of all pairs of shapes, of what fills the second with ``A`` times the first."""
     found = np.zeros((len(shapes), len(shapes)))
     image = shapes[0].duplicate()
     for k, one in enumerate(shapes):
-        matrix.mult(one, image)
+        times(one, image)
         found[k] = [image.dot(other) for other in shapes]
     return 0.5 * (found + found.T)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import isorod
+from isorod import choices
 from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.coils import HELIX_ELEMENTS, helix
@@ -73,9 +74,12 @@ class Spring(Preset):
         The lead angle of these arcs wobbles from 3.10 to 4.38 degrees round 3.95.
         """
         arcs = None if self.per_turn == HELIX_ELEMENTS else self.per_turn
-        line = helix(self.coil_radius, self.pitch, self.coils, arcs)
-        outline = section.circle(self.section_points, self.wire_radius)
-        return line.sweep(outline)
+        coil = self.coil_radius, self.pitch, self.coils, arcs
+        line = choices.same(coil, lambda: helix(*coil))
+        return choices.same(
+            (*coil, self.section_points, self.wire_radius),
+            lambda: line.sweep(section.circle(self.section_points, self.wire_radius)),
+        )
 
     def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, travel)``.

@@ -8,6 +8,7 @@ from isorod.arrays import Array
 from isorod.choices import chosen
 from isorod.geometry.quadrature import WHOLE
 from isorod.space import choice
+from isorod.space.polynomial import Polynomials
 
 # What is chosen where it is not given.
 CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
@@ -25,12 +26,24 @@ def choices(space: Any) -> dict[str, Any]:
 
 def basis(space: Any) -> Any:
     """Return the section functions of a space: polynomials by the directions, and as many, as those that are kept."""
-    found = space.basis
     if space.section_basis is not None or space.section_degree is None:
-        return found
-    known = [found.frame, *([] if space.rod.rings == WHOLE else [found.taken])]
-    kept = chosen(lambda: known)
-    return found if kept is known else type(found)(space.rod, space.section_degree, *kept)
+        return space.basis
+    whole, own = space.rod.rings == WHOLE, None
+
+    def known() -> list[Any]:
+        nonlocal own
+        own = space.basis
+        return [own.frame, *([] if whole else [own.taken])]
+
+    kept = chosen(known)
+    if own is not None:
+        return own
+    if whole:
+        return Polynomials(space.rod, space.section_degree, *kept)
+    # Rods without rings do without it.
+    from isorod.space.ringed import Ringed
+
+    return Ringed(space.rod, space.section_degree, *kept)
 
 
 def _choose(space: Any) -> tuple[Array, dict[str, Any]]:

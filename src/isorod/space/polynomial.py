@@ -95,7 +95,8 @@ class Polynomials:
             # The nearest to it that turning, and turning over, makes of the principal one.
             across = self.frame
             left, _, right = np.linalg.svd(across.T @ frame)
-            self._extents = 0.5 * np.ptp(turned := across @ left @ right, axis=0)
+            turned = across @ left @ right
+            self._extents = 0.5 * np.ptp(values @ turned, axis=0)
             self._polygon = turned / self._extents
         self.across = max(2, ceil(degree * max(0.5, _roundness(arms)) - 1e-9))
         self._powers = monomials(degree, self.across)

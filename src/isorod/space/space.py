@@ -92,8 +92,8 @@ class Space(Checked):
         super().__post_init__()
         self._set(**chosen.choices(self))
         # What they refuse is refused now, not when an analysis first asks for them.
-        self.basis, self.axis, self.rule  # noqa: B018
         self._set(basis=chosen.basis(self))
+        self.axis, self.rule  # noqa: B018
 
     @classmethod
     def paper(

@@ -249,6 +249,7 @@ def _solve(
             solver=solver_types(solver.snes),
             ranks=assembler.comm.getSize(),
             contacts=contacts,
+            settled=None if assembler.contact is None else assembler.contact.settled(),
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=stabilisation,

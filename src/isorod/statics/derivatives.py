@@ -2,35 +2,58 @@
 
 Of the residual ``R(u, p) = 0`` the equilibrium moves by ``du/dp = - K^-1 dR/dp``: one back-substitution of the factors
 of the tangent for each parameter, whatever is measured.  ``dR/dp`` is a difference of residuals at one displacement, of
-models beside (`isorod.statics.differences`), and so is what is measured, where these are in balance, to which they come
-from there with the same factors.
+models beside (`isorod.statics.differences`); and ``dm/dp`` is that of what is measured there, and how that changes
+along ``du/dp`` in the model itself.  Forces of supports go with the rows of the tangent there, exactly.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks.reactions import carried
 from isorod.checks.tie_result import at_load
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
-from isorod.statics.differences import NEAR, Beside, Derivatives, Measured, silently, weights
+from isorod.statics.differences import (
+    APART,
+    NEAR,
+    WIDE,
+    Beside,
+    Derivatives,
+    Kinked,
+    Measured,
+    Steps,
+    largest,
+    scale,
+    silently,
+)
 
-# A model beside comes into balance by a few steps, to such a share of what it moves by, or where digits end, as near as
-# the second.
-_BALANCES, _BALANCED, _ROUNDED = 12, 1e-11, 1e-6
+if TYPE_CHECKING:
+    from isorod.contact.packed import Settled
+    from isorod.contact.settled import Tight
 
-# What does not move at all still has digits of a displacement of this share of the model's size.
-_STILL = 1e-6
+# Residuals whose slope jumps by more of it are those of a kink, or noise of what is built; a point of contact that
+# leaves is none.
+_ROUGH, _LEAVES = 1e-3, 1e-2
+
+# How stiffly cells of contact keep their mean gaps, in penalties: as updates of multipliers leave them, and altogether.
+# More than this share of a derivative between both is warned of.
+HELD, _UNSURE = (10.0, 1e4), 5e-3
+
+# How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
+# them for the whole parameter, or, where there are none, of the model's size.
+_SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5, 1e-6), 1e-13, 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
@@ -47,12 +70,20 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 def refuse(model: Model) -> None:
     """Raise `InputError` for what one back-substitution does not tell."""
-    if model.contacts:
-        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
+    if any(one.friction for one in model.contacts):
+        raise InputError("derivatives: not told with friction, which depends on the path; isorod sweep varies it")
     if model.remembers or model.times is not None:
         raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
     if model.solids:
         raise InputError("derivatives: not told with finite element bodies")
+
+
+class Motion(NamedTuple):
+    """How an equilibrium moves by a parameter: unknowns, forces on supports as of `Assembler.acting`, multipliers."""
+
+    rate: PETSc.Vec
+    change: Array
+    pressures: Array
 
 
 class Moving:
@@ -62,99 +93,126 @@ class Moving:
     ----------
     solution
         The `isorod.statics.Equilibrium`; once more brought into balance, as far as digits go.
+    times
+        How stiffly cells of contact keep their mean gaps, in penalties.
+
+    Attributes
+    ----------
+    assembler, x, acting
+        Its own, the state, and the forces in it on what supports hold (`Assembler.acting`).
     """
 
-    def __init__(self, solution: Any) -> None:
+    def __init__(self, solution: Any, times: float = HELD[0]) -> None:
         refuse(solution.model)
         self.comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
         self.solution = solution
         self.assembler = assembler_for(solution.model, self.comm)
         self.x = self.assembler.state(solution.displacement, solution.pressures, solution.solids)
+        self._left: Settled | None = None
+        self._tight: Tight | None = None
+        if solution.model.contacts:
+            self._settle(solution, times)
         self._tangent = self.assembler.matrix()
         self.assembler.tangent(self.x, 1.0, self._tangent)
+        self._rest = self.assembler.vector()
         with defaults(room(self.comm)):
             self._ksp = direct(self._tangent, factorisation(self.assembler))
-            self.x.axpy(-1.0, self._solved(self._residual(self.assembler, self.x)))
+            self.assembler.residual(self.x, 1.0, self._rest)
+            self.x.axpy(-1.0, self._solved(self._rest))
+        self.acting = self.assembler.acting(self.x, 1.0, self._rest)
+        self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
+
+    def _settle(self, solution: Any, times: float) -> None:
+        """Let contact be as the solution left it; cells whose gaps multipliers have closed keep these."""
+        from isorod.contact.settled import Tight, relative, restore
+
+        contact, left = self.assembler.contact, solution.settled
+        if left is None or contact is None:
+            raise InputError("derivatives: how contact was settled is not known; solve the model anew")
+        self._left = relative(contact, left, solution.contacts)
+        restore(contact, self._left)
+        moved = self.assembler.touching(self.x, 1.0)
+        if left.multipliers.any():
+            self._tight = Tight(contact, contact.results(moved), moved, self.comm, times)
+            self.assembler.contact = self._tight  # type: ignore[assignment]
+
+    @property
+    def tight(self) -> bool:
+        """Whether cells of contact keep their mean gaps."""
+        return self._tight is not None
 
     def close(self) -> None:
         """Give back matrix and factors."""
         for one in (self._ksp, self._tangent):
             one.destroy()
 
-    @staticmethod
-    def _residual(assembler: Assembler, x: PETSc.Vec) -> PETSc.Vec:
-        out = assembler.vector()
-        assembler.residual(x, 1.0, out)
-        return out
-
     def _solved(self, force: PETSc.Vec) -> PETSc.Vec:
         found = force.duplicate()
         self._ksp.solve(force, found)
         return found
 
-    def states(self, models: Sequence[Model], steps: Sequence[float]) -> list[tuple[Assembler, PETSc.Vec]]:
-        """Return assemblers and states of models at steps, on the line along which it moves."""
-        several = [assembler_for(model, self.comm) for model in models]
-        rate = self.assembler.vector()
-        step = abs(steps[0])
-        share = weights([one / step for one in steps]) / step
-        rate.maxpy(share.tolist(), [self._residual(one, self.x) for one in several])
-        rate = self._solved(rate)
-        found = []
-        for assembler, one in zip(several, steps, strict=True):
-            state = self.x.copy()
-            state.axpy(-one, rate)
-            moved = abs(one) * rate.norm() + NEAR * self.x.norm() + _STILL * self.solution.model.size
-            self._balance(assembler, state, moved)
-            found.append((assembler, state))
-        return found
-
-    def _balance(self, assembler: Assembler, state: PETSc.Vec, size: float) -> None:
-        """Bring a state beside into balance, with the factors that there are, or where these do not suit with its own.
-
-        Parameters
-        ----------
-        size
-            How far it moved, to which changes are compared.
+    def motion(self, steps: Steps, models: Sequence[Model]) -> tuple["Motion", list[tuple[Assembler, Array]]]:
+        """Return how it moves as models go on, and of each its assembler and what is acting where it is.
 
         Raises
         ------
-        SolveError
-            If it does not come into balance.
+        Kinked
+            If forces have no derivative.
         """
-        began = state.copy()
-        if self._stepped(assembler, state, size, lambda: self._ksp):
-            return
-        began.copy(state)
-        with ExitStack() as stack:
-            matrix = stack.enter_context(_destroyed(assembler.matrix()))
+        several, rows, gaps = [], [], []
+        if self._left is not None:
+            from isorod.contact.settled import restore
+        for model in models:
+            assembler, row = assembler_for(model, self.comm), self.assembler.vector()
+            if _gap(assembler) > 2.0 * _gap(self.assembler):
+                raise Kinked("surfaces that are tied part, or overlap")
+            contact = assembler.contact
+            if self._left is not None and contact is not None:
+                restore(contact, self._left)
+            several.append((assembler, assembler.acting(self.x, 1.0, row)))
+            if self._tight is not None and contact is not None:
+                gaps.append(self._tight.gaps(contact))
+            row.axpy(-1.0, self._rest)
+            rows.append(row)
+        force, jump = self.assembler.vector(), self.assembler.vector()
+        force.maxpy(steps.weights.tolist(), rows)
+        jump.maxpy(steps.jumps.tolist(), rows)
+        most = max(force.norm(), float(np.linalg.norm(self.acting)) / steps.size)
+        if not jump.norm() <= (_ROUGH if self._left is None else _LEAVES) * most:
+            raise Kinked("its slope jumps")
+        grown = steps.weights @ (np.array(gaps) - self._gaps) if self._tight is not None else self._gaps
+        if self._tight is not None:
+            self.assembler.spread(self._tight.held(grown), jump)
+            force.axpy(1.0, jump)
+        rate = self._solved(force)
+        # What digits are lost by the factors, forces of slender rods lose twice.
+        left = force.duplicate()
+        self._tangent.mult(rate, left)
+        rate.axpy(-1.0, self._solved(left - force))
+        rate.scale(-1.0)
+        return Motion(rate, *self._changes(rate, grown)), several
 
-            def own() -> PETSc.KSP:
-                assembler.tangent(state, 1.0, matrix)
-                with defaults(room(self.comm)):
-                    return stack.enter_context(_destroyed(direct(matrix, factorisation(assembler))))
+    def _changes(self, rate: PETSc.Vec, grown: Array) -> tuple[Array, Array]:
+        """Return how fast `acting` and multipliers of contact change, where gaps grow by themselves."""
+        found, contact = self.assembler.acting_along(self.x, 1.0, rate), self.assembler.contact
+        if contact is None:
+            return found, self._gaps
+        move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
+        forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
+        if self._tight is not None:
+            forces += self._tight.held(grown)
+            pressures = self._tight.pressures(grown, move)
+        return found + (forces if self.assembler.coupling else forces[self.assembler.model.bound]), pressures
 
-            if not self._stepped(assembler, state, size, own):
-                raise SolveError("they do not come into balance")
+    def ahead(self, step: float, motion: "Motion") -> tuple[PETSc.Vec, Array]:
+        """Let multipliers go a step on, or back, and return the state there, and what is acting in it."""
+        if self.assembler.contact is not None:
+            self.assembler.contact.packed.multipliers[:] += step * motion.pressures
+        return self.x + step * motion.rate, self.acting + step * motion.change
 
-    def _stepped(self, assembler: Assembler, state: PETSc.Vec, size: float, factors: Callable[[], PETSc.KSP]) -> bool:
-        """Take steps of Newton's method with some factors; return whether they came to an end."""
-        last = np.inf
-        for _ in range(_BALANCES):
-            change = state.duplicate()
-            factors().solve(self._residual(assembler, state), change)
-            state.axpy(-1.0, change)
-            off = change.norm()
-            if off <= _BALANCED * size:
-                return True
-            if off > 0.5 * last:
-                return bool(off <= _ROUNDED * size)
-            last = off
-        return False
-
-    def equilibrium(self, assembler: Assembler, x: PETSc.Vec) -> Any:
-        """Return what answers for a state."""
-        own = carried(assembler, x, 1.0)
+    def equilibrium(self, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
+        """Return what answers for a state, and for what is acting in it."""
+        own, contact = carried(assembler, x, 1.0, acting), assembler.contact
         return replace(
             self.solution,
             model=assembler.model,
@@ -163,7 +221,8 @@ class Moving:
             moments=own.moments,
             work=own.work,
             pressures=assembler.pressures(x),
-            ties=at_load(assembler, x, 1.0),
+            ties=at_load(assembler, x, 1.0, acting),
+            contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
             solids=assembler.solids(x, 1.0),
             path=(),
             in_more_steps=None,
@@ -194,34 +253,88 @@ def derivatives(
     InputError
         If the model has contact, a memory, times or finite element bodies, or a parameter is zero.
     """
-    with closing(Moving(solution)) as moving:
-        beside = Beside(make, at, solution.model)
-        own = moving.equilibrium(moving.assembler, moving.x)
-        gaps = dict[str, float]()
+    with ExitStack() as stack:
+        several = [stack.enter_context(closing(Moving(solution)))]
+        if several[0].tight:
+            several.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
+        beside, (moving, *_) = Beside(make, at, solution.model), several
+        unsure = 0.0, ""
+
+        def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
+            return numbers(measure(moving.equilibrium(assembler, x, acting)))
+
         with silently():
-            values = numbers(measure(own))
+            values = measured(moving.assembler, moving.x, moving.acting)
 
-        def along(name: str, steps: Sequence[float]) -> list[Measured]:
-            several = [moving.equilibrium(*one) for one in moving.states(beside.models(name, steps), steps)]
-            gaps[name] = max(map(_gap, several))
-            return [numbers(measure(one)) for one in several]
+        def by(steps: Steps, models: Sequence[Model]) -> Measured:
+            nonlocal unsure
+            found, *others = (_of(one, steps, models, values, measured) for one in several)
+            for name, other in ((name, one[name]) for one in others for name in values):
+                whole = max(largest(found[name]), largest(values[name]) / steps.size) or 1.0
+                off = largest(other - found[name]) / whole
+                unsure = max(unsure, (off, name))
+            return found
 
-        found = beside.derivatives(values, along)
-        none = {
-            name: "surfaces that are tied part, or overlap" if gaps.get(name, 0.0) > 2.0 * _gap(own) else why
-            for name, why in found.none.items()
-        }
-        return replace(found, none=none)
+        # Further off other points touch.
+        found = beside.derivatives(values, by, [NEAR] if solution.model.contacts else [NEAR, WIDE])
+    if unsure[0] > _UNSURE:
+        warnings.warn(
+            f"derivatives of {unsure[1]} are known to {100.0 * unsure[0]:.2g} %: where a patch of contact rolls or "
+            "tips, points of its rim hold more or less; a finer space sees better",
+            stacklevel=3,
+        )
+    return found
 
 
-def _gap(solution: Any) -> float:
+def _of(
+    moving: Moving,
+    steps: Steps,
+    models: Sequence[Model],
+    values: Measured,
+    measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
+) -> Measured:
+    """Return the derivatives of what is measured."""
+    motion, several = moving.motion(steps, models)
+    held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
+    moved = _along(moving, motion, steps.size, values, held, measured)
+    return {name: held[name] + moved[name] for name in values}
+
+
+def _along(
+    moving: Moving,
+    motion: "Motion",
+    size: float,
+    values: Measured,
+    held: Measured,
+    measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
+) -> Measured:
+    """Return the derivatives of what is measured of one model as it moves, beside those where it is ``held``."""
+    norm = motion.rate.norm()
+    whole = moving.x.norm() or _STILL * moving.solution.model.size
+    if norm * size < _UNMOVED * whole:
+        return {name: np.zeros_like(value) for name, value in values.items()}
+    why = ""
+    for share in _SHARES:
+        steps, several = Steps((-2, -1, 1, 2), share * whole / norm, size), []
+        for one in steps.steps:
+            several.append(measured(moving.assembler, *moving.ahead(one, motion)))
+            moving.ahead(-one, motion)
+        try:
+            found = steps.slopes(several, values, held)
+        except Kinked as problem:
+            why = str(problem)
+            continue
+        coarse = {name: (several[2][name] - several[1][name]) / (2.0 * steps.step) for name in values}
+        off = [
+            largest(coarse[one] - found[one]) / scale(found[one] + held[one], value, size)
+            for one, value in values.items()
+        ]
+        if max(off, default=0.0) <= APART:
+            return found
+        why = "what is measured does not change evenly as it moves"
+    raise Kinked(why)
+
+
+def _gap(assembler: Assembler) -> float:
     """Return how far the surfaces of ties are apart at rest."""
-    return max((one.gap for one in solution.ties), default=0.0)
-
-
-@contextmanager
-def _destroyed(one: Any) -> Iterator[Any]:
-    try:
-        yield one
-    finally:
-        one.destroy()
+    return max((one.gap for one in assembler.coupling.constraints.ties), default=0.0) if assembler.coupling else 0.0

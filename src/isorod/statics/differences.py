@@ -12,36 +12,26 @@ import numpy as np
 
 from isorod import choices
 from isorod.arrays import Array
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.model.model import Model
 
 # What is measured, by its name: numbers or arrays of them.
 Measured = dict[str, Array]
 
-# Returns what is measured at steps from a parameter of a name.
-Along = Callable[[str, Sequence[float]], list[Measured]]
+# Models beside are what a derivative costs: two at this share of the parameter do.  At one displacement forces are
+# rounded alike, and less than 1e-9 of a derivative is lost.
+NEAR = 1e-6
 
-# Builds are what a derivative costs.  Two models do, this share of the parameter from it, where what is measured bends
-# by no more than ``_BENT`` of its slope over the step: of what goes with a power of the parameter the slope is then
-# right to the square of that.
-NEAR, _BENT = 2e-4, 1e-3
+# Four are of fourth order: for modes, which ask for more digits; and further off where rounding is not alike, as of
+# what is fitted, and of matrices.
+BY, WIDE = 1e-4, 1e-3
 
-# On both sides of it; or on one, where the number may not be larger, or smaller.
-_SIDES = ((-1, 1), (-1, -2), (1, 2))
+# On both sides; or on one, where the number may not be larger, or smaller.
+_TWO, _FOUR = ((-1, 1), (-1, -2), (1, 2)), ((-2, -1, 1, 2), (-1, -2, -3, -4), (1, 2, 3, 4))
+_PLACES = {NEAR: _TWO, BY: _FOUR, WIDE: _FOUR}
 
-# Where it bends more they are at so many steps, of which a derivative is of sixth order, of the inner four of fourth.
-_OFFSETS = (-3, -2, -1, 1, 2, 3)
-_WHOLE, _INNER = (0, 6), (1, 5)
-
-# The first step, as a share of the parameter: rounding of forces, some 1e-16 of what elements pass on to each other,
-# falls with it.  It is taken anew, shorter, where the two differ by more than ``_ALIKE``, and there is no derivative
-# where they still differ by ``_APART``.
-_STEP, _SHORTEST, _ATTEMPTS = 8e-3, 1e-5, 3
-_ALIKE, _APART = 3e-8, 1e-2
-
-# At a kink what lies evenly about it cancels: of second differences what grows with the step, not with its square, is
-# the jump of the slope.
-_JUMP = np.array([-1.0, 0.0, 9.0, 9.0, 0.0, -1.0]) / 6.0
+# A slope that jumps by more than this share of it is none.
+APART = 1e-2
 
 # Less than so much of the value for the whole parameter counts as none.
 _NOTHING = 1e-3
@@ -83,6 +73,68 @@ class Derivatives:
         }
 
 
+class Kinked(Exception):
+    """There is no derivative, or it is not seen so near: says why."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps from a number, and of what is there the derivative by it.
+
+    Attributes
+    ----------
+    offsets, step
+        Steps in units of one.
+    size
+        How much the number may change as a whole, to which a derivative that hardly is one is compared.
+    """
+
+    offsets: Sequence[int]
+    step: float
+    size: float
+
+    @property
+    def steps(self) -> list[float]:
+        """The steps."""
+        return [one * self.step for one in self.offsets]
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the derivative, of values at the steps less that at none."""
+        return self._weights(1) / self.step
+
+    def _weights(self, order: int) -> Array:
+        powers = np.vander(self.offsets, len(self.offsets) + 1, increasing=True)[:, 1:].T
+        found: Array = np.linalg.solve(powers, order * np.eye(len(self.offsets))[order - 1])
+        return found
+
+    @property
+    def jumps(self) -> Array:
+        """Weights of the jump of the slope, of the same: of two steps what bends counts too, but that is little."""
+        if self.offsets == (-2, -1, 1, 2):
+            # Second differences grow with the step at a kink, with its square elsewhere.
+            return np.array([-1.0, 4.0, 4.0, -1.0]) / (2.0 * self.step)
+        return self._weights(2) / self.step if len(self.offsets) == 2 else np.zeros(len(self.offsets))
+
+    def slopes(self, several: Sequence[Measured], values: Measured, others: Measured | None = None) -> Measured:
+        """Return the derivatives of what is measured.
+
+        Raises
+        ------
+        Kinked
+            Where a slope jumps by more than a share of all that there is, that of ``others`` too.
+        """
+        found = {}
+        for name, value in values.items():
+            rows = np.array([one[name] for one in several]) - value
+            found[name] = np.einsum("i,i...->...", self.weights, rows)
+            jump = largest(np.einsum("i,i...->...", self.jumps, rows))
+            whole = found[name] if others is None else found[name] + others[name]
+            if not jump <= APART * scale(whole, value, self.size):
+                raise Kinked(f"the slope of {name} jumps, as where the largest of several changes its place")
+        return found
+
+
 class Beside:
     """Models beside one: of other parameters, on the same discretisation.
 
@@ -109,116 +161,67 @@ class Beside:
         with silently(), choices.kept() as self._choices:
             self._refuse(make(self.at), "parameters")
 
-    def models(self, name: str, steps: Sequence[float]) -> list[Model]:
-        """Return the models at steps from a parameter."""
-        found = []
-        for step in steps:
-            with silently(), choices.repeated(self._choices):
-                found.append(self._make(self.at | {name: self.at[name] + step}))
-            self._refuse(found[-1], name)
-        return found
+    def models(self, name: str, share: float) -> tuple[Steps, list[Model]]:
+        """Return models at steps of a share of a parameter, on one side of it where there are none on the other.
+
+        Raises
+        ------
+        Kinked
+            If there are none.
+        """
+        size, why = abs(self.at[name]), ""
+        for offsets in _PLACES[share]:
+            steps = Steps(offsets, share * size, size)
+            try:
+                return steps, [self._model(name, one) for one in steps.steps]
+            except InputError as problem:
+                why = why or f"models beside it cannot be had: {problem}"
+        raise Kinked(why)
+
+    def _model(self, name: str, step: float) -> Model:
+        with silently(), choices.repeated(self._choices, near=True):
+            model = self._make(self.at | {name: self.at[name] + step})
+        self._refuse(model, name)
+        return model
 
     def _refuse(self, model: Model, name: str) -> None:
         if not np.array_equal(model.free, self._like.free):
             raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
 
-    def derivatives(self, values: Measured, along: Along) -> Derivatives:
+    def derivatives(
+        self, values: Measured, by: Callable[[Steps, Sequence[Model]], Measured], shares: Sequence[float]
+    ) -> Derivatives:
         """Return derivatives by all parameters.
 
         Parameters
         ----------
         values
             What is measured.
-        along
-            Returns the same at steps from a parameter.
+        by
+            Returns its derivatives, of models at steps from a parameter, or raises `Kinked`.
+        shares
+            How far off these are, one after the other until there is no kink.
         """
-        found = {name: self._by(name, values, along) for name in self.at}
-        by = {name: one for name, one in found.items() if not isinstance(one, str)}
-        return Derivatives(self.at, values, by, {name: one for name, one in found.items() if isinstance(one, str)})
-
-    def _near(self, name: str, values: Measured, along: Along) -> Measured | None:
-        """Return the derivatives of what hardly bends near a parameter, or None."""
-        step = NEAR * abs(self.at[name])
-        for offsets in _SIDES:
-            try:
-                with silently():
-                    several = along(name, [offset * step for offset in offsets])
-            except InputError:
-                continue
-            except SolveError:
-                return None
-            found = {}
-            for one, value in values.items():
-                rows = np.array([each[one] for each in several]) - value
-                found[one] = _summed(weights(offsets), rows) / step
-                bent = _largest(_summed(weights(offsets, 2), rows))
-                if not bent <= _BENT * 2.0 * step * _scale(found[one], value, abs(self.at[name])):
-                    return None
-            return found
-        return None
-
-    def _by(self, name: str, values: Measured, along: Along) -> Measured | str:
-        """Return the derivatives by a parameter, or why there are none."""
-        near = self._near(name, values, along)
-        if near is not None:
-            return near
-        best: Measured = {}
-        size, least, jump, share = abs(self.at[name]), np.inf, np.inf, _STEP
-        for _ in range(_ATTEMPTS):
-            try:
-                with silently():
-                    several = along(name, [offset * share * size for offset in _OFFSETS])
-            except (InputError, SolveError) as problem:
-                why = f"models beside it cannot be had: {problem}"
-                apart = np.inf
-            else:
-                rows = {one: np.array([each[one] for each in several]) - values[one] for one in values}
-                found, fourth = (
-                    {
-                        one: _summed(weights(_OFFSETS[first:last]), row[first:last]) / (share * size)
-                        for one, row in rows.items()
-                    }
-                    for first, last in (_WHOLE, _INNER)
-                )
-                offs, jumps = {}, []
-                for one, value in values.items():
-                    scale = _scale(found[one], value, size)
-                    offs[one] = _largest(found[one] - fourth[one]) / scale
-                    jumps.append(_largest(_summed(_JUMP, rows[one])) / (share * size * scale))
-                worst = max(offs, key=lambda one: offs[one])
-                why = f"differences of {worst} do not agree, as where the largest of several changes its place"
-                apart = offs[worst]
-                # Of a kink it stays as steps get shorter.
-                jump = min(jump, max(jumps))
-            if apart < least:
-                best, least = found, apart
-            if max(least / _ALIKE, jump / _APART) <= 1.0 or share == _SHORTEST:
-                break
-            cut = 0.05 if not apart < np.inf else np.clip(0.7 * (_ALIKE / max(apart, 1e-300)) ** 0.25, 0.03, 0.5)
-            share = max(float(cut) * share, _SHORTEST)
-        if least <= _APART < jump:
-            why = "its slope jumps"
-        return best if max(least, jump) <= _APART else why
+        found, none = {}, {}
+        for name in self.at:
+            for share in shares:
+                try:
+                    with silently():
+                        found[name] = by(*self.models(name, share))
+                except Kinked as problem:
+                    none[name] = str(problem)
+                else:
+                    none.pop(name, None)
+                    break
+        return Derivatives(self.at, values, found, none)
 
 
-def weights(offsets: Sequence[float], order: int = 1) -> Array:
-    """Return the weights of a derivative, of values at offsets less that at none."""
-    powers = np.vander(offsets, len(offsets) + 1, increasing=True)[:, 1:].T
-    found: Array = np.linalg.solve(powers, order * np.eye(len(offsets))[order - 1])
-    return found
-
-
-def _summed(shares: Array, rows: Array) -> Array:
-    found: Array = np.einsum("i,i...->...", shares, rows)
-    return found
-
-
-def _scale(rate: Array, value: Array, size: float) -> float:
+def scale(rate: Array, value: Array, size: float) -> float:
     """Return the size of a derivative by a parameter, to which what it misses is compared."""
-    return max(_largest(rate), _NOTHING * _largest(value) / size) or 1.0
+    return max(largest(rate), _NOTHING * largest(value) / size) or 1.0
 
 
-def _largest(values: Array) -> float:
+def largest(values: Array) -> float:
     """Return the largest size of some values, without bound where one is none."""
     found = np.abs(values).max(initial=0.0)
     return float(found) if np.isfinite(found) else np.inf

@@ -17,6 +17,7 @@ from isorod.statics.path import Step, Turn
 
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
+    from isorod.contact.packed import Settled
     from isorod.contact.result import ContactResult
     from isorod.model.model import Model
     from isorod.output.matrices import Matrices
@@ -56,6 +57,8 @@ class Equilibrium(State, WithSolids, Animated):
         Number of MPI ranks.
     contacts
         Outcome of each contact of the model.
+    settled
+        How contact was settled.
     augmentations
         Updates of the multipliers of contact.
     moments
@@ -92,6 +95,7 @@ class Equilibrium(State, WithSolids, Animated):
     solver: dict[str, str]
     ranks: int
     contacts: "Sequence[ContactResult]" = ()
+    settled: "Settled | None" = None
     augmentations: int = 0
     linear_iterations: int = 0
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
