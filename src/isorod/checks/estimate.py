@@ -168,7 +168,7 @@ def _equilibrium(
         known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum()), driving))
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
-    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
+    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected, contacts)])
 
 
 def _supported(

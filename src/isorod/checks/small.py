@@ -9,7 +9,7 @@ from isorod.arrays import Array
 from isorod.assembly.gradients import displacement_gradients
 from isorod.model import Model
 from isorod.model.motion import SupportMotion
-from isorod.tensors import cross, turning
+from isorod.tensors import turning
 
 # Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
 # percent.
@@ -71,5 +71,5 @@ def _false_strain(motion: SupportMotion) -> float:
     """Return the largest strain for which small ones take a turn: what is held goes round, and not along tangents."""
     size = float(np.linalg.norm(motion.arms, axis=1).max(initial=0.0))
     turn = motion.turn * (motion.farthest / (float(np.linalg.norm(motion.turn)) or 1.0))
-    rows = (turning(turn) - cross(turn))[motion.dofs % 3]
+    rows = 0.5 * (turning(turn) + turning(-turn))[motion.dofs % 3]
     return float(np.abs(np.sum(rows * motion.arms, axis=1)).max(initial=0.0)) / size if size else 0.0
