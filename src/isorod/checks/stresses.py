@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
 
 # Sections looked at in an element, elements looked at, and points round each section.
-_SECTIONS, _MOST, _AROUND = 4, 256, 8
+_SECTIONS, _MOST, _AROUND = 4, 256, 24
 
 # At the radius where rings meet the outer one is meant; next to it is the inner one.
 _INSIDE = 1.0 - 1e-9
