@@ -204,7 +204,7 @@ def _left(space: Space, fine: Space) -> float:
     elif space.section_basis is None:
         numbers.append((space.points_around * (space.order or 1), fine.points_around * (fine.order or 1)))
     share = min(coarse / more for coarse, more in numbers)
-    if isinstance(fine.section_basis, Graded) and fine.section_basis.fine > space.basis.fine:
+    if isinstance(fine.section_basis, Graded) and fine.points_around > space.points_around:
         return _AT_LINES
     return float(share**_POWER) if share < 1.0 else 0.0
 

@@ -7,7 +7,7 @@ beside it (`isorod.contact.result`); what counts is nearly as far from there.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def change(
     corrected: Sequence[Array | None] = (),
     contacts: "Sequence[ContactResult]" = (),
 ) -> float:
-    """Return an estimate of the largest error of Cauchy stress at surfaces and in the middle, relative to the largest stress there.
+    """Return the largest error of Cauchy stress at surfaces and in the middle, about, over the largest stress there.
 
     Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges, or
     stresses are round-off.
@@ -115,7 +115,8 @@ def away(model: Model, number: int) -> Array:
     laws = np.array([id(law) for law in body.laws]).reshape(-1, rings)
     jumps = axis.breaks[1:-1][(laws[1:] != laws[:-1]).any(axis=1)]
     ends = np.array([]) if body.space.rod.closed else axis.breaks[[0, -1]]
-    pushed = (getattr(one, "u", None) for one in (*model.means.values(), *model.loads) if one.body == number)
+    pushing: list[Any] = [*model.means.values(), *model.loads]
+    pushed = (getattr(one, "u", None) for one in pushing if one.body == number)
     edges = [*ends, *jumps, *(one for one in pushed if one is not None)]
     away = held.distance(model, number, u, edges) > held.width(model, number)
     return np.asarray(u[away])
