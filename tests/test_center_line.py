@@ -162,6 +162,7 @@ test_what_is_no_line_is_refused = refused(
     (lambda: helix(1.0, 1.0, "2"), "^helix: turns: got '2', need a number"),
     (lambda: helix(1.0, 1.0, 1, 4.5), "^helix: arcs a turn: got 4.5, need an integer or None"),
     (lambda: helix(1.0, 1.0, 1e9), "^helix: 8000000000 arcs are too many"),
+    (straight, "^straight line: the length is missing"),
     (lambda: straight(end=(0, 0, 0)), "^straight line: the end is the start"),
     (lambda: straight(1.0, end=(0, 0, 1)), "^straight line: got a length and an end, need one of them"),
     (lambda: straight(end=(0, 1)), r"^end: got shape \(2,\), need \(3,\)"),
@@ -222,7 +223,7 @@ def tilted():
 
 
 test_a_fold_is_explained = refused(
-    (lambda: straight().sweep(circle(6)[::-1]), "the outline runs clockwise about the line's direction"),
+    (lambda: straight(1.0).sweep(circle(6)[::-1]), "the outline runs clockwise about the line's direction"),
     (lambda: flipped().sweep(circle(6)), r"the frame flips over between u = 2\.\d+ and (2|3)"),
     (lambda: back().sweep(circle(6)), "the centre line turns back between u = 2 and (2|3)"),
     (lambda: back(1e-3).sweep(circle(6, 1e-3)), "the centre line turns back between u = 2 and (2|3)"),
@@ -230,7 +231,7 @@ test_a_fold_is_explained = refused(
         lambda: arc(2.0, 90.0).sweep(circle(6, 2.5)),
         "bends too sharply: its radius of curvature is 2 there, and the section reaches 2.5 from it",
     ),
-    (lambda: straight().sweep(flower(depth=0.95)), "the section folds in its own plane"),
+    (lambda: straight(1.0).sweep(flower(depth=0.95)), "the section folds in its own plane"),
     (lambda: tilted().sweep(circle(6)), "neighbouring sections cross"),
     by=lambda make: make().check(),
     error=FoldedRodError,

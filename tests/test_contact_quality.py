@@ -122,6 +122,7 @@ def test_each_doubt_says_what_and_where():
         found,
     )
     assert "4 times as many section points" in replace(result, cells_across=0.1).doubt()
+    assert replace(result, cells_across=0.1, at_lines=True).doubt() is None
     assert replace(result, points_across=0.0).doubt() is None
 
 

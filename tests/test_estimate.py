@@ -12,12 +12,12 @@ from test_contact_statics import crossing
 from comparisons.stability import cost, estimates
 from isorod import InputError, LinearElastic, NeoHookean, Space, modal, statics, straight
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import adapt, correction, estimate_of_modes
+from isorod.checks import adapt, correction, estimate_of_modes, stresses
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, solving
 from isorod.contact.frozen import Frozen
 from isorod.geometry import axis, section
-from isorod.model import Body, Contact, Cylinder, Model, Plane, SectionLoad, Support
+from isorod.model import Body, Contact, Cylinder, MeanSupport, Model, Plane, SectionLoad, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.space.closer import Patch, closer
@@ -269,6 +269,45 @@ def test_graded_functions_get_an_order_more():
     xi = np.array([[0.3, -0.5], [0.0, 1.0]])
     across = Finer.of(model, "section").across[0]
     np.testing.assert_allclose(fine.functions(xi)[0] @ across, own.functions(xi)[0], atol=1e-8)
+
+
+def test_graded_functions_at_lines_get_shorter_arcs_as_well():
+    model = bar(closer(straight(4.0).sweep(section.circle(8)), [Patch(0.5, 0.0, 4.0, 0.2, 4.0, 0.1)]))
+    own, fine = (one.bodies[0].space.section_basis for one in (model, Finer.of(model, "section").model))
+    assert fine.order == own.order + 1
+    assert np.diff(fine.joints).min() == pytest.approx(0.5 * np.diff(own.joints).min())
+    across, xi = Finer.of(model, "section").across[0], np.array([[0.3, -0.5], [0.0, 1.0], [1.0, 0.0]])
+    np.testing.assert_allclose(fine.functions(xi)[0] @ across, own.functions(xi)[0], atol=1e-8)
+
+
+@pytest.mark.parametrize(("outline", "rings"), [(section.circle(8), 2), (section.airfoil(), 1)])
+def test_beyond_the_highest_degree_rings_of_round_sections_tell(outline, rings):
+    laws = [NeoHookean(E, 0.3) for E in (1.0, 2.0)]
+    space = Space(straight(3.0).sweep(outline), section_degree=8, elements=2, degree=2)
+    finer = Finer.of(Model([Body(space, laws)], [Support.end(space, "start")]), "section")
+    (body,) = finer.model.bodies
+    assert (len(body.space.rod.rings) - 1, body.space.section_degree) == (rings, 6 if rings == 2 else 8)
+    assert body.laws == tuple(law for law in laws for _ in range(rings))
+    moved = (space.positions @ np.array([[0.1, 0.2, 0.0], [0.0, -0.3, 0.1], [0.2, 0.0, 0.1]])).ravel()
+    at = [[0.3, -0.5], [0.0, 1.0]], [0.1, 0.7]
+    found = body.space.displacement(finer.displacement(moved), *at)[0]
+    assert found == pytest.approx(space.displacement(moved, *at)[0], abs=1e-8)
+
+
+def test_stresses_at_sections_with_forces_do_not_count():
+    """Where a shaft is held in the mean and pushed; elsewhere it bends as a beam does, which the space has exactly."""
+    space = Space(straight(40.0).sweep(section.circle(8)), section_degree=3, elements=20, degree=4)
+    ends = [MeanSupport.section(space, 0.3, "fork"), MeanSupport.section(space, 0.9, components="xy")]
+    load = SectionLoad((0.0, 1e-3, 0.0), 0.5, space=space)
+    solution = statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], ends, loads=[load]))
+    u = stresses.away(solution.model, 0)
+    assert min(np.abs(40.0 * (u - place)).min() for place in (0.0, 0.3, 0.5, 0.9, 1.0)) > 2.0
+    finer = statics.solve(Finer.of(solution.model, "axis").model)
+    xi = stresses.around([1.0])
+    exact = finer.stress(0, u, xi)
+    sizes = (np.linalg.norm(one, axis=(2, 3)).max() for one in (solution.stress(0, u, xi) - exact, exact))
+    off = next(sizes) / next(sizes)
+    assert off < solution.errors("axis").stress < 3.0 * off
 
 
 def test_there_is_none_where_supports_are_within_the_rod():

@@ -1,5 +1,7 @@
 """Supports that turn by any angle: torque and moment in closed form, whole turns that are kept, steps, and files."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -284,3 +286,24 @@ def test_the_torque_of_a_linear_elastic_bar_is_that_of_linear_theory(degrees):
     ends = Support.end(space, "start"), Support.end(space, "end", turn=(0.0, 0.0, np.radians(degrees)))
     solution = statics.solve(Model([Body(space, LinearElastic(10.0, 0.25))], ends))
     assert solution.moments[1, 2] == pytest.approx(4.0 * np.pi / 2.0 * np.sin(np.radians(degrees)) / 40.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("law", "turn", "held", "warned"),
+    [
+        (LinearElastic, (0.0, 0.0, 2.0), "xyz", True),
+        (LinearElastic, (0.0, 0.0, 0.001), "xyz", False),
+        (LinearElastic, (2.0, 0.0, 0.0), "z", False),
+        (NeoHookean, (0.0, 0.0, 2.0), "xyz", False),
+    ],
+)
+def test_a_face_turned_under_a_law_of_small_strains_is_warned_of(law, turn, held, warned):
+    """A turn by 2 degrees is a strain of 1 - cos 2 degrees to it, where what it twists is strained by as little."""
+    made = Space(straight(LENGTH).sweep(circle(8, 0.5)), elements=4, degree=3, section_degree=2)
+    ends = Support.end(made, "start"), Support.end(made, "end", held, turn=tuple(np.radians(turn)))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        statics.solve(Model([Body(made, law(E, NU))], ends))
+    found = [str(one.message) for one in said if "its face turns by 2 degrees" in str(one.message)]
+    assert len(found) == warned
+    assert all("takes for a strain of 0.00061" in one and "support 1" in one for one in found)

@@ -139,6 +139,9 @@ def _equilibrium(
         found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
         after = reactions.carried(assembler, x, 1.0)
+        # Supports of unevenly spaced nodes have others in the middle of finer ones.
+        arms = reactions.support_places(finer.model, state) - reactions.support_places(finer.coarse, displacement)
+        after = after._replace(moments=after.moments + np.cross(arms, after.reactions))
         carried = after.bound
         noise = assembler.reaction_noise(x, 1.0)
         driving = float(np.abs(finer.model.external).sum()) + comm.tompi4py().allreduce(
@@ -168,7 +171,7 @@ def _equilibrium(
         known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum()), driving))
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
-    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
+    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected, contacts)])
 
 
 def _supported(

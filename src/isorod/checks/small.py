@@ -8,10 +8,15 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.assembly.gradients import displacement_gradients
 from isorod.model import Model
+from isorod.model.motion import SupportMotion
+from isorod.tensors import turning
 
 # Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
 # percent.
 LARGE = 0.1
+
+# Share of the largest strain from which one that a turned face is taken for is warned of.
+_FALSE = 0.005
 
 
 def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[Array]] = ()) -> None:
@@ -27,17 +32,29 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
         At each, what this rank has of each solid (`isorod.output.state.State.solids`); collective.
     """
     found = []
+    cure = "use a finite-strain law such as StVenantKirchhoff or OrthotropicKirchhoff"
     for b, body in enumerate(model.bodies):
         small = next((law for law in body.laws if not law.objective), None)
         if small is None:
             continue
         table = body.space.tabulate(0, body.space.axis.elements)
         shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
-        largest = 0.0
+        largest = strained = 0.0
         for row in displacements:
             nodal = model.nodal(row, b)[body.space.element_nodes].reshape(shape)
-            largest = max(largest, float(np.abs(displacement_gradients(table, nodal)).max()))
+            gradients = displacement_gradients(table, nodal)
+            largest = max(largest, float(np.abs(gradients).max()))
+            strained = max(strained, 0.5 * float(np.abs(gradients + np.swapaxes(gradients, -1, -2)).max()))
         found.append((f"body {b}", small, largest))
+        for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
+            false = _false_strain(motion) if support.body == b else 0.0
+            if false > _FALSE * strained and largest <= LARGE:
+                warnings.warn(
+                    f"support {k}: its face turns by {np.degrees(motion.farthest):.4g} degrees, which the small-strain "
+                    f"law {type(small).__name__} takes for a strain of {false:.2g}, {100.0 * false / strained:.2g} % "
+                    f"of the largest; {cure}",
+                    stacklevel=3,
+                )
     for k, solid in enumerate(model.solids):
         if solid.law is not None and not solid.law.objective:
             found.append((f"solid {k}", solid.law, max(solid.largest_gradient(row[k]) for row in solids)))
@@ -45,6 +62,14 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
         if largest > LARGE:
             warnings.warn(
                 f"rotations or strains of {which} reach {largest:.2g}, the small-strain law {type(law).__name__} "
-                f"needs less than {LARGE:g}; use a finite-strain law such as StVenantKirchhoff or OrthotropicKirchhoff",
+                f"needs less than {LARGE:g}; {cure}",
                 stacklevel=3,
             )
+
+
+def _false_strain(motion: SupportMotion) -> float:
+    """Return the largest strain for which small ones take a turn: what is held goes round, and not along tangents."""
+    size = float(np.linalg.norm(motion.arms, axis=1).max(initial=0.0))
+    turn = motion.turn * (motion.farthest / (float(np.linalg.norm(motion.turn)) or 1.0))
+    rows = 0.5 * (turning(turn) + turning(-turn))[motion.dofs % 3]
+    return float(np.abs(np.sum(rows * motion.arms, axis=1)).max(initial=0.0)) / size if size else 0.0

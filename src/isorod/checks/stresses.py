@@ -1,10 +1,13 @@
 """How much stresses change on a finer space, away from where they have no limit.
 
-At the edges of held faces and patches, and where laws meet at the surface, stresses grow without bound on finer spaces;
-what counts is farther off than the section is wide, within which such effects decay (Saint-Venant).
+At the edges of held faces and patches, where laws meet at the surface, and where forces are on a section or a point,
+stresses grow without bound on finer spaces; what counts is farther off than the section is wide, within which such
+effects decay (Saint-Venant).  Where something touches the error of stresses is that of the pressure, which is told
+beside it (`isorod.contact.result`); what counts is nearly as far from there.
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +18,21 @@ from isorod.model.model import Model
 from isorod.output import held
 from isorod.output.stress import cauchy
 
+if TYPE_CHECKING:
+    from isorod.contact.result import ContactResult
+
 # Sections looked at in an element, elements looked at, and points round each section.
-_SECTIONS, _MOST, _AROUND = 4, 256, 8
+_SECTIONS, _MOST, _AROUND = 4, 256, 24
 
 # At the radius where rings meet the outer one is meant; next to it is the inner one.
 _INSIDE = 1.0 - 1e-9
+
+# Distance from contact from which on places count, in widths of the section: the far side of a wire does.
+CLEAR = 0.75
+
+# The error over what a finer space changes, at most.  Measured on the bars of `comparisons.stability.stresses`, whose
+# errors are 0.3 to 1.25 times that.
+_LEFT = 1.25
 
 # Stresses that are a smaller share of the shear modulus are round-off of strains.
 _ROUNDING = 1e-11
@@ -31,8 +44,9 @@ def change(
     after: Array,
     pressures: Sequence[Array | None] = (),
     corrected: Sequence[Array | None] = (),
+    contacts: "Sequence[ContactResult]" = (),
 ) -> float:
-    """Return the largest change of Cauchy stress at surfaces and in the middle, relative to the largest stress there.
+    """Return the largest error of Cauchy stress at surfaces and in the middle, about, over the largest stress there.
 
     Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges, or
     stresses are round-off.
@@ -43,6 +57,8 @@ def change(
         All degrees of freedom of the model, and on the finer spaces.
     pressures, corrected
         The same of the coefficients of mixed bodies.
+    contacts
+        Their outcome.
     """
     largest = changed = 0.0
     for b, (body, fine) in enumerate(zip(finer.coarse.bodies, finer.model.bodies, strict=True)):
@@ -52,16 +68,30 @@ def change(
         # The middle of what has no hole, and both sides where rings meet.
         sides = [radius * _INSIDE for radius in rings[1:-1]]
         xi = np.concatenate([around((*rings, *sides)), np.zeros((int(rings[0] == 0.0), 2))])
-        there = _stress(body, finer.coarse.nodal(before, b), xi, u, pressures[b] if pressures else None)
+        nodal = finer.coarse.nodal(before, b)
+        there = _stress(body, nodal, xi, u, pressures[b] if pressures else None)
         better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
-        largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))
-        changed = max(changed, float(np.linalg.norm(better - there, axis=(2, 3)).max()))
+        places = body.space.rod.grid(xi, u)[0] + body.space.displacement(nodal, xi, u)[0]
+        counts = to_contact(contacts, places) > CLEAR * held.width(finer.coarse, b)
+        largest = max(largest, float(np.linalg.norm(better, axis=(2, 3))[counts].max(initial=0.0)))
+        changed = max(changed, float(np.linalg.norm(better - there, axis=(2, 3))[counts].max(initial=0.0)))
     stiffness = max(law.shear_modulus for body in finer.coarse.bodies for law in body.laws)
-    return changed / largest if largest > _ROUNDING * stiffness else np.nan
+    return _LEFT * changed / largest if largest > _ROUNDING * stiffness else np.nan
 
 
 def _stress(body: Body, nodal: Array, xi: Array, u: Array, pressure: Array | None) -> Array:
     return cauchy(body, nodal, xi, u, 1.0, pressure)
+
+
+def to_contact(contacts: "Sequence[ContactResult]", places: Array) -> Array:
+    """Return how far present places ``(..., 3)`` are from the nearest point under pressure, infinite without one."""
+    pressed = [one.positions[one.pressure > 0.0] for one in contacts]
+    if not sum(map(len, pressed)):
+        return np.full(places.shape[:-1], np.inf)
+    # Models without contact need none of it.
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(np.concatenate(pressed)).query(places)[0])
 
 
 def around(radii: Sequence[float], count: int = _AROUND) -> Array:
@@ -72,7 +102,10 @@ def around(radii: Sequence[float], count: int = _AROUND) -> Array:
 
 
 def away(model: Model, number: int) -> Array:
-    """Return axis parameters inside the elements of a body that are farther from edges than its section is wide."""
+    """Return axis parameters inside the elements of a body that are farther from edges than its section is wide.
+
+    Sections held in the mean and such with forces on them, or on a point of theirs, count as edges.
+    """
     body = model.bodies[number]
     axis, rings = body.space.axis, len(body.space.rod.rings) - 1
     count = min(axis.elements, _MOST)
@@ -82,5 +115,8 @@ def away(model: Model, number: int) -> Array:
     laws = np.array([id(law) for law in body.laws]).reshape(-1, rings)
     jumps = axis.breaks[1:-1][(laws[1:] != laws[:-1]).any(axis=1)]
     ends = np.array([]) if body.space.rod.closed else axis.breaks[[0, -1]]
-    away = held.distance(model, number, u, np.append(ends, jumps)) > held.width(model, number)
+    pushing: list[Any] = [*model.means.values(), *model.loads]
+    pushed = (getattr(one, "u", None) for one in pushing if one.body == number)
+    edges = [*ends, *jumps, *(one for one in pushed if one is not None)]
+    away = held.distance(model, number, u, edges) > held.width(model, number)
     return np.asarray(u[away])

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.checks import stresses
 from isorod.errors import InputError
 from isorod.output import balance, held
 from isorod.output.largest import Largest, Peak, largest
@@ -80,6 +81,15 @@ class Sought(NamedTuple):
             _say(
                 f"{_words(self.name)} at u = {u:.4g}: edge of a held face or patch, a stress singularity that grows "
                 "without bound under refinement"
+            )
+            return
+        contacts = [one for one in getattr(state, "contacts", ()) if one.peak]
+        near = stresses.to_contact(contacts, state.position(self.rod, u, xi)) if contacts else np.inf
+        error = max(((one.peak_error or 0.0) * one.peak / abs(value) for one in contacts), default=0.0)
+        if near < stresses.CLEAR * width and error > LARGE:
+            _say(
+                f"{_words(self.name)} at u = {u:.4g}: {near:.2g} from contact whose largest pressure is known roughly, "
+                f"may be off by {100.0 * min(error, 1.0):.2g} %; compare with shorter elements and more section points"
             )
             return
         wrong = balance.share(state, self.rod, u, xi) if isinstance(state, State) else 0.0

@@ -23,9 +23,13 @@ __all__ = ["CenterLine", "nurbs", "polyline", "straight"]
 _PLACES, _FEWEST = 4096, 16
 
 
+# Breaks of a line whose length is said.
+_UNIT = 0.0, 1.0
+
+
 def straight(
     length: float | None = None,
-    breaks: Sequence[float] = (0.0, 1.0),
+    breaks: Sequence[float] = _UNIT,
     degree: int = 2,
     continuity: int | None = None,
     *,
@@ -39,7 +43,7 @@ def straight(
     Parameters
     ----------
     length
-        Units of length; where neither it nor the end is given the height is the way from the first break.
+        Units of length; where neither it nor the end is given the height is the way from the first break to the last.
     breaks
         Distinct knots, ascending.
     degree
@@ -54,6 +58,8 @@ def straight(
         positive("length", length)
     if len(breaks) < 2:
         raise InputError(f"straight line: got {len(breaks)} breaks, need at least 2")
+    if length is None and end is None and tuple(breaks) == _UNIT:
+        raise InputError("straight line: the length is missing; need a length, an end, or breaks as far apart as it is")
     smooth = degree - 1 if continuity is None else whole_number("continuity", continuity, 0, degree - 1)
     times = [degree + 1, *[degree - smooth] * (len(breaks) - 2), degree + 1]
     knots = np.repeat(np.array(breaks, dtype=float), times)

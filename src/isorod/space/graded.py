@@ -6,7 +6,7 @@ combinations of ``1, cos, sin``, and their slopes are continuous: the boundary f
 ``(1 - s)^k T_i``, ``s = |xi|^2``, ``k < K``, span what is polyharmonic, as in `isorod.space.polyharmonic`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -119,6 +119,11 @@ class Graded(Checked):
     def count(self) -> int:
         """Number of functions."""
         return self.order * len(self.arcs)
+
+    def finer(self) -> "Graded":
+        """Return those whose shortest arcs are cut in half, among which these are."""
+        least = min(self.arcs)
+        return replace(self, arcs=tuple(part for n in self.arcs for part in ((n, n) if n == least else (2 * n,))))
 
     @property
     def is_carrier(self) -> NDArray[np.bool_]:
