@@ -149,7 +149,7 @@ def solve(
             finally:
                 file.close()
             sight = _sight(run) if model.contacts else None
-            points = sight.better_points() if sight and looks < _LOOKS else None
+            points = sight.better_points() if sight and looks < _LOOKS and run.taken > first else None
             if points is None:
                 break
             looks += 1
