@@ -131,7 +131,7 @@ def test_a_motion_with_a_checkpoint_takes_points_as_one_without(tmp_path):
 
 @pytest.mark.slow
 def test_a_hit_of_a_file_lasts_as_long_as_on_a_finer_space(tmp_path):
-    """Four cells across and stiffer penalties: 1.038 of Hertz' duration, as bars bend; 1.09 on the space chosen first."""
+    """Four cells across, stiffer penalties: 1.038 of Hertz' duration, as bars bend; 1.09 on the space chosen first."""
     speed = 0.2
     scene = written(tmp_path, speed, 1.3 * duration(speed), 0.1 * duration(speed) * speed)
     with warnings.catch_warnings(record=True) as said:
