@@ -261,7 +261,9 @@ def test_a_finer_space_begins_where_the_one_before_ended():
 def rounds(monkeypatch, analyse, scenes, first=0):
     """Solve a scene whose models are their own solutions, each closer than the one before."""
     monkeypatch.setattr(solving, "start_at", lambda solution, model: (solution, model))
-    scene = SimpleNamespace(closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1)))
+    scene = SimpleNamespace(
+        analysis="statics", closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1))
+    )
     return solving._solve_refined(scene, first, analyse, {"load_steps": 5})
 
 

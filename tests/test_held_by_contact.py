@@ -1,13 +1,14 @@
 """Bodies that contact alone holds in statics: forces are those of the loads, and what held them on the way vanishes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from refused import refused
 from touching import ACROSS, STIFF, bar
 
-from isorod import Body, BodyForce, Contact, Model, Plane, Rod, SectionLoad, SolveError, Support, statics
+from isorod import Body, BodyForce, Contact, Model, Plane, Rod, SectionLoad, SolveError, Support, files, statics
 from isorod.assembly.assembler import Assembler
 from isorod.space.closer import Patch, closer
 from isorod.statics.stabilisation import Stabilisation
@@ -96,3 +97,16 @@ test_what_contact_cannot_hold_is_refused_and_the_motion_named = refused(
     by=statics.solve,
     error=SolveError,
 )
+
+
+@pytest.mark.slow
+def test_a_rope_on_dead_loads_is_hauled_by_a_drum(tmp_path):
+    """Friction alone holds it; the torque is that of the loads, and of the bend that one side makes as it is laid."""
+    text = (Path(files.__file__).parent / "examples" / "contact" / "drum.toml").read_text()
+    text = text.replace('[support.held]\nend = "end"\n', '[load.held]\nend = "end"\nforce = [-0.6, 0.0, 0.0]\n')
+    (tmp_path / "rope.toml").write_text(text[: text.index("[measure.pull]")] + text[text.index("[measure.torque]") :])
+    scene = files.find(str(tmp_path / "rope.toml"))
+    with pytest.warns(UserWarning, match="under-resolved"):
+        solution = statics.solve(scene.model(), **scene.settings())
+    radius, bending = 20.25, 1000.0 * np.pi * 0.25**4 / 4.0
+    assert scene.measure(solution)["torque"] == pytest.approx(0.4 * radius + bending / radius, rel=2e-3)

@@ -132,7 +132,7 @@ def test_in_the_end_they_rise_to_what_they_were_or_as_far_as_there_is_an_equilib
         if contact.stiffness > breaks:
             raise Diverged("said")
 
-    ContactPolicy(SimpleNamespace(advance=advance), contact)._harden(1.0)
+    ContactPolicy(SimpleNamespace(advance=advance, stabilisation=None), contact)._harden(1.0)
     assert tried == pytest.approx([0.0009 ** (k / 6) for k in range(5, -1, -1)][: len(tried)])
     assert len(tried) == (6 if breaks == np.inf else 4)
     assert contact.stiffness == pytest.approx(left)
@@ -229,7 +229,7 @@ def test_multipliers_change_by_half_as_much_each_time_that_fails(fails):
             raise Diverged("no equilibrium")
 
     assembler = SimpleNamespace(touching=lambda x, factor: np.zeros(2))
-    solver = SimpleNamespace(assembler=assembler, x=None, advance=advance)
+    solver = SimpleNamespace(assembler=assembler, x=None, advance=advance, stabilisation=None)
     policy = ContactPolicy(solver, SimpleNamespace(friction=None, packed=packed, augment=augment, model=MODEL))
     problem = policy._update(1.0, in_cells=False)
     count = min(fails + 1, 4)

@@ -79,14 +79,16 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
     and one more, where the last fails.
     """
     solution, warned = _solve_and_record_warnings(analyse, model, settings)
-    for _ in range(CLOSER):
+    # A checkpoint has the state of one space.
+    for _ in range(0 if settings.get("checkpoint") else CLOSER):
         try:
             closer = scene.closer(solution)
             if closer is None:
                 break
             model = closer.model()
-            start = start_at(solution, model)
-            solution, warned = _solve_and_record_warnings(analyse, model, {**settings, "start": start})
+            if scene.analysis != "dynamics":
+                settings = {**settings, "start": start_at(solution, model)}
+            solution, warned = _solve_and_record_warnings(analyse, model, settings)
         except (InputError, SolveError) as problem:
             warnings.warn(
                 f"local refinement of small contact patches failed, results are without it: {problem}",

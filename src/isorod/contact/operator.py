@@ -26,7 +26,6 @@ from isorod.contact.tables import pack
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
-from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.contact.friction import FrictionOperator
@@ -37,11 +36,6 @@ _DEEPEST = 1e-3
 
 # Change of the load factor by which forces are differentiated where obstacles move.
 _DELTA = 1e-6
-
-# Where control points are closer at a patch, this share of the default penalty times how many are across: the surfaces'
-# misfit, times the penalty, is a wave in the pressure.  Of crossing cylinders with four and six across, the largest
-# pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default one by 1 and 5 %.
-_CLOSER = 1.8
 
 
 class ContactOperator:
@@ -70,13 +64,10 @@ class ContactOperator:
         How often the pattern of this rank's entries has changed.
     """
 
-    # Whether points may slide far in the step in which they come into contact: then friction asks where they were.
-    long_steps = True
-
-    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None, in_motion: bool = False) -> None:
         self.ranks = Ranks(comm)
         self.model = model
-        self._graded = {k for k, body in enumerate(model.bodies) if isinstance(body.space.basis, Graded)}
+        self._in_motion = in_motion
         self.points = points_of(model)
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
@@ -147,7 +138,8 @@ class ContactOperator:
             return 0.0
         self.forces(displacement)
         positions = self._positions(displacement)
-        self.friction.before = positions if self.long_steps else None
+        # In load steps points may slide far as they come into contact: then friction asks where they were.
+        self.friction.before = None if self._in_motion else positions
         return self.friction.accept(positions)
 
     def foresee(self, displacement: Array) -> None:
@@ -279,11 +271,7 @@ class ContactOperator:
 
     def _fresh(self) -> Packed:
         """Return tables without history."""
-        packed = self.ranks.split(pack(self.model, self.points))
-        for contact, passes, _ in of_contacts(self.model, packed):
-            if contact.penalty is None and self._graded.intersection(body for body, _ in contact.sides):
-                packed.passes["penalty"][passes.start : passes.stop] *= _CLOSER / contact.across
-        return packed
+        return self.ranks.split(pack(self.model, self.points, self._in_motion))
 
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
         """Return tables with other points, with the multipliers and penalties of now."""

@@ -85,6 +85,8 @@ class ContactResult:
         Resultant of friction on the first side, shape ``(3,)``; zero where there are no two sides.
     sticking, slipping
         Number of points in contact, with friction, that stick and that slip.
+    wanders
+        Whether it presses elsewhere at another time of a motion, by half as much at least.
     """
 
     force: float
@@ -117,6 +119,7 @@ class ContactResult:
     friction: Array
     sticking: int
     slipping: int
+    wanders: bool = False
 
     @property
     def feet(self) -> Array:

@@ -287,7 +287,7 @@ def _polynomials(axis: Axis, e: int) -> Array:
     return result
 
 
-def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Packed:
+def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_motion: bool = False) -> Packed:
     """Return all contacts of a model as tables for the compiled loops.
 
     ``points`` are those of each pass (`points_of`), which they are where not given.  Nodes of facets
@@ -303,7 +303,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
             masters = [tables.obstacle(contact)]
         elif len(groups) == 2:
             masters = [(first + sizes[0], sizes[1]), (first, sizes[0])]
-        force = penalty(model, contact)
+        force = penalty(model, contact, in_motion)
         share = 0.5 if contact.obstacle is None else 1.0
         for number, (body, elements) in enumerate(contact.sides):
             space = model.bodies[body].space

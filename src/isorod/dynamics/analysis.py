@@ -132,13 +132,14 @@ def solve(
 
             others = of_solids(model.solids, solids)
             initial = np.append(initial[0], others[0]), np.append(initial[1], others[1])
-        path, points, looks, setup, loop = None if checkpoint is None else Path(checkpoint), None, 0, 0.0, 0.0
+        path, looks, setup, loop = None if checkpoint is None else Path(checkpoint), 0, 0.0, 0.0
+        points = _points(path, ranks) if model.contacts and resume and path is not None else None
         while True:
             begun = perf_counter()
             run = chosen(System(model, ranks, integrator == "explicit", points), settings)
             file = _Checkpoint(run, path, (initial[0].copy(), initial[1].copy()))
             try:
-                file.begin(resume)
+                file.begin(resume and not looks, bool(looks))
                 if not looks:
                     overlapped = overlap.warn_at_rest(model, initial[0][: model.dofs])
                 resumed, first = run.time, run.taken
@@ -148,13 +149,14 @@ def solve(
             finally:
                 file.close()
             sight = _sight(run) if model.contacts else None
-            points = sight.better_points() if sight and path is None and looks < _LOOKS else None
+            points = sight.better_points() if sight and looks < _LOOKS and run.taken > first else None
             if points is None:
                 break
             looks += 1
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        for doubt in sight.doubts() if sight else []:
+        touched = sight.results() if sight else []
+        for doubt in sight.doubts(touched) if sight else []:
             warnings.warn(doubt, stacklevel=2)
         small.warn_of_large(
             model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
@@ -176,7 +178,14 @@ def solve(
         solver=solver,
         ranks=ranks.getSize(),
         ramp=settings.ramp,
+        contacts=touched,
     )
+
+
+def _points(path: Path, comm: PETSc.Comm) -> list[tuple[int, int]] | None:
+    """Return points of each pass of contacts with which a run took the steps that it left in a checkpoint."""
+    found = files.look(path, "points", comm.tompi4py())
+    return None if found is None else [(int(one), int(other)) for one, other in found]
 
 
 def _untold(model: Model) -> Model:
@@ -239,9 +248,9 @@ class _Checkpoint:
         comm = run.system.ranks.communicator.tompi4py()
         self._file = files.Kept(path, lambda: run.identity(*initial), comm)
 
-    def begin(self, resume: bool) -> None:
+    def begin(self, resume: bool, anew: bool) -> None:
         """Begin the run, from the file if it is to be resumed; none other may have the file until `close`."""
-        kept = self._file.begin(resume)
+        kept = self._file.begin(resume, anew)
         if kept is not None:
             try:
                 self._run.restore(kept)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from isorod.errors import whole_number
 from isorod.model.model import Model
 from isorod.output.solids import WithSolids, owned
 from isorod.output.state import Animated, State
+
+if TYPE_CHECKING:
+    from isorod.contact.result import ContactResult
 
 # Of a history, what is one number an output.
 _CURVES = (
@@ -74,6 +77,8 @@ class History(Animated):
         it turns about, or its own, shape ``(o, contacts, 3)``; zeros where there is none.
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
+    contact_forces, contacts
+        Normal force of each contact, shape ``(o, contacts)``, and its outcome at the output at which it pressed most.
     solid_displacement, solid_velocity
         Of the finite element bodies' degrees of freedom, one body behind the other, shape ``(o, s)``; on every rank.
     pressure
@@ -124,6 +129,7 @@ class History(Animated):
     obstacle_forces: Array
     obstacle_moments: Array
     contact_force: Array
+    contact_forces: Array
     contact_area: Array
     penetration: Array
     kinetic: Array
@@ -152,6 +158,7 @@ class History(Animated):
     solver: dict[str, str]
     ranks: int
     ramp: float = 0.0
+    contacts: "Sequence[ContactResult]" = ()
 
     def __len__(self) -> int:
         return self.times.size
@@ -199,6 +206,7 @@ class History(Animated):
             *(() if any(one.obstacle for one in self.model.contacts) else ("obstacle_forces", "obstacle_moments")),
             "solid_displacement",
             "solid_velocity",
+            "contacts",
             "estimates",
             "seconds",
             "built",

@@ -69,8 +69,6 @@ class Run(ABC):
         self.tell: Callable[[float], object] = lambda time: None
         self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
-        # Of each contact that has pressed the largest force at an output, and which that is.
-        self.peaks: dict[int, tuple[float, int]] = {}
         # Steps taken, activation, and area in contact at the last estimate.
         self._estimated = np.zeros(3)
         # Energy at the start; momentum that stays when all impulses are taken off.
@@ -216,6 +214,7 @@ class Run(ABC):
             "tie_forces": np.zeros((0, 3)),
             "tie_moments": np.zeros((0, 3)),
             "contact_force": normal,
+            "contact_forces": self.system.contact_forces(),
             "contact_area": area,
             "penetration": max(0.0, -deepest),
             "contact_energy": energy,
@@ -237,9 +236,6 @@ class Run(ABC):
             if not np.isfinite(value).all():
                 raise SolveError(f"step {self.taken}, time {self.time:.6g}: {name.replace('_', ' ')} is not finite")
             self.rows.setdefault(name, []).append(value)
-        for k, force in enumerate(self.system.contact_forces().tolist()):
-            if force > self.peaks.get(k, (0.0, 0))[0]:
-                self.peaks[k] = force, self.index
 
     def _balance(self, seen: dict[str, Any]) -> float:
         """Add the balances to an output; return the error of the energy."""
@@ -325,6 +321,7 @@ class Run(ABC):
             "scaling": np.array(system.mass.scaling),
             "impulse": state.impulse,
             "sums": state.sums,
+            "points": np.array(system.points).reshape(-1, 2),
             "starts": system.starts,
             "anchors": system.anchors,
             "states": system.states,

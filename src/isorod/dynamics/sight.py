@@ -4,11 +4,17 @@ Of each contact that is asked at the output at which it pressed most: before and
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from isorod.arrays import Array
+import numpy as np
+
+from isorod.arrays import Array, Index
 from isorod.contact import result
 from isorod.contact.operator import ContactOperator
 from isorod.dynamics.run import Run
+
+# Of the largest force that with which a patch is asked where it is, and the share of it that may be elsewhere.
+_PRESSES, _ELSEWHERE = 0.5, 0.2
 
 
 class Sight:
@@ -22,27 +28,48 @@ class Sight:
 
     def __init__(self, run: Run) -> None:
         self._run, self._model = run, run.system.model
-        self._contact = ContactOperator(self._model, run.system.ranks.communicator)
+        self._contact = ContactOperator(self._model, run.system.ranks.communicator, in_motion=True)
         self._contact.look(run.system.points)
+        self._forces = np.array(run.rows["contact_forces"])
 
-    def _peaks(self) -> Iterator[tuple[set[int], Array]]:
+    def _peaks(self) -> Iterator[tuple[Index, Array]]:
         """Yield contacts that press most at the same output, and what contact takes there; obstacles are put there."""
-        peaks = {k: index for k, (_, index) in self._run.peaks.items()}
-        for index in sorted({*peaks.values()}):
-            self._contact.place(index * self._run.interval)
-            yield {k for k, own in peaks.items() if own == index}, self._run.met(index)
+        peaks = self._forces.argmax(axis=0)
+        for index in np.unique(peaks).tolist():
+            yield np.flatnonzero(peaks == index), self._met(index)
+
+    def _met(self, index: int) -> Array:
+        self._contact.place(index * self._run.interval)
+        return self._run.met(index)
 
     def better_points(self) -> list[tuple[int, int]] | None:
         """Return points of each pass with which patches are seen that had too few; None where all have enough."""
         before = self._contact.points
         for chosen, displacement in self._peaks():
-            self._contact.see_better(displacement, between=False, chosen=chosen)
+            self._contact.see_better(displacement, between=False, chosen=chosen.tolist())
         return None if self._contact.points == before else self._contact.points
 
-    def doubts(self) -> list[str]:
-        """Return what is not to be trusted of the contacts, a line for each."""
+    def results(self) -> list[result.ContactResult]:
+        """Return the outcome of each contact at its peak."""
         found: dict[int, result.ContactResult] = {}
         for chosen, displacement in self._peaks():
-            results = self._contact.results(displacement, check=True)
-            found |= {k: results[k] for k in chosen}
-        return result.doubts(self._model, found, moving=True)
+            outcome = self._contact.results(displacement, check=True)
+            found |= {k: replace(outcome[k], wanders=self._wanders(k, outcome[k].pressure > 0.0)) for k in chosen}
+        return [found[k] for k in range(len(found))]
+
+    def _wanders(self, k: int, pressed: Array) -> bool:
+        """Return whether a contact presses at other points than those ``pressed`` at its peak."""
+        forces = self._forces[:, k]
+        outputs = np.flatnonzero((forces > 0.0) & (forces >= _PRESSES * forces.max()))
+        packed = self._contact.packed
+        (there,) = (points for n, (_, _, points) in enumerate(result.of_contacts(self._model, packed)) if n == k)
+        for index in outputs[[0, -1]].tolist() if outputs.size else []:
+            self._contact.forces(self._met(index))
+            loads = packed.areas[there] * packed.states["pressure"][there]
+            if loads[~pressed].sum() > _ELSEWHERE * loads.sum():
+                return True
+        return False
+
+    def doubts(self, found: list[result.ContactResult]) -> list[str]:
+        """Return what is not to be trusted of these `results`, a line for each."""
+        return result.doubts(self._model, dict(enumerate(found)), moving=True)

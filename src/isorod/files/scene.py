@@ -310,7 +310,8 @@ class FileScene(Scene):
         plans, model, state = list(self.plans.values()), solution.model, getattr(solution, "equilibrium", solution)
         # Steps over time, and those that friction needs, would be taken anew: too much for what lines gain.
         lines = 0 < getattr(state, "load_steps", 0) <= (1 if any(one.friction for one in model.contacts) else inf)
-        found = {k: here for k, here in patches(model, solution.contacts, lines).items() if plans[k].free}
+        moving = self.analysis == "dynamics"
+        found = {k: here for k, here in patches(model, solution.contacts, lines, moving).items() if plans[k].free}
         return replace(self, patches=found) if found else None
 
     def model(self) -> "Model":

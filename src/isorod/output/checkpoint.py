@@ -18,7 +18,7 @@ from isorod.errors import InputError
 from isorod.output.results import write_whole
 
 # Raised whenever what is stored, or what is computed from it, changes.
-_FORMAT = 9
+_FORMAT = 10
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 
@@ -127,15 +127,19 @@ class Kept:
         self._identity = {} if path is None else identity()
         self._claim: Claim | None = None
 
-    def begin(self, resume: bool) -> dict[str, Array] | None:
-        """Return the state to go on from, None at the start; no other run may have the file until `close`."""
+    def begin(self, resume: bool, anew: bool = False) -> dict[str, Array] | None:
+        """Return the state to go on from, None at the start; no other run may have the file until `close`.
+
+        A run that begins ``anew`` takes the place of what it left there before.
+        """
         if self.path is None:
             return None
         self._on_first(self._take)
         if resume:
             found: dict[str, Array] = self._on_first(read, self.path, self._identity)
             return found
-        self._on_first(refuse_overwriting, self.path)
+        if not anew:
+            self._on_first(refuse_overwriting, self.path)
         return None
 
     def _take(self) -> None:
@@ -153,17 +157,27 @@ class Kept:
             self._claim.release()
 
     def _on_first(self, do: Callable[..., Any], *given: Any) -> Any:
-        """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
-        found = None
-        if self._comm.Get_rank() == 0:
-            try:
-                found = do(*given)
-            except InputError as problem:
-                found = problem
-        found = self._comm.bcast(found)
-        if isinstance(found, InputError):
-            raise found
-        return found
+        return _on_first(self._comm, do, *given)
+
+
+def look(path: Path, name: str, comm: Any) -> Array | None:
+    """Return one array of a checkpoint whose run is not known yet, None if it has none of that name."""
+    found: Array | None = _on_first(comm, lambda: _load(path)[1].get(name))
+    return found
+
+
+def _on_first(comm: Any, do: Callable[..., Any], *given: Any) -> Any:
+    """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
+    found = None
+    if comm.Get_rank() == 0:
+        try:
+            found = do(*given)
+        except InputError as problem:
+            found = problem
+    found = comm.bcast(found)
+    if isinstance(found, InputError):
+        raise found
+    return found
 
 
 def refuse_overwriting(path: Path) -> None:

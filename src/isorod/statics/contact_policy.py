@@ -25,6 +25,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
+from isorod.statics.proximal import Proximal
 from isorod.statics.steps import Diverged, Steps, TooDeep
 from isorod.statics.tuning import CONTROL
 
@@ -39,9 +40,13 @@ class Solver(Protocol):
     assembler: Assembler
     steps: Steps
     x: PETSc.Vec
+    stabilisation: Proximal | None
 
     def advance(self, factor: float, target: float) -> int:
         """Go from the equilibrium at one load factor to that at another."""
+
+    def again(self, factor: float) -> bool:
+        """Seek the equilibrium at a load factor once more; return whether it is found."""
 
     def forget_path(self) -> None:
         """Begin a new path."""
@@ -142,7 +147,7 @@ class ContactPolicy:
             if not self._contact.see_better(self._displacement(factor), between=factor == 1.0):
                 break
             try:
-                self._solver.advance(factor, factor)
+                self._stay(factor)
             except Diverged as problem:
                 raise Diverged(f"more points of contact: {problem}") from None
         return self._tighten(factor)
@@ -153,6 +158,22 @@ class ContactPolicy:
             return self.settle(1.0)
         except Diverged as problem:
             raise SolveError(str(problem)) from None
+
+    def _stay(self, factor: float) -> None:
+        """Find the equilibrium once more where contact has changed, or raise `Diverged`.
+
+        A slender body that nothing but contact holds may fly off, and is held meanwhile.
+        """
+        solver = self._solver
+        try:
+            solver.advance(factor, factor)
+        except Diverged:
+            if solver.stabilisation is None:
+                raise
+            try:
+                solver.stabilisation.hold(lambda: solver.again(factor), solver.x)
+            except SolveError as problem:
+                raise Diverged(str(problem)) from None
 
     def _displacement(self, factor: float) -> Array:
         return self._solver.assembler.touching(self._solver.x, factor)
@@ -170,7 +191,7 @@ class ContactPolicy:
         for _ in range(rises):
             contact.stiffen(times)
             try:
-                self._solver.advance(factor, factor)
+                self._stay(factor)
             except Diverged:
                 contact.stiffen(1.0 / times)
                 return
@@ -188,7 +209,7 @@ class ContactPolicy:
         for halvings in range(CONTROL.update_halvings + 1):
             contact.packed.multipliers[:] = before + 0.5**halvings * change
             try:
-                self._solver.advance(factor, factor)
+                self._stay(factor)
             except Diverged as why:
                 problem = why
             else:

@@ -25,6 +25,9 @@ ROUNDS = 60
 # The same of what is told of load steps on the way.
 NEARLY, FEW = 1e-3, 8
 
+# How many times as firmly a body is held first that flies off where contact changes.
+_FIRMER = 1e5
+
 # A body that has gone so many times the model's size is held by nothing.
 _AWAY = 10.0
 
@@ -133,6 +136,18 @@ class Proximal:
                 return
             elif self.is_away(x):
                 raise SolveError(self.why(x))
+
+    def hold(self, again: Callable[[], bool], x: PETSc.Vec) -> None:
+        """Let the forces vanish, nearly, anew: firm ones at first, which hold bodies where they are.
+
+        Parameters and errors are those of `vanish`.
+        """
+        fraction, rounds = self.fraction, self.rounds
+        self.fraction, self.rounds, self.left = _FIRMER * fraction, 0, np.inf
+        try:
+            self.vanish(again, x, NEARLY, 2 * FEW)
+        finally:
+            self.fraction, self.rounds = fraction, rounds
 
     def why(self, x: PETSc.Vec) -> str:
         """Return why they do not vanish."""

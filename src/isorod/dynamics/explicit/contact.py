@@ -83,7 +83,7 @@ def pack(
     reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
     # The first rank has the forces on facets.
     mine = np.append(ranks.owned[::3], np.full(nodes.size, ranks.rank == 0))
-    packed = dealt.Ranks(ranks.communicator).split(tables.pack(model, points))
+    packed = dealt.Ranks(ranks.communicator).split(tables.pack(model, points, in_motion=True))
     carriers, lifts = packed.carriers, packed.lifts
     shared = [carriers[carriers < len(reference)]]
     shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]

@@ -26,11 +26,9 @@ class MidpointContact(ContactOperator):
         Times at which the step begins and ends.
     """
 
-    long_steps = False
-
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
         refuse_in_motion(model.contacts)
-        super().__init__(model, comm)
+        super().__init__(model, comm, in_motion=True)
         self.start = np.zeros(model.dofs + self.beyond.size)
         self.span = 0.0, 0.0
 
