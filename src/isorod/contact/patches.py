@@ -29,8 +29,8 @@ ENOUGH = 0.75
 # With fewer than so many the size is known roughly; as many as the next space is to have.
 _BLIND, _ROUGHLY = 1.5, 1.7
 
-# In motions so many are aimed at, of patches that are seen up to a quarter too large at first: a hit of crossing bars with
-# three cells across lasts as long as with four and a stiffer penalty, to half a per cent.
+# In motions so many are aimed at, of patches that are seen up to a quarter too large at first: a hit of crossing bars
+# with three cells across lasts as long as with four and a stiffer penalty, to half a per cent.
 _IN_MOTION = 3.5
 
 # How far control points are as close as in a patch, where pressure ends steeply, in its half extents.
