@@ -155,7 +155,9 @@ def _found(
         best = problem.solve(x, None if attempt else before)
         x = best.x
         # As if it were new: on the discretisation that suits it, from rest.
-        after, error = _solve_anew(several, x, own.names, settings)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            after, error = _solve_anew(several, x, own.names, settings)
         own.add_misfit(after)
         own.solves += len(several)
         off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
@@ -167,6 +169,9 @@ def _found(
             "or the branch of the answer, changes with it",
             stacklevel=2,
         )
+    # What is said of several cases with other numbers is said once.
+    for one in {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}.values():
+        warnings.warn(one.message, one.category, stacklevel=2)
     return best, after, error
 
 
@@ -259,20 +264,13 @@ def _solve_anew(
 
     values: dict[str, float] = {}
     worst: float | None = None
-    told: dict[str, Any] = {}
     for case, scene in several.items():
         there = parameters.at(scene, dict(zip(names, map(float, x), strict=True)))
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            solution, _ = solving.solve(there, settings)
-            error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
-            found = evaluations.flat(evaluations.measured(there, solution))
+        solution, _ = solving.solve(there, settings)
+        error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
         worst = error if worst is None else max(worst, error or 0.0)
+        found = evaluations.flat(evaluations.measured(there, solution))
         values |= evaluations.of_case(case, found)
-        # What is said of several cases with other numbers is said once.
-        told |= {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}
-    for one in told.values():
-        warnings.warn(str(one.message), one.category, stacklevel=2)
     return values, worst
 
 

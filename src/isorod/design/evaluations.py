@@ -1,7 +1,7 @@
 """What scenes measure, and its derivatives, as functions of some of their numbers, on one discretisation."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -119,8 +119,21 @@ class Evaluations:
             except InputError as problem:
                 self.untold = str(problem).removeprefix("derivatives: ").partition(";")[0]
             else:
-                return [flat(rates.told().by[name]) for name in self.names]
+                rows = [flat(rates.told().by[name]) for name in self.names]
+                # Derivatives of modes are those of frequencies alone.
+                modal = scene.analysis == "modal"
+                return [
+                    row | (self._own(make, at, name) if modal else {})
+                    for name, row in zip(self.names, rows, strict=True)
+                ]
         return [self._difference(k, scene, at, name, solution) for name in self.names]
+
+    @staticmethod
+    def _own(make: Callable[[Mapping[str, float]], Any], at: dict[str, float], name: str) -> dict[str, float]:
+        """Return the derivatives of mass and volume by a number."""
+        step = _APART * abs(at[name])
+        less, more = (own(make(at | {name: at[name] + way})) for way in (-step, step))
+        return {one: (more[one] - less[one]) / (2.0 * step) for one in less}
 
     def _difference(self, k: int, scene: Any, at: dict[str, float], name: str, solution: Any) -> dict[str, float]:
         """Return the derivatives by a number as differences of answers on both sides, or on one where it ends."""
@@ -160,14 +173,17 @@ class Evaluations:
 
 def measured(scene: Any, solution: Any) -> Measured:
     """Return the numbers that a scene measures, and mass and volume of its rods."""
-    found = numbers(scene.measure(solution))
+    return {name: np.array(value) for name, value in own(solution.model).items()} | numbers(scene.measure(solution))
+
+
+def own(model: Any) -> dict[str, float]:
+    """Return the volume of a model's rods, and their mass if they have one."""
     volume = mass = 0.0
-    for body in solution.model.bodies:
+    for body in model.bodies:
         table = body.space.tabulate(0, body.space.axis.elements)
         volume += float(table.weights.sum())
         mass += float((body.densities_at(table) * table.weights).sum())
-    own = {"volume": volume} | ({"mass": mass} if mass else {})
-    return {name: np.array(value) for name, value in own.items()} | found
+    return {"volume": volume} | ({"mass": mass} if mass else {})
 
 
 def flat(found: Measured) -> dict[str, float]:

@@ -18,7 +18,7 @@ from isorod.design.wanted import Vary, Wanted
 from isorod.errors import InputError, SolveError
 
 # What is wanted is met to this share, and what is least does not fall any more by this one.
-MET, _LEAST = 1e-4, 1e-6
+MET, _LEAST = 1e-4, 1e-7
 _MOST = 60
 
 # A limit or a bound is active that is as near as this.
@@ -184,14 +184,16 @@ class Problem:
     def _cost(self, y: Array) -> tuple[float, Array]:
         there = self._solvable(y)
         bad = 0.0 if there is y else _BAD
+        if sum(one.relation == "=" for one in self._wanted) >= y.size:
+            # Targets leave no choice, and what is least would shorten the steps to them (Maratos).
+            return bad, np.zeros(y.size)
         if self._objective is None:
             x = self._at(y)
             change = x / self._start - 1.0
             return bad + float(change @ change), 2.0 * change * x / self._start
         name, sign = self._objective
-        return bad + sign * self._answer(there).values[name] / self._first, sign * self._slopes(there)[
-            name
-        ] / self._first
+        share = sign / self._first
+        return bad + share * self._answer(there).values[name], share * self._slopes(there)[name]
 
     def _solvable(self, y: Array) -> Array:
         """Return the numbers, or the last that could be solved where these cannot."""
@@ -225,7 +227,8 @@ class Problem:
         if self._objective is None or not held:
             return dict.fromkeys(held, 0.0)
         # As a share of what it is here.
-        gradient = self._cost(y)[1] * self._first / (abs(self._answer(y).values[self._objective[0]]) or 1.0)
+        name, sign = self._objective
+        gradient = sign * self._slopes(y)[name] / (abs(self._answer(y).values[name]) or 1.0)
         lower = [-np.inf if "=" in one.split() else 0.0 for one in held]
         found = lsq_linear(np.array([*held.values()]).T, gradient, (lower, np.inf)).x
         return {name: float(price) for name, price in zip(held, found, strict=True)}
