@@ -77,7 +77,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     with scene.locating():
         own.freeze(x)
         before = own.answer(x)
-    known = wanted.Known(before.values, several if table else ())
+    known = wanted.Known(before.values, [*several] if table else [])
     asked = wanted.wanted(found.target, "--target", "=", known)
     asked += wanted.wanted(found.limit, "--limit", "<>", known)
     objective = None if table is None else (evaluations.MISFIT, 1.0)
