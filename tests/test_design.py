@@ -165,6 +165,16 @@ def test_a_curve_is_met_in_the_mean_and_drawn(command, beam):
     assert (beam / "met.png").stat().st_size > 0
 
 
+def test_a_design_on_too_few_elements_says_how_far_it_is_off(command, beam):
+    text = BEAM.replace("{elements = 4, degree = 5", "{elements = 1, degree = 2")
+    text = text.replace("LinearElastic = {E = 2.1e5", "NeoHookean = {E = 2.1e4")
+    (beam / "few.toml").write_text(text)
+    words = ("few.toml", "--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-20")
+    code, _, err = command._run(("design", *words))
+    assert code == 0
+    assert "so far off are the numbers found; give the file a finer space" in err
+
+
 def test_a_target_that_leaves_no_choice_is_met_at_once(command, beam):
     """A thicker beam bends less, and is heavier: steps to the target are not shortened by what is least."""
     words = ("--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-0.6", "--minimise", "mass")

@@ -13,7 +13,6 @@ curve = {helix = {radius = 6.0, pitch = 4.0, turns = 4.0}}
 section = {circle = 0.75}
 law = {LinearElastic = {E = 2.06e5, nu = 0.3}}
 density = 7.85e-9
-space = {elements = 32, degree = 5, section_degree = 3}
 
 [support.lower]
 end = "start"

@@ -24,6 +24,10 @@ _ROUNDS = 3
 # So far these may differ.
 _SAME = 1e-3
 
+# What refines a run, and a design.
+_FINER = re.compile(r"--tolerance \S+ refines until it is met.*")
+_CURE = "so far off are the numbers found; give the file a finer space, or none, and design again"
+
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Design a scene with our options and PETSc's; return the exit code: 2 where what is wanted is not met."""
@@ -115,6 +119,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             for one in varied
         },
         "answers": {name: {"before": before.values[name], "after": after[name]} for name in after},
+        "units": dict(scene.units),
         "wanted": [str(one) for one in asked],
         "objective": None if objective is None else objective[0],
         "extreme": "largest" if found.maximise else "least",
@@ -171,7 +176,7 @@ def _found(
         )
     # What is said of several cases with other numbers is said once.
     for one in {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}.values():
-        warnings.warn(one.message, one.category, stacklevel=2)
+        warnings.warn(_FINER.sub(_CURE, str(one.message)), one.category, stacklevel=2)
     return best, after, error
 
 
@@ -302,6 +307,8 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for name, one in record["answers"].items():
         what = f"wanted {asked[name].partition(' ')[2]}" if name in asked else ""
         what = record["extreme"] if name == record["objective"] else what
+        unit = record["units"].get(re.sub(r"^.*\.|\[.*", "", name), "")
+        what = f"{unit}  {what}".strip() if unit and not unit.startswith("(") else what
         rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", what))
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
     text = [f"{row[0]:{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}".rstrip() for row in rows]
