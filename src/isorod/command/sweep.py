@@ -169,8 +169,8 @@ def _run(
         if found.png is not None or curves.SPEED in head:
             columns = curves.columns(table.decode().splitlines(), "sweep")
         if curves.SPEED in head and not found.json:
-            for one in campbell.crossings(columns):
-                print(one)
+            for met in campbell.crossings(columns):
+                print(met)
         if found.png is not None:
             from isorod.output import picture
 
