@@ -9,8 +9,8 @@ from test_design import BEAM, tabled
 # A compression spring, whose lower end is pushed up by a preload.
 SPRING = """
 [rod.wire]
-curve = {helix = {radius = 6.0, pitch = 4.0, turns = 4.0}}
-section = {circle = 0.75}
+curve = {helix = {radius = 6.0, pitch = 8.0, turns = 1.5}}
+section = {circle = 0.53}
 law = {LinearElastic = {E = 2.06e5, nu = 0.3}}
 density = 7.85e-9
 
@@ -29,7 +29,8 @@ component = "z"
 
 [measure.stress]
 stress = "wire"
-u = 16.0
+u = 6.0
+xi = [1.0, 0.0]
 
 [case.low]
 
@@ -44,14 +45,14 @@ def test_a_spring_of_two_forces_and_a_stress_is_the_lightest(command, tmp_path, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spring.toml").write_text(SPRING)
     helix, preload = "rod.wire.curve.helix", "support.lower.displacement.2"
-    vary = f"{helix}.radius=4:9,{helix}.turns=2:9,rod.wire.section.circle=0.4:1.6,{preload}=0.5:8"
-    wanted_ = ("--target", "low.force=30,high.force=75", "--limit", "high.stress<700", "--minimise", "mass")
+    vary = f"{helix}.radius=4:9,rod.wire.section.circle=0.4:1.6,{preload}=0.5:8"
+    wanted_ = ("--target", "low.force=30,high.force=75", "--limit", "high.stress<1250", "--minimise", "mass")
     found = command.record("design", "spring.toml", "--vary", vary, *wanted_, "--output", "best.toml")
-    # Forces begin at half of what they are to be.
-    assert found["answers"]["low.force"]["before"] < 15.0
+    # Forces begin at less than half of what they are to be.
+    assert found["answers"]["high.force"]["before"] < 37.5
     assert not found["missed"]
     assert found["solves"] <= 30
-    assert {"low.force = 30", "high.force = 75", "high.stress < 700"} <= {*found["active"]}
+    assert {"low.force = 30", "high.force = 75", "high.stress < 1250"} <= {*found["active"]}
     assert found["parameters"][preload]["after"] == pytest.approx(4.0 * 30.0 / 45.0, rel=1e-4)
     again = command.record("run", "best.toml", "--case", "high", "--no-estimate")
     assert again["force"] == pytest.approx(75.0, rel=1e-4)

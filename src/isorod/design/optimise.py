@@ -18,7 +18,7 @@ from isorod.design.wanted import Vary, Wanted
 from isorod.errors import InputError, SolveError
 
 # What is wanted is met to this share, and what is least does not fall any more by this one.
-MET, _LEAST = 1e-4, 1e-7
+MET, _LEAST = 1e-4, 1e-6
 _MOST = 60
 
 # A limit or a bound is active that is as near as this.
