@@ -13,12 +13,15 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
-from isorod.design.evaluations import Answer, Evaluations
+from isorod.design.evaluations import MISFIT, Answer, Evaluations
 from isorod.design.wanted import Vary, Wanted
 from isorod.errors import InputError, SolveError
 
 # What is wanted is met to this share, and what is least does not fall any more by this one.
 MET, _LEAST = 1e-4, 1e-6
+
+# The same of the misfit of a curve, which is a square and may vanish.
+_LEAST_SQUARE = 1e-9
 _MOST = 60
 
 # A limit or a bound is active that is as near as this.
@@ -109,6 +112,7 @@ class Problem:
         first, self._last = self._answer(y), y
         if self._objective is not None:
             self._first = abs(first.values[self._objective[0]]) or 1.0
+        squared = self._objective is not None and self._objective[0] == MISFIT
         kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
         constraints = [
             {
@@ -126,7 +130,7 @@ class Problem:
                 bounds=self._bounds,
                 constraints=constraints,
                 method="SLSQP",
-                options={"ftol": _LEAST, "maxiter": _MOST},
+                options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
             )
             y, ended = found.x, "" if found.success else str(found.message)
         except _Enough:
