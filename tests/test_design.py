@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from isorod import InputError, files
-from isorod.design import optimise, parameters, wanted
+from isorod.design import evaluations, optimise, parameters, wanted
 from isorod.files.rewritten import rewritten
 
 # A cantilever of slender beam theory: w = 4 F L^3 / (3 pi E r^4).
@@ -149,7 +149,81 @@ def test_a_design_that_folds_is_left_for_one_that_does_not(command, twin):
     assert not found["missed"]
 
 
+def test_a_curve_is_met_in_the_mean_and_drawn(command, beam):
+    """Deflections of a cantilever are as the inverse fourth power of its radius."""
+    loads = (-5.0, -20.0)
+    rows = [(load, 4.0 * load * 60.0**3 / (3.0 * np.pi * 2.1e5 * 1.3**4)) for load in loads]
+    tabled(beam / "wanted.csv", "load.tip.force.1,deflection", rows)
+    words = ("--vary", "rod.beam.section.circle=0.5:2", "--table", "wanted.csv", "--png", "met.png")
+    found = command.record("design", "beam.toml", *words)
+    assert found["parameters"]["rod.beam.section.circle"]["after"] == pytest.approx(1.3, rel=2e-3)
+    assert found["answers"]["misfit"]["after"] < 1e-5
+    assert found["given"]["load.tip.force.1"] == [*loads]
+    one = found["curves"]["deflection"]
+    assert one["after"] == pytest.approx(one["wanted"], rel=1e-4)
+    assert found["solves"] <= 30
+    assert (beam / "met.png").stat().st_size > 0
+
+
+def test_a_design_on_too_few_elements_says_how_far_it_is_off(command, beam):
+    text = BEAM.replace("{elements = 4, degree = 5", "{elements = 1, degree = 2")
+    text = text.replace("LinearElastic = {E = 2.1e5", "NeoHookean = {E = 2.1e4")
+    (beam / "few.toml").write_text(text)
+    words = ("few.toml", "--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-20")
+    code, _, err = command._run(("design", *words))
+    assert code == 0
+    assert "so far off are the numbers found; give the file a finer space" in err
+
+
+def test_a_target_that_leaves_no_choice_is_met_at_once(command, beam):
+    """A thicker beam bends less, and is heavier: steps to the target are not shortened by what is least."""
+    words = ("--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-0.6", "--minimise", "mass")
+    found = command.record("design", "beam.toml", *words)
+    assert found["answers"]["deflection"]["after"] == pytest.approx(-0.6, rel=1e-4)
+    assert found["solves"] <= 8
+
+
+def test_mass_is_worth_what_it_is_in_modes_too(command, beam):
+    """Frequencies of bending go with the radius, the mass with its square."""
+    modes = BEAM.replace("[analysis.statics]", "[analysis.modal]\nmodes = 2").partition("[load.tip]")[0]
+    text = f"{modes}\n[analysis.modal]\nmodes = 2\n[measure.first]\nfrequency = 'beam'\nshape = 'bending'\n"
+    (beam / "modes.toml").write_text(text)
+    words = ("--vary", "rod.beam.section.circle=0.5:2", "--limit", "first>0.03", "--minimise", "mass")
+    found = command.record("design", "modes.toml", *words)
+    (price,) = found["active"].values()
+    assert price == pytest.approx(2.0, abs=1e-2)
+
+
+def test_where_answers_tell_no_derivatives_they_are_differences(twin, monkeypatch):
+    scene = files.find("twin.toml")
+    own = evaluations.Evaluations({"": scene}, [f"{LAW}.E", f"{LAW}.nu"], {})
+    x = np.array([100.0, 0.3])
+    own.freeze(x)
+    answer = own.answer(x)
+    exact = own.derivatives(x, answer)
+    assert not own.untold
+
+    def refuse(*given):
+        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
+
+    monkeypatch.setattr(type(answer.solutions[0]), "derivatives", refuse)
+    found = own.derivatives(x, answer)
+    assert own.untold == "not told with contact"
+    assert own.solves == 1 + 2 * len(x)
+    for name in ("force", "torque"):
+        assert found[name] == pytest.approx(exact[name], rel=1e-5, abs=1e-5 * np.abs(exact[name]).max())
+
+
 REFUSED = [
+    (("--vary", "rod.beam.section.circle", "--png", "x.png"), "--png: what is drawn is a curve; give its --table"),
+    (
+        ("--vary", "rod.beam.section.circle", "--table", "beam.csv", "--minimise", "mass"),
+        "--minimise: with --table the curve's misfit is least",
+    ),
+    (
+        ("--vary", "rod.beam.section.circle", "--table", "beam.csv", "--limit", "sag<1"),
+        "--limit sag: not measured; there are: volume, mass, deflection",
+    ),
     (("--vary", "rod.beam.section.round"), "'rod.beam.section.round' is no number of the scene that can vary"),
     (("--vary", "rod.beam.section.circle=1.5:2"), "it begins at 1, need bounds about that"),
     (("--vary", "rod.beam.section.circle=2:1"), "need a lower bound below the upper one"),
@@ -166,6 +240,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("words", "message"), REFUSED, ids=[message for _, message in REFUSED])
 def test_what_makes_no_design_is_refused(command, beam, words, message):
+    tabled(beam / "beam.csv", "load.tip.force.1,deflection", [(-10.0, -1.0)])
     assert message in command.refuses("design", "beam.toml", *words)
 
 

@@ -77,40 +77,45 @@ def of_modes(
 
 
 def of_stress(
-    model: Model, eigenvalue: float, vector: Array, directions: Sequence[str] = (), ranks: int = 1
+    model: Model, eigenvalues: Array, vectors: Array, directions: Sequence[str] = (), ranks: int = 1
 ) -> float | None:
-    """Return how far stresses of a mode about the state of rest are off, relative to the largest, away from edges.
+    """Return how far stresses of modes about the state of rest are off, relative to the largest, away from edges.
 
-    On finer spaces the mode is that of one step of inverse iteration (`isorod.checks.stresses`).  None where there is
-    no finer one, of free bodies, and in the mixed formulation.
+    Of several modes it is the worst.  On finer spaces a mode is that of one step of inverse iteration
+    (`isorod.checks.stresses`).  None where there is no finer one, of free bodies, and in the mixed formulation.
 
     Parameters
     ----------
-    eigenvalue, vector
-        ``omega^2`` and its shape ``(dofs,)``.
+    eigenvalues, vectors
+        ``omega^2`` ``(m,)`` and shapes ``(m, dofs)``.
     directions, ranks
         As for `isorod.checks.estimate.of_equilibrium`.
     """
-    if not eigenvalue > 0.0 or any(body.formulation != "displacement" for body in model.bodies):
+    if not (eigenvalues > 0.0).all() or any(body.formulation != "displacement" for body in model.bodies):
         return None
-    small = _TINY * model.size / np.abs(vector).max() * vector
+    small = _TINY * model.size / np.abs(vectors).max(axis=1, keepdims=True) * vectors
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
         assembler = assembler_for(finer.model, comm)
         matrix, mass = assembler.matrix(), assembler.mass_operator()
         ksp, found = correction.solver(assembler, matrix), assembler.vector()
         assembler.tangent(assembler.vector(), 0.0, matrix)
-        before = finer.displacement(small)
         ksp.setOperators(matrix)
-        ksp.solve(eigenvalue * (mass * assembler.state(before)), found)
-        after = assembler.shapes(assembler.all_unknowns(found)[None])[0]
+        changes = []
+        for eigenvalue, vector in zip(eigenvalues, small, strict=True):
+            before = finer.displacement(vector)
+            ksp.solve(float(eigenvalue) * (mass * assembler.state(before)), found)
+            after = assembler.shapes(assembler.all_unknowns(found)[None])[0]
+            # Both as large: stresses are told over the amplitude.
+            after *= np.sqrt(before @ before / (after @ after))
+            changes.append(stresses.change(finer, vector, after) / (1.0 - finer.left))
         for one in (ksp, matrix, mass):
             one.destroy()
-        # Both as large: stresses are told over the amplitude.
-        after *= np.sqrt(before @ before / (after @ after))
-        return np.array([stresses.change(finer, small, after) / (1.0 - finer.left)])
+        return np.array(changes)
 
-    return correction.total(model, directions, ranks, change, 1)[0]
+    found = correction.total(model, directions, ranks, change, eigenvalues.size)
+    known = [one for one in found if one is not None]
+    return max(known) if len(known) == len(found) else None
 
 
 def of_solids(

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import shlex
 import sys
 import warnings
@@ -22,6 +23,10 @@ _ROUNDS = 3
 
 # So far these may differ.
 _SAME = 1e-3
+
+# What refines a run, and a design.
+_FINER = re.compile(r"--tolerance \S+ refines until it is met.*")
+_CURE = "so far off are the numbers found; give the file a finer space, or none, and design again"
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
@@ -52,36 +57,47 @@ def more(parser: Parser, scene: Any) -> None:
     least = parser.add_mutually_exclusive_group()
     least.add_argument("--minimise", "--minimize", metavar="NAME", help="mass, volume, or what is measured")
     least.add_argument("--maximise", "--maximize", metavar="NAME", help="the same, to be the largest")
+    add("--table", metavar="FILE.csv", help="a curve that is wanted: columns of numbers of the scene, and of answers")
     add("--json", action="store_true", help="print the result as one line of JSON")
+    add("--png", metavar="FILE", help="draw the curve that is wanted, before and after")
     add("--output", metavar="FILE.toml", help="write the file with the numbers found")
 
 
 def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
-    from isorod.design import evaluations, optimise, wanted
+    from isorod.design import curves, evaluations, optimise, wanted
 
     several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}
+    if several and found.table:
+        raise InputError("--table: the file has load cases; choose one with --case")
     several = several or {"": scene}
     scene = next(iter(several.values()))
     _check(scene, found)
     varied = wanted.varied(found.vary, scene)
+    table = read_table(found, scene, varied)
+    several = several if table is None else curves.scenes_of(scene, table)
     settings = chosen.settings(scene, found)
-    own = evaluations.Evaluations(several, [one.name for one in varied], settings)
+    own = evaluations.Evaluations(several, [one.name for one in varied], settings, table)
     x = np.array([one.start for one in varied])
     with scene.locating():
         own.freeze(x)
         before = own.answer(x)
-    asked = wanted.wanted(found.target, "--target", "=", before.values)
-    asked += wanted.wanted(found.limit, "--limit", "<>", before.values)
-    objective = None
+    known = wanted.Known(before.values, [*several] if table else [])
+    asked = wanted.wanted(found.target, "--target", "=", known)
+    asked += wanted.wanted(found.limit, "--limit", "<>", known)
+    objective = None if table is None else (evaluations.MISFIT, 1.0)
     if found.minimise or found.maximise:
         option = "--minimise" if found.minimise else "--maximise"
-        name = wanted.named(option, found.minimise or found.maximise, before.values)
+        if table is not None:
+            raise InputError(
+                f"{option}: with --table the curve's misfit is least; give --limit, or leave out the table"
+            )
+        (name,) = known.named(option, found.minimise or found.maximise)
         objective = name, 1.0 if found.minimise else -1.0
     if not asked and objective is None:
-        raise InputError("design: say what is wanted: --target, --limit, --minimise or --maximise")
+        raise InputError("design: say what is wanted: --target, --limit, --minimise, --maximise or --table")
     problem = optimise.Problem(own, varied, asked, objective, tell)
     with scene.locating():
-        best, after, error = _found(problem, own, x, _concerned(asked, objective), several, settings)
+        best, after, error = _found(problem, own, x, before, _concerned(asked, objective, table), several, settings)
     anew = optimise.missed_by(after, asked)
     if anew[0] > max(best.missed[0], _SAME):
         best = best._replace(missed=anew)
@@ -93,6 +109,8 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         missed += f", with {' and '.join(held)}"
     if missed and best.trouble:
         missed += f" ({best.trouble})"
+    if own.untold:
+        warnings.warn(differences_of(own.untold), stacklevel=2)
     values = dict(zip(own.names, map(float, best.x), strict=True))
     record = {
         "scene": scene.name,
@@ -101,6 +119,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             for one in varied
         },
         "answers": {name: {"before": before.values[name], "after": after[name]} for name in after},
+        "units": dict(scene.units),
         "wanted": [str(one) for one in asked],
         "objective": None if objective is None else objective[0],
         "extreme": "largest" if found.maximise else "least",
@@ -110,6 +129,11 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         "missed": missed,
         "again": again(scene, values),
     }
+    if table is not None:
+        three = {"wanted": table.measured, "before": table.values(before.values), "after": table.values(after)}
+        told(record, table, three)
+        if found.png and ending.rank() == 0:
+            draw(scene, table, three, found.png)
     if found.output and ending.rank() == 0:
         from isorod.files.rewritten import rewritten
         from isorod.output import results
@@ -121,16 +145,25 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
 
 
 def _found(
-    problem: Any, own: Any, x: Any, concerned: Sequence[str], several: Mapping[str, Any], settings: Mapping[str, Any]
+    problem: Any,
+    own: Any,
+    x: Any,
+    before: Any,
+    concerned: Sequence[str],
+    several: Mapping[str, Any],
+    settings: Mapping[str, Any],
 ) -> tuple[Any, dict[str, float], float | None]:
     """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
     for attempt in range(_ROUNDS):
         if attempt:
             own.freeze(x)
-        best = problem.solve(x)
+        best = problem.solve(x, None if attempt else before)
         x = best.x
         # As if it were new: on the discretisation that suits it, from rest.
-        after, error = _solve_anew(several, x, own.names, settings)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            after, error = _solve_anew(several, x, own.names, settings)
+        own.add_misfit(after)
         own.solves += len(several)
         off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
         if off <= _SAME:
@@ -141,7 +174,56 @@ def _found(
             "or the branch of the answer, changes with it",
             stacklevel=2,
         )
+    # What is said of several cases with other numbers is said once.
+    for one in {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}.values():
+        warnings.warn(_FINER.sub(_CURE, str(one.message)), one.category, stacklevel=2)
     return best, after, error
+
+
+def read_table(found: argparse.Namespace, scene: Any, varied: Sequence[Any]) -> Any:
+    """Return the curve that a table has, or None; refuse what could not be drawn, before anything is solved."""
+    from isorod.design import curves
+    from isorod.output.curves import check, read
+
+    if found.png:
+        if not found.table:
+            raise InputError("--png: what is drawn is a curve; give its --table")
+        check(Path(found.png))
+    return curves.curve(read(Path(found.table)), scene, varied) if found.table else None
+
+
+def told(record: dict[str, Any], table: Any, several: Mapping[str, Any]) -> None:
+    """Add curves to a record: root of the mean square of what they are off, and each by what it is."""
+    from isorod.design.evaluations import MISFIT
+
+    misfit, active = record["answers"][MISFIT], record["active"]
+    record["answers"] = {name: one for name, one in record["answers"].items() if "." not in name}
+    record["answers"][MISFIT] = {name: float(np.sqrt(one)) for name, one in misfit.items()}
+    # Of a square 1 % of it is worth twice as much.
+    record["active"] = {name: 0.5 * one for name, one in active.items()}
+    record["given"] = {name: one.tolist() for name, one in table.given.items()}
+    record["curves"] = {name: {which: one[name].tolist() for which, one in several.items()} for name in table.measured}
+
+
+def draw(scene: Any, table: Any, several: Mapping[str, Any], path: str) -> None:
+    """Draw curves, one over the other."""
+    from isorod.design import curves
+    from isorod.output import picture
+    from isorod.output.curves import draw as drawn
+
+    units = {name: unit.strip("()") for name, unit in scene.units.items()}
+    drawn(
+        curves.columns(table, several),
+        str(scene.title if scene.content else scene.name),
+        picture.SIZE,
+        Path(path),
+        units,
+    )
+
+
+def differences_of(why: str) -> str:
+    """Return what to say where derivatives are differences."""
+    return f"derivatives are differences of answers, two solves a number: they are {why}"
 
 
 def _check(scene: Any, found: argparse.Namespace) -> None:
@@ -197,8 +279,12 @@ def _solve_anew(
     return values, worst
 
 
-def _concerned(asked: Sequence[Any], objective: tuple[str, float] | None) -> list[str]:
-    return [*(one.name for one in asked), *([objective[0]] if objective else [])]
+def _concerned(asked: Sequence[Any], objective: tuple[str, float] | None, table: Any) -> list[str]:
+    found = [*(one.name for one in asked), *([objective[0]] if objective and table is None else [])]
+    return [
+        *found,
+        *(f"{k}.{name}" for name, one in (table.measured if table else {}).items() for k in range(len(one))),
+    ]
 
 
 def _apart(one: float, other: float) -> float:
@@ -221,13 +307,25 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for name, one in record["answers"].items():
         what = f"wanted {asked[name].partition(' ')[2]}" if name in asked else ""
         what = record["extreme"] if name == record["objective"] else what
+        unit = record["units"].get(re.sub(r"^.*\.|\[.*", "", name), "")
+        what = f"{unit}  {what}".strip() if unit and not unit.startswith("(") else what
         rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", what))
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
     text = [f"{row[0]:{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]:>{widths[2]}}  {row[3]}".rstrip() for row in rows]
     for name, price in record["active"].items():
         worth = f": 1 % of it is worth {abs(price):.3g} % of {record['objective']}" if record["objective"] else ""
         text.append(f"active: {name}{worth}")
+    for name, one in record.get("curves", {}).items():
+        text += curve_lines(name, record["given"], one)
     error = record["error_estimate"]
     text.append(f"{record['solves']} solves" + ("" if error is None else f"; error about {100.0 * error:.2g} %"))
     text.append(record["again"])
     return text
+
+
+def curve_lines(name: str, given: Mapping[str, Sequence[float]], several: Mapping[str, Sequence[float]]) -> list[str]:
+    """Return a curve as a table: what is given in each point, and what it is wanted, measured or answered there."""
+    columns = {**given, **{f"{name} {which}": one for which, one in several.items()}}
+    widths = [max(len(head), 12) for head in columns]
+    rows = [[*columns], *([f"{one:.6g}" for one in row] for row in zip(*columns.values(), strict=True))]
+    return ["  ".join(f"{one:>{width}}" for one, width in zip(row, widths, strict=True)) for row in rows]

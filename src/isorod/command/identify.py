@@ -1,9 +1,9 @@
 """``isorod identify``: numbers of a scene, as constants of its laws, from measured curves."""
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,19 +43,24 @@ def more(parser: Parser, scene: Any) -> None:
     add("--table", metavar="FILE.csv", help="measured values: a column each of numbers of the scene, and of answers")
     add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="numbers to be found, with bounds")
     add("--json", action="store_true", help="print the result as one line of JSON")
+    add("--png", metavar="FILE", help="draw the curves measured and answered")
 
 
 def _identify(scene: Any, found: Any) -> dict[str, Any]:
-    from isorod.command.design import again, tell
-    from isorod.design import evaluations, identify, wanted
-    from isorod.output import curves
+    from isorod.command.design import again, differences_of, draw, read_table, tell
+    from isorod.design import curves, evaluations, identify, wanted
 
     several = wanted.varied(found.vary, scene)
-    table = identify.curve(curves.read(Path(found.table)), scene, several)
+    table = read_table(found, scene, several)
     names = [one.name for one in several]
-    own = evaluations.Evaluations(identify.scenes_of(scene, table), names, chosen.settings(scene, found))
+    own = evaluations.Evaluations(curves.scenes_of(scene, table), names, chosen.settings(scene, found))
     with scene.locating():
         best = identify.identify(own, several, table, tell)
+    if own.untold:
+        warnings.warn(differences_of(own.untold), stacklevel=2)
+    two = {"measured": table.measured, "answered": best.fitted}
+    if found.png and ending.rank() == 0:
+        draw(scene, table, two, found.png)
     deviation = np.sqrt(np.diag(best.covariance))
     values = dict(zip(own.names, map(float, best.x), strict=True))
     return {
@@ -70,10 +75,8 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
             if min(abs(values[one.name] - one.lower), abs(values[one.name] - one.upper)) <= 1e-6 * abs(one.start)
         ],
         "covariance": best.covariance.tolist(),
-        "curves": {
-            name: {"measured": wanted_.tolist(), "answered": best.fitted[name].tolist()}
-            for name, wanted_ in table.measured.items()
-        },
+        "given": {name: one.tolist() for name, one in table.given.items()},
+        "curves": {name: {which: one[name].tolist() for which, one in two.items()} for name in table.measured},
         "misfit": best.misfit,
         "solves": own.solves,
         "again": again(scene, values),
@@ -82,6 +85,8 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
 
 def lines(record: Mapping[str, Any]) -> list[str]:
     """Return what was found in words: numbers with their standard errors, curves beside what was measured."""
+    from isorod.command.design import curve_lines
+
     text, width = [], max(len(name) for name in record["parameters"])
     for name, one in record["parameters"].items():
         bound = ", at its bound: what is best lies beyond" if name in record["bounds"] else ""
@@ -89,8 +94,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
             f"{name:{width}}  {one['found']:.8g} +- {one['standard_error']:.2g} (began at {one['before']:g}){bound}"
         )
     for name, one in record["curves"].items():
-        text.append(f"{name:>14}      answered")
-        text += [f"{a:14.6g}{b:14.6g}" for a, b in zip(one["measured"], one["answered"], strict=True)]
+        text += curve_lines(name, record["given"], one)
     text.append(f"misfit {100.0 * record['misfit']:.2g} % of the largest; {record['solves']} solves")
     text.append(record["again"])
     return text

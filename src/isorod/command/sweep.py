@@ -104,11 +104,12 @@ def _run(
     from petsc4py import PETSc
 
     from isorod.command import printing, sheet, solving
-    from isorod.output import results
+    from isorod.output import campbell, curves, results
     from isorod.output.progress import Progress
 
     start, first = perf_counter(), ending.rank() == 0
     head = [identity["command"], *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
+    head += [curves.SPEED] if _is_speed(scene, points[0].values) else []
     # Of several ranks the first has the files.
     path = found.output if first else None
     there = {} if path is None else sheet.read(path, identity, found.overwrite)
@@ -164,10 +165,15 @@ def _run(
         raise InputError(message if total == 1 else f"none of {total} points can be solved; the first: {message}")
     if first:
         _print(records, found, perf_counter() - start, len(known))
-        if found.png is not None:
-            from isorod.output import curves, picture
-
+        columns = {}
+        if found.png is not None or curves.SPEED in head:
             columns = curves.columns(table.decode().splitlines(), "sweep")
+        if curves.SPEED in head and not found.json:
+            for met in campbell.crossings(columns):
+                print(met)
+        if found.png is not None:
+            from isorod.output import picture
+
             results.make_folder(str(Path(found.png).parent))
             units = {name: unit.strip("()") for name, unit in scene.units.items()}
             curves.draw(
@@ -224,6 +230,15 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
         "file": hashlib.sha256(content.encode()).hexdigest() if scene.content else None,
         "versions": results.provenance()["versions"],
     }
+
+
+def _is_speed(scene: Any, varied: Mapping[str, Any]) -> bool:
+    """Return whether what is varied first is all of the velocity of a spin, whose modes are wanted."""
+    name, (first, *_) = "spin.velocity.", varied
+    if scene.analysis != "modal" or not first.startswith(name) or not scene.content:
+        return False
+    others = [one for k, one in enumerate(scene.content["spin"]["velocity"]) if f"{name}{k}" != first]
+    return not any(others)
 
 
 def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:

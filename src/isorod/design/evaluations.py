@@ -1,7 +1,7 @@
 """What scenes measure, and its derivatives, as functions of some of their numbers, on one discretisation."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -10,11 +10,18 @@ import numpy as np
 from isorod import choices
 from isorod.arrays import Array
 from isorod.design import parameters
+from isorod.design.curves import Curve
+from isorod.errors import InputError, SolveError
 from isorod.statics.derivatives import numbers
 from isorod.statics.differences import Measured
 
-# What of the rods can be asked for beside what is measured.
+# What of the rods can be asked for beside what is measured, and how far a curve is off, squared, in the mean.
 OWN = ("mass", "volume")
+MISFIT = "misfit"
+
+# Where an answer tells no derivatives they are differences of answers at this share of a number to both sides: errors
+# go with its square, and what contact leaves of its search, some 1e-7 of a force, over it.
+_APART = 2e-3
 
 
 class Answer(NamedTuple):
@@ -35,16 +42,26 @@ class Evaluations:
         The numbers that vary.
     settings
         Keyword arguments of the analysis.
+    table
+        The curve whose points the scenes are: how far it is off is among the answers.
 
     Attributes
     ----------
     solves
         How many analyses there were.
+    untold
+        Why answers tell no derivatives, so that these are differences; empty where they do.
     """
 
-    def __init__(self, several: Mapping[str, Any], names: Sequence[str], settings: Mapping[str, Any]) -> None:
-        self.scenes, self.names, self.settings = dict(several), list(names), dict(settings)
-        self.solves = 0
+    def __init__(
+        self,
+        several: Mapping[str, Any],
+        names: Sequence[str],
+        settings: Mapping[str, Any],
+        table: Curve | None = None,
+    ) -> None:
+        self.scenes, self.names, self.settings, self.table = dict(several), list(names), dict(settings), table
+        self.solves, self.untold = 0, ""
         self._last: list[Any] = [None] * len(self.scenes)
         self._choices: list[choices.Choices] = []
 
@@ -67,29 +84,71 @@ class Evaluations:
         values: dict[str, float] = {}
         solutions = []
         for k, (case, scene) in enumerate(self.scenes.items()):
-            solution = self._solve(k, scene, self._make(k, scene, self._named(x)))
+            solution = self._solve(scene, self._make(k, scene, self._named(x)), self._last[k])
             solutions.append(solution)
             with _silently():
                 values |= of_case(case, flat(measured(scene, solution)))
         self._last = solutions
+        self.add_misfit(values)
         return Answer(values, solutions)
+
+    def add_misfit(self, values: dict[str, float]) -> None:
+        """Add to answers how far the curve is off, if there is one."""
+        if self.table is not None:
+            values[MISFIT] = float(np.mean(self.table.off(values) ** 2))
 
     def derivatives(self, x: Array, answer: Answer) -> dict[str, Array]:
         """Return the derivatives of what is measured by all numbers, shape ``(numbers,)`` each."""
         found: dict[str, Array] = {}
         for k, (case, scene) in enumerate(self.scenes.items()):
-            rates = (
-                answer.solutions[k]
-                .derivatives(
-                    lambda values, k=k, scene=scene: self._make(k, scene, values),
-                    self._named(x),
-                    lambda solution, scene=scene: measured(scene, solution),
-                )
-                .told()
-            )
-            rows = [flat(rates.by[name]) for name in self.names]
+            rows = self._rates(k, scene, self._named(x), answer.solutions[k])
             found |= of_case(case, {one: np.array([row[one] for row in rows]) for one in rows[0]})
+        if self.table is not None:
+            found[MISFIT] = 2.0 * np.mean(self.table.off(answer.values)[:, None] * self.table.slopes(found), axis=0)
         return found
+
+    def _rates(self, k: int, scene: Any, at: dict[str, float], solution: Any) -> list[dict[str, float]]:
+        """Return the derivatives of what a scene measures, by each number."""
+
+        def make(values: Mapping[str, float]) -> Any:
+            return self._make(k, scene, values)
+
+        if not self.untold:
+            try:
+                rates = solution.derivatives(make, at, lambda one: measured(scene, one))
+            except InputError as problem:
+                self.untold = str(problem).removeprefix("derivatives: ").partition(";")[0]
+            else:
+                rows = [flat(rates.told().by[name]) for name in self.names]
+                # Derivatives of modes are those of frequencies alone.
+                modal = scene.analysis == "modal"
+                return [
+                    row | (self._own(make, at, name) if modal else {})
+                    for name, row in zip(self.names, rows, strict=True)
+                ]
+        return [self._difference(k, scene, at, name, solution) for name in self.names]
+
+    @staticmethod
+    def _own(make: Callable[[Mapping[str, float]], Any], at: dict[str, float], name: str) -> dict[str, float]:
+        """Return the derivatives of mass and volume by a number."""
+        step = _APART * abs(at[name])
+        less, more = (own(make(at | {name: at[name] + way})) for way in (-step, step))
+        return {one: (more[one] - less[one]) / (2.0 * step) for one in less}
+
+    def _difference(self, k: int, scene: Any, at: dict[str, float], name: str, solution: Any) -> dict[str, float]:
+        """Return the derivatives by a number as differences of answers on both sides, or on one where it ends."""
+        with _silently():
+            ends, step = {0.0: flat(measured(scene, solution))}, _APART * abs(at[name])
+            for way in (-step, step):
+                try:
+                    beside = self._solve(scene, self._make(k, scene, at | {name: at[name] + way}), solution)
+                except (InputError, SolveError):
+                    continue
+                ends[way] = flat(measured(scene, beside))
+        first, last = min(ends), max(ends)
+        if first == last:
+            raise InputError(f"derivative by {name}: there is none here: models beside it cannot be solved")
+        return {one: (ends[last][one] - ends[first][one]) / (last - first) for one in ends[0.0]}
 
     def _named(self, x: Array) -> dict[str, float]:
         return dict(zip(self.names, map(float, x), strict=True))
@@ -99,11 +158,14 @@ class Evaluations:
         with _silently(), choices.repeated(self._choices[k]):
             return parameters.at(scene, values).model()
 
-    def _solve(self, k: int, scene: Any, model: Any) -> Any:
-        settings, before = dict(self.settings), self._last[k]
-        if scene.analysis == "statics" and before is not None:
+    def _solve(self, scene: Any, model: Any, near: Any) -> Any:
+        settings = dict(self.settings)
+        if scene.analysis == "statics" and near is not None:
             # The answer beside it is near.
-            settings["start"] = before.displacement
+            settings["start"] = near.displacement
+            if model.remembers and model.times is None:
+                # With as many load steps, as it is off by these.
+                settings["load_steps"] = near.load_steps
         self.solves += 1
         with _silently():
             return import_module(f"isorod.{scene.analysis}").solve(model, **settings)
@@ -111,14 +173,17 @@ class Evaluations:
 
 def measured(scene: Any, solution: Any) -> Measured:
     """Return the numbers that a scene measures, and mass and volume of its rods."""
-    found = numbers(scene.measure(solution))
+    return {name: np.array(value) for name, value in own(solution.model).items()} | numbers(scene.measure(solution))
+
+
+def own(model: Any) -> dict[str, float]:
+    """Return the volume of a model's rods, and their mass if they have one."""
     volume = mass = 0.0
-    for body in solution.model.bodies:
+    for body in model.bodies:
         table = body.space.tabulate(0, body.space.axis.elements)
         volume += float(table.weights.sum())
         mass += float((body.densities_at(table) * table.weights).sum())
-    own = {"volume": volume} | ({"mass": mass} if mass else {})
-    return {name: np.array(value) for name, value in own.items()} | found
+    return {"volume": volume} | ({"mass": mass} if mass else {})
 
 
 def flat(found: Measured) -> dict[str, float]:

@@ -1,7 +1,8 @@
 """Design by SciPy's SLSQP (Kraft, DFVLR-FB 88-28, 1988): sequential quadratic programming with exact derivatives.
 
-All is scaled: what varies by where it begins, what is wanted by its value, what is least by its first value.  Answers
-are on one discretisation, so that they are smooth; where the best is found the model is solved as if it were new
+What varies, and what is wanted, is told by its logarithm: forces and stresses are nearly powers of lengths, so that a
+step meets what is wanted nearly at once.  What is least is told as a share of its first value.  Answers are on one
+discretisation, so that they are smooth; where the best is found the model is solved as if it were new
 (`isorod.command.design`).
 """
 
@@ -12,12 +13,15 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
-from isorod.design.evaluations import Answer, Evaluations
+from isorod.design.evaluations import MISFIT, Answer, Evaluations
 from isorod.design.wanted import Vary, Wanted
 from isorod.errors import InputError, SolveError
 
 # What is wanted is met to this share, and what is least does not fall any more by this one.
-MET, _LEAST = 1e-4, 1e-7
+MET, _LEAST = 1e-4, 1e-6
+
+# The same of the misfit of a curve, which is a square and may vanish.
+_LEAST_SQUARE = 1e-9
 _MOST = 60
 
 # A limit or a bound is active that is as near as this.
@@ -25,6 +29,9 @@ _NEAR = 1e-3
 
 # Solves after which a search that has not ended does not: what is wanted may not be possible.
 _SOLVES = 60
+
+# Below this share of what is wanted the logarithm goes on along its tangent: a force may have the wrong sign at first.
+_STRAIGHT = 0.5
 
 # What a design that cannot be solved counts, so that the step to it is shortened.
 _BAD = 1e3
@@ -83,22 +90,29 @@ class Problem:
     ) -> None:
         self._evaluations, self._wanted, self._objective, self._tell = evaluations, wanted, objective, tell
         self._start = np.array([one.start for one in several])
-        self._size = np.abs(self._start)
-        self._bounds = np.array([(one.lower, one.upper) for one in several]) / self._size[:, None]
+        self._ends = np.array([(one.lower, one.upper) for one in several])
+        self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
         self._names = [one.name for one in several]
         self._answers: dict[bytes, Answer] = {}
         self._rates: dict[bytes, dict[str, Array]] = {}
         self._first = 1.0
         self.trouble = ""
 
-    def solve(self, x: Array) -> Design:
-        """Return the best near some numbers; raises `InputError` or `SolveError` if these themselves have no answer."""
-        self._answers.clear()
+    def solve(self, x: Array, known: Answer | None = None) -> Design:
+        """Return the best near some numbers, whose answer may be known.
+
+        Raises
+        ------
+        InputError, SolveError
+            If they have no answer.
+        """
         self._rates.clear()
-        y = x / self._size
+        y = np.log(x / self._start)
+        self._answers = {} if known is None else {y.tobytes(): known}
         first, self._last = self._answer(y), y
         if self._objective is not None:
             self._first = abs(first.values[self._objective[0]]) or 1.0
+        squared = self._objective is not None and self._objective[0] == MISFIT
         kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
         constraints = [
             {
@@ -116,7 +130,7 @@ class Problem:
                 bounds=self._bounds,
                 constraints=constraints,
                 method="SLSQP",
-                options={"ftol": _LEAST, "maxiter": _MOST},
+                options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
             )
             y, ended = found.x, "" if found.success else str(found.message)
         except _Enough:
@@ -124,7 +138,7 @@ class Problem:
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
-        return Design(best * self._size, answer, missed, self._prices(best), self.trouble or ended)
+        return Design(self._at(best), answer, missed, self._prices(best), self.trouble or ended)
 
     def _best(self, y: Array) -> Array:
         """Return where it ended, or where of all that was tried least is missed, if there that is too much."""
@@ -137,12 +151,16 @@ class Problem:
         tried = [np.frombuffer(key) for key in self._answers]
         return min(tried, key=lambda one: missed_by(self._answer(one).values, self._wanted)[0])
 
+    def _at(self, y: Array) -> Array:
+        """Return the numbers of their logarithms."""
+        return np.clip(self._start * np.exp(y), *self._ends.T)
+
     def _answer(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key not in self._answers:
             if len(self._answers) >= _SOLVES:
                 raise _Enough
-            self._answers[key] = self._evaluations.answer(y * self._size)
+            self._answers[key] = self._evaluations.answer(self._at(y))
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
             if self._objective is not None:
                 told = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {told}"
@@ -150,29 +168,36 @@ class Problem:
         return self._answers[key]
 
     def _slopes(self, y: Array) -> dict[str, Array]:
-        """Return the derivatives by scaled numbers; of what cannot be solved those of what was tried last."""
+        """Return the derivatives by logarithms of numbers; of what cannot be solved those of what was tried last."""
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key not in self._rates:
-            found = self._evaluations.derivatives(y * self._size, self._answer(y))
-            self._rates[key] = {name: one * self._size for name, one in found.items()}
+            found, x = self._evaluations.derivatives(self._at(y), self._answer(y)), self._at(y)
+            self._rates[key] = {name: one * x for name, one in found.items()}
         return self._rates[key]
 
     def _room(self, y: Array, one: Wanted) -> tuple[float, Array]:
         """Return what is left to a limit, or what a target is missed by, as a share of it, and its derivative."""
-        scale = (-1.0 if one.relation == "<" else 1.0) / (abs(one.value) or 1.0)
         y = self._solvable(y)
-        return scale * (self._answer(y).values[one.name] - one.value), scale * self._slopes(y)[one.name]
+        share = self._answer(y).values[one.name] / (one.value or 1.0)
+        scale = (-1.0 if one.relation == "<" else 1.0) * (-1.0 if one.value < 0.0 else 1.0)
+        near = max(share, _STRAIGHT)
+        left = np.log(near) + (share - near) / near if one.value else share
+        slope = self._slopes(y)[one.name] / ((one.value * near) if one.value else 1.0)
+        return scale * float(left), scale * slope
 
     def _cost(self, y: Array) -> tuple[float, Array]:
         there = self._solvable(y)
         bad = 0.0 if there is y else _BAD
+        if sum(one.relation == "=" for one in self._wanted) >= y.size:
+            # Targets leave no choice, and what is least would shorten the steps to them (Maratos).
+            return bad, np.zeros(y.size)
         if self._objective is None:
-            change = y - self._start / self._size
-            return bad + float(change @ change), 2.0 * change
+            x = self._at(y)
+            change = x / self._start - 1.0
+            return bad + float(change @ change), 2.0 * change * x / self._start
         name, sign = self._objective
-        return bad + sign * self._answer(there).values[name] / self._first, sign * self._slopes(there)[
-            name
-        ] / self._first
+        share = sign / self._first
+        return bad + share * self._answer(there).values[name], share * self._slopes(there)[name]
 
     def _solvable(self, y: Array) -> Array:
         """Return the numbers, or the last that could be solved where these cannot."""
@@ -192,11 +217,12 @@ class Problem:
             left, slope = self._room(y, one)
             if one.relation == "=" or left < _NEAR:
                 found[str(one)] = slope
-        for k, (lower, upper) in enumerate(self._bounds):
-            for side, bound, way in (("lower", lower, 1.0), ("upper", upper, -1.0)):
-                if abs(y[k] - bound) <= _NEAR * abs(bound):
-                    words = f"{self._names[k]} at its {side} bound {bound * self._size[k]:g}"
-                    found[words] = way * np.eye(y.size)[k] / abs(bound)
+        x = self._at(y)
+        for k, ends in enumerate(self._ends):
+            for side, bound in zip(("lower", "upper"), ends, strict=True):
+                if abs(x[k] - bound) <= _NEAR * abs(bound):
+                    way = 1.0 if (side == "lower") == (bound > 0.0) else -1.0
+                    found[f"{self._names[k]} at its {side} bound {bound:g}"] = way * np.eye(y.size)[k]
         return found
 
     def _prices(self, y: Array) -> dict[str, float]:
@@ -205,7 +231,8 @@ class Problem:
         if self._objective is None or not held:
             return dict.fromkeys(held, 0.0)
         # As a share of what it is here.
-        gradient = self._cost(y)[1] * self._first / (abs(self._answer(y).values[self._objective[0]]) or 1.0)
+        name, sign = self._objective
+        gradient = sign * self._slopes(y)[name] / (abs(self._answer(y).values[name]) or 1.0)
         lower = [-np.inf if "=" in one.split() else 0.0 for one in held]
         found = lsq_linear(np.array([*held.values()]).T, gradient, (lower, np.inf)).x
         return {name: float(price) for name, price in zip(held, found, strict=True)}

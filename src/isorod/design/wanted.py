@@ -69,7 +69,25 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
     return [*found.values()]
 
 
-def wanted(texts: Sequence[str], option: str, relations: str, known: Mapping[str, float]) -> list[Wanted]:
+class Known(NamedTuple):
+    """What is measured, by name, and the points of a curve, in each of which what has no name of a point is meant."""
+
+    values: Mapping[str, float]
+    points: Sequence[str]
+
+    def named(self, option: str, name: str) -> list[str]:
+        """Return the names that a name stands for; raises `InputError` with those there are."""
+        each = [f"{point}.{name}" for point in self.points]
+        found = [one for one in ([name] if name in self.values else each) if one in self.values]
+        if found:
+            return found
+        if name == "mass":
+            raise InputError(f"{option} mass: no rod has a density; give one, or take the volume")
+        there = dict.fromkeys(one.partition(".")[2] or one for one in self.values) if self.points else self.values
+        raise InputError(f"{option} {name}: not measured; there are: {', '.join(there)}")
+
+
+def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Wanted]:
     """Return what is wanted of numbers that are measured; raises `InputError`."""
     found = []
     for text in _words(texts):
@@ -77,17 +95,9 @@ def wanted(texts: Sequence[str], option: str, relations: str, known: Mapping[str
         if match is None or match[2][0] not in relations:
             example = "force=8.0" if "=" in relations else "stress<900"
             raise InputError(f"{option} {text}: need a name, {' or '.join(relations)} and a number, such as {example}")
-        found.append(Wanted(named(option, match[1], known), match[2][0], _number(f"{option} {text}", match[3])))
+        value = _number(f"{option} {text}", match[3])
+        found += [Wanted(name, match[2][0], value) for name in known.named(option, match[1])]
     return found
-
-
-def named(option: str, name: str, known: Mapping[str, float]) -> str:
-    """Return the name of a number that is measured; raises `InputError` with those there are."""
-    if name not in known:
-        if name == "mass":
-            raise InputError(f"{option} mass: no rod has a density; give one, or take the volume")
-        raise InputError(f"{option} {name}: not measured; there are: {', '.join(known)}")
-    return name
 
 
 def _words(texts: Sequence[str]) -> list[str]:

@@ -260,13 +260,14 @@ class Response:
         return of_modes(self.model, *given, ranks=self.ranks, counted=counted[own])
 
     def errors(self, *directions: str) -> Error:
-        """Return that, and an estimate of the error of stresses: of the mode that swings most where one does."""
+        """Return that, and an estimate of the error of stresses: of the worst of the modes that swing nearly alone."""
         modes, energies = self.modes, np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
-        there = energies[int(np.argmax(energies.sum(axis=1)))]
-        k = int(np.argmax(there))
+        largest = energies.argmax(axis=1)
+        alone = energies.max(axis=1) > _ALONE * energies.sum(axis=1)
+        own = np.unique(largest[alone & (largest < len(modes))])
         stress = None
-        if modes.rigid == 0 and k < len(modes) and modes.equilibrium is None and there[k] > _ALONE * there.sum():
-            stress = of_stress(self.model, float(modes.eigenvalues[k]), modes.vectors[k], directions, self.ranks)
+        if modes.rigid == 0 and modes.equilibrium is None and own.size:
+            stress = of_stress(self.model, modes.eigenvalues[own], modes.vectors[own], directions, self.ranks)
         return Error(self.estimate(*directions), stress)
 
     def record(self) -> dict[str, Any]:

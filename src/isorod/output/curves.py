@@ -4,12 +4,13 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.output import campbell
 from isorod.output.picture import quiet
 from isorod.output.results import check_folder, write_beside
 
@@ -19,8 +20,8 @@ _ROUNDING = 1e-9
 # Relative errors of balances that are smaller are nothing to look at.
 _BALANCED = 1e-6
 
-# What says in the table of a sweep what is varied, and columns that are no answers.
-_VARIED, _NO_ANSWERS = "# varied: ", ("error_estimate", "unknowns", "status")
+# What says in the table of a sweep what is varied, that this is the speed of a spin, and columns that are no answers.
+_VARIED, SPEED, _NO_ANSWERS = "# varied: ", "over the speed of a spin", ("error_estimate", "unknowns", "status")
 
 # Of what a column is, by its name, and in which unit; the first that fits.
 _QUANTITIES = (
@@ -34,12 +35,15 @@ _QUANTITIES = (
     (r"penetration", "penetration", "length"),
     (r"\barea\b", "area", "length²"),
     (r"kinetic|stored|energy|work|dissipated", "energy", "unit of E × length³"),
-    (r"frequenc", "frequency", "cycles per time"),
+    (r"frequenc|^order \d+$", "frequency", "cycles per time"),
     (r"^time$", "time", "unit of time"),
 )
 
 # Transfer functions: their columns, what they are over, and how wide a range has a logarithmic axis.
 _SWINGS, _OVER, _WIDE = r" (amplitude|density)( \(.*\))?$", "frequency", 100.0
+
+# What is wanted or was measured, points beside the curves that answer it.
+_AIMS = (", wanted", ", measured")
 
 # The units that files name with what they measure (`isorod.output.reading.Result.units`), by quantity.
 _NAMED = {"displacement": "length", "penetration": "length"}
@@ -89,7 +93,8 @@ def columns(lines: Sequence[str], where: str) -> dict[str, Array]:
     if varied is None:
         return dict(zip(names, np.array(found).T, strict=True))
     try:
-        return _answers([dict(zip(names, row, strict=True)) for row in rows], next(csv.reader([varied])))
+        answers = _answers([dict(zip(names, row, strict=True)) for row in rows], next(csv.reader([varied])))
+        return campbell.with_orders(answers) if f"# {SPEED}" in notes else answers
     except (ValueError, KeyError, StopIteration):
         raise InputError(f"{where}: is no table of a sweep, though it names what is varied") from None
 
@@ -207,9 +212,11 @@ def draw(
         for axis, panel in zip(axes.flat, shown, strict=False):
             separate = panel.curves[0][0] == "mode"
             swings = re.search(_SWINGS, panel.curves[0][1]) is not None
-            for over, name in panel.curves:
-                style = "o" if separate else "-" if over == _OVER else ".-"
-                axis.plot(columns[over], columns[name], style, label=name, linewidth=1.3)
+            lines = [name for _, name in panel.curves if name.startswith(campbell.LINE)]
+            drawn = [one for one in panel.curves if one[1] not in lines]
+            for over, name in drawn:
+                style = "o" if separate or name.endswith(_AIMS) else "-" if over == _OVER else ".-"
+                axis.plot(columns[over], columns[name], style, label=name, linewidth=1.3, markerfacecolor=_face(style))
             axis.set_xlabel(panel.below)
             axis.set_ylabel(panel.beside)
             axis.grid(alpha=0.3)
@@ -219,8 +226,12 @@ def draw(
                 axis.set_xscale("log")
             if separate:
                 axis.xaxis.get_major_locator().set_params(integer=True)
-            if len(panel.curves) > 1 or panel.curves[0][1] not in panel.beside:
-                axis.legend(fontsize="small", loc="best", framealpha=0.8)
+            if lines:
+                _draw_orders(axis, columns, lines)
+            if len(drawn) > 1 or drawn[0][1] not in panel.beside:
+                # Above the curves, of which it hides none.
+                place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4 // across}
+                axis.legend(fontsize="small", frameon=False, borderaxespad=0.2, **place)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
         if path is None:
@@ -229,3 +240,25 @@ def draw(
             write_beside(path, lambda where: figure.savefig(where, format=path.suffix[1:].lower()))
     finally:
         pyplot.close(figure)
+
+
+def _face(style: str) -> str | None:
+    """Return the colour that fills markers: of points none, through which curves are seen."""
+    return "none" if style == "o" else None
+
+
+def _draw_orders(axis: Any, columns: dict[str, Array], lines: Sequence[str]) -> None:
+    """Draw lines of engine order across frequencies, and where they meet these."""
+    speed = next(iter(columns.values()))
+    last = int(np.argmax(np.abs(speed)))
+    top = axis.get_ylim()[1]
+    for name in lines:
+        axis.plot(speed, columns[name], "--", color="0.55", linewidth=0.9)
+        # At its end, or where it leaves the picture.
+        share = min(1.0, top / columns[name][last])
+        axis.annotate(
+            name.removeprefix(campbell.LINE) + "x", (share * speed[last], share * columns[name][last]), fontsize="small"
+        )
+    axis.set_ylim(0.0, top)
+    for one in campbell.crossings(columns):
+        axis.plot([one.speed], [one.frequency], "o", color="black", markerfacecolor="none")
