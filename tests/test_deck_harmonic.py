@@ -8,18 +8,12 @@ import pytest
 
 from meshes.__main__ import main
 from tests.calculix import answers, calculix
-from tests.test_deck import blocks, folder, rows
+from tests.test_deck import BAR as THICK
+from tests.test_deck import folder, rows, written
 
 __all__ = ["folder"]
 
-BAR = """[rod.beam]
-curve = {straight = 4.0}
-section = {circle = 0.5}
-law = {StVenantKirchhoff = {E = 100.0, nu = 0.3}}
-density = 2.0
-[support.foot]
-end = "start"
-"""
+BAR = THICK.replace("circle = 1.0", "circle = 0.5")
 PUSH = '[load.push]\nend = "end"\nforce = [0.1, 0.0, 0.0]\n'
 TIP = '[measure.tip]\ndisplacement = "beam"\ncomponent = "x"\n'
 SOME = "[analysis.harmonic]\nfrequencies = [0.02, 0.08, 0.2]\ndamping = {rayleigh = [0.05, 0.01]}\n"
@@ -48,12 +42,6 @@ def test_calculix_finds_the_height_of_a_peak_on_a_shaker():
     ((theirs, ours),) = answers("my.toml", "job").values()
     # Ten times the base: the bar swings at its first frequency.
     assert ours > 2.0 and abs(theirs / ours - 1.0) < 2e-3
-
-
-def written(more):
-    Path("my.toml").write_text(BAR + more)
-    assert main(["my.toml", "my.inp"]) == 0
-    return blocks(Path("my.inp").read_text())
 
 
 def test_a_base_is_inertia_and_a_list_of_frequencies_steps():

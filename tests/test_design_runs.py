@@ -91,19 +91,46 @@ component = "z"
 """
 
 
-@pytest.mark.slow
+# A bar that is pulled beyond yield.
+METAL = """
+[rod.bar]
+curve = {straight = 4.0}
+section = {circle = 1.0}
+law = {Plastic = {E = 200e3, nu = 0.3, hardening = [[0.0, 400.0], [1.0, 1400.0]]}}
+space = {elements = 1, degree = 2, section_degree = 2}
+
+[support]
+left = {end = "start", mean = "fixed"}
+right = {end = "end", mean = "fixed", displacement = [0.0, 0.0, 0.01]}
+
+[analysis.statics]
+load_steps = 4
+
+[measure.force]
+reaction = "right"
+component = "z"
+"""
+
+
 @pytest.mark.filterwarnings("ignore:contact")
-def test_friction_is_found_again(command, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "grip.toml").write_text(GRIP)
-    torque = command.record("run", "grip.toml", "--no-estimate", "--set", "contact.grip.friction=0.237")["torque"]
-    tabled(tmp_path / "grip.csv", "load.weight.force.0,torque", [(-10.0, torque)])
-    words = ("--table", "grip.csv", "--vary", "contact.grip.friction=0.1:0.5")
-    code, out, err = command._run(("identify", "grip.toml", *words, "--json"))
+@pytest.mark.parametrize(
+    ("text", "number", "true", "header", "given"),
+    [
+        pytest.param(
+            *(GRIP, "contact.grip.friction", 0.237, "load.weight.force.0,torque", -10.0), marks=pytest.mark.slow
+        ),
+        (METAL, "rod.bar.law.Plastic.E", 180e3, "support.right.displacement.2,force", 0.01),
+    ],
+)
+def test_what_depends_on_the_path_is_found_again(command, tmp_path, text, number, true, header, given):
+    file, table = tmp_path / "my.toml", tmp_path / "my.csv"
+    file.write_text(text)
+    known = command.record("run", file, "--no-estimate", "--set", f"{number}={true}")[header.partition(",")[2]]
+    tabled(table, header, [(given, known)])
+    code, out, err = command._run(("identify", file, "--table", table, "--vary", number, "--json"))
     assert code == 0
-    assert "derivatives are differences of answers, two solves a number: they are not told with friction" in err
-    one = json.loads(out)["parameters"]["contact.grip.friction"]
-    assert one["found"] == pytest.approx(0.237, rel=1e-5)
+    assert "derivatives are differences of answers, two solves a number: they are not told" in err
+    assert json.loads(out)["parameters"][number]["found"] == pytest.approx(true, rel=1e-5)
 
 
 @pytest.mark.slow

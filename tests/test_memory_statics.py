@@ -17,6 +17,7 @@ from isorod import (
     statics,
     straight,
 )
+from isorod.geometry.quadrature import Rule, section_points
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Creep, Viscoelastic
 from tests.refused import refused
@@ -42,6 +43,18 @@ def _twisted(x: float, law, factors=((0.0, 0.0), (1.0, 1.0)), load_steps: int = 
 def _hard(g: float) -> float:
     """Return the modulus of hardening with which a bar that flows is g times as stiff in shear."""
     return 3.0 * G * g / (1.0 - g)
+
+
+@pytest.mark.parametrize(
+    ("points", "twice", "worst"), [(12, 1e-3, 2.5e-3), (24, 2.6e-4, 6.6e-4), (32, 1.5e-4, 3.8e-4), (48, 6.8e-5, 1.7e-4)]
+)
+def test_how_far_points_across_are_off_in_torsion(points, twice, worst) -> None:
+    """Without hardening, of a bar that flows beyond the radius c: at c = 1/2, and at the worst c."""
+    xi, weights = section_points(8, Rule(points, 4, 3))
+    r, c = np.linalg.norm(xi, axis=1), np.append(np.linspace(0.01, 1.0, 2000), 0.5)
+    torque = (np.minimum(r / c[:, None], 1.0) * r) @ weights
+    off = np.abs(torque / (2.0 * np.pi * (c**3 / 4.0 + (1.0 - c**3) / 3.0)) - 1.0)
+    assert (off[-1], off.max()) == pytest.approx((twice, worst), rel=0.03)
 
 
 # x, g: torque over tau_y R^3, twist left and stress left at the surface and where it begins to flow.

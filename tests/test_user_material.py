@@ -61,8 +61,8 @@ def built(tmp_path_factory) -> Path:
     return folder
 
 
-def _umat(built: Path, *constants: float) -> UserMaterial:
-    return library(built / "j2.so", "umat_", states=1, constants=list(constants or METAL))
+def _umat(built: Path) -> UserMaterial:
+    return library(built / "j2.so", "umat_", states=1, constants=METAL)
 
 
 def _mfront(built: Path) -> UserMaterial:
@@ -133,16 +133,15 @@ def test_a_routine_that_asks_for_a_shorter_step_gets_one(built) -> None:
     assert np.isfinite(_umat(built).stress(np.diag([0.8, 0.8, 1.5625])[None])).all()
 
 
-def _bar(law, end_time=None, **motion):
+def _bar(law: UserMaterial | NeoHookean, **motion: tuple) -> Model:
     space = Space(straight(4.0).sweep(circle(8, 1.0)), section_degree=2, elements=2, degree=3)
-    supports = [Support.end(space, "start"), Support.end(space, "end", **motion)]
-    return statics.solve(Model([Body(space, law, 1.0)], supports), load_steps=4, end_time=end_time)
+    return Model([Body(space, law, 1.0)], [Support.end(space, "start"), Support.end(space, "end", **motion)])
 
 
 def test_a_bar_of_a_function_is_that_of_the_law() -> None:
     motion = {"displacement": (0.0, 1.0, -0.5), "turn": (0.4, 0.0, 0.6)}
-    found = _bar(UserMaterial(neo_hooke, 1, [MU, LAMBDA]), 1.0, **motion)
-    known = _bar(NeoHookean(E, NU), **motion)
+    found = statics.solve(_bar(UserMaterial(neo_hooke, 1, [MU, LAMBDA]), **motion), 4, end_time=1.0)
+    known = statics.solve(_bar(NeoHookean(E, NU), **motion), 4)
     np.testing.assert_allclose(found.reactions, known.reactions, rtol=1e-8, atol=1e-8)
 
 
@@ -189,7 +188,7 @@ test_what_cannot_be_is_said = refused(
 
 
 def test_what_a_routine_does_not_tell_is_refused(built, tmp_path) -> None:
-    model = _model(built)
+    model = _bar(_mfront(built))
     found = statics.solve(model, 1, end_time=1.0)
     for call, words in (
         (lambda: library(built / "j2.so", "umat"), "it has no function 'umat'"),
@@ -201,8 +200,3 @@ def test_what_a_routine_does_not_tell_is_refused(built, tmp_path) -> None:
     ):
         with pytest.raises(InputError, match=words):
             call()
-
-
-def _model(built: Path) -> Model:
-    space = Space(straight(4.0).sweep(circle(8, 1.0)), section_degree=2, elements=1, degree=2)
-    return Model([Body(space, _mfront(built), 1.0)], [Support.end(space, "start"), Support.end(space, "end")])

@@ -39,8 +39,7 @@ DIRECTIONS = ("section", "axis")
 # Measured over random rods (`comparisons.stability.estimates`).
 _POWER = 4
 
-# Share that is left at lines of contact when arcs there are half as long: wires give way by as much each time.  A cable
-# of three whose lines are 0.3 arcs wide is told 0.3 %, and 0.2 % too stiff.
+# Share that is left at lines of contact when arcs there are half as long: wires give way by as much each time.
 _AT_LINES = 0.25
 
 # Degree of a square's warping in torsion.
