@@ -73,15 +73,14 @@ def test_a_patch_that_control_points_do_not_see_is_warned_of(hit):
     assert any("contact patch under-resolved" in one and "section points" in one for one in said)
 
 
+@pytest.mark.filterwarnings("ignore:contact", "ignore:time step")
 def test_points_follow_the_patch_of_a_slow_hit_which_the_first_ones_do_not_see(tmp_path):
     model, speed = thrown(tmp_path, 0.02), 0.02
     end = 0.5 * GAP / speed + 0.5 * duration(speed)
     found = {}
     for points in (None, (6, 6)):
         contacts = [replace(one, points=points) for one in model.contacts]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            found[points] = dynamics.solve(replace(model, contacts=contacts), end, outputs=60)
+        found[points] = dynamics.solve(replace(model, contacts=contacts), end, outputs=60)
     late = {points: (touch(one) - 0.5 * GAP / speed) / duration(speed) for points, one in found.items()}
     assert abs(late[None]) < 0.02 < late[6, 6]
 
@@ -102,25 +101,22 @@ def test_the_patch_is_known_where_it_stays(hit):
     assert not patches(found.model, [replace(result, wanders=True)], lines=False, moving=True)
 
 
+@pytest.mark.filterwarnings("ignore:contact", "ignore:time step")
 def test_a_patch_that_slides_along_a_bar_wanders(tmp_path):
     model = thrown(tmp_path, 0.5)
     velocity = [body.initial_velocity.copy() for body in model.bodies]
     velocity[0][:, 1] += 6.0 * model.bodies[0].space.is_carrier
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = dynamics.solve(model, 0.4, outputs=20, velocity=np.concatenate(velocity).ravel())
+    found = dynamics.solve(model, 0.4, outputs=20, velocity=np.concatenate(velocity).ravel())
     assert found.contacts[0].wanders
 
 
+@pytest.mark.filterwarnings("ignore:contact", "ignore:time step")
 def test_a_motion_with_a_checkpoint_takes_points_as_one_without(tmp_path):
     model, speed = thrown(tmp_path, 0.02), 0.02
     end, kept = 0.5 * GAP / speed + 0.4 * duration(speed), {"checkpoint": tmp_path / "state"}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        whole = dynamics.solve(model, end, outputs=20)
-        early = dynamics.solve(model, 0.5 * end, outputs=10, **kept)
-        late = dynamics.solve(model, end, outputs=20, resume=True, **kept)
-        again = dynamics.solve(model, end, outputs=20, resume=True, **kept)
+    whole = dynamics.solve(model, end, outputs=20)
+    early = dynamics.solve(model, 0.5 * end, outputs=10, **kept)
+    late, again = (dynamics.solve(model, end, outputs=20, resume=True, **kept) for _ in range(2))
     assert not early.contact_force.any()
     for one in (late, again):
         np.testing.assert_array_equal(one.contact_force, whole.contact_force)
