@@ -48,7 +48,7 @@ def test_straight_sides_are_straight_and_corners_sharp(name):
     assert measured == pytest.approx(area, rel=2e-3)
     assert np.linalg.eigvalsh(moments) == pytest.approx(second, rel=3e-3)
     assert 0.0 < found.deviation < 0.01
-    assert straight().sweep(found).check() > 0.0
+    assert straight(1.0).sweep(found).check() > 0.0
 
 
 @pytest.mark.usefixtures("silent")

@@ -160,7 +160,7 @@ test_bad_potentials = refused(
         "energy: its second derivatives take about",
     ),
     (lambda: _law(state={"dissipated": "scalar"}), "state: got the name 'dissipated', which records and files"),
-    (lambda: _law(state={}), "need 1 to 25 numbers"),
+    (lambda: _law(state={}), "need 1 to 48 numbers"),
     (lambda: _law(constants=CONSTANTS | {"mu": float("nan")}), "constant mu: got nan, need a finite number"),
     (lambda: _law(constants=CONSTANTS | {"v": 1.0}), "constants: got the name 'v', need one that is not taken"),
     (lambda: _law(bulk=-1.0), "bulk: got -1, need a positive stress"),

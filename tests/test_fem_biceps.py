@@ -148,7 +148,7 @@ def test_bad_meshes():
     with pytest.raises(InputError, match="cuts: got -1, need 0 to 8"):
         biceps.build("bricks", cuts=-1)
     with pytest.raises(InputError, match="got 1 axis elements, need at least 3"):
-        bar = straight(degree=1).sweep(circle(4))
+        bar = straight(1.0, degree=1).sweep(circle(4))
         biceps.build(branches=(bar, bar))
 
 

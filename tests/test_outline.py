@@ -85,7 +85,7 @@ def test_the_outline_of_an_airfoil_is_met(tmp_path):
     points = from_file(path, 24, scale=2.5)
     assert gap(curve(points), 2.5 * selig()).max() < 2.5 * 6e-3
     assert area(curve(points)) == pytest.approx(2.5**2 * area(selig()), rel=1e-3)
-    assert straight().sweep(points).check() > 0.0
+    assert straight(1.0).sweep(points).check() > 0.0
     # As good a fit as that of the formula.
     assert area(curve(points)) == pytest.approx(area(curve(naca("2412", 24, 2.5))), rel=5e-3)
 
@@ -119,7 +119,7 @@ def test_rounded_rectangle(width, height, radius):
     mirrored = points * [1.0, -1.0]
     assert np.abs(mirrored[:, None] - points).max(axis=2).min(axis=1).max() < 1e-9 * width
     assert np.ptp(curve(points), axis=0) == pytest.approx([width, height], rel=1e-2)
-    assert straight().sweep(points).check() > 0.0
+    assert straight(1.0).sweep(points).check() > 0.0
 
 
 def test_rounded_rectangle_is_a_circle_where_its_corners_meet():

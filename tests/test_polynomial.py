@@ -23,7 +23,7 @@ BLADE = np.array(BLADE_FREQUENCIES)
 
 
 def prism(a, b, n=8):
-    return straight().sweep(ellipse(n, a, b))
+    return straight(1.0).sweep(ellipse(n, a, b))
 
 
 @pytest.mark.parametrize("name", RODS)

@@ -128,7 +128,7 @@ def bent_too_much():
 
 
 def clockwise():
-    return straight().sweep(circle(6)[::-1])
+    return straight(1.0).sweep(circle(6)[::-1])
 
 
 def turned_back():
@@ -197,7 +197,7 @@ def test_sweep_places_stretches_then_turns_each_section():
 
 
 LINE = Axis(2, [0, 0, 0, 1, 1, 1], [1, 1, 1])
-CENTERS = straight().centers
+CENTERS = straight(1.0).centers
 
 
 def bad_point():
@@ -225,7 +225,7 @@ test_refuses_what_is_no_rod = refused(
     (lambda: straight(np.inf), "length: got inf"),
     (lambda: straight(breaks=[1.0]), "got 1 breaks, need at least 2"),
     (lambda: straight(breaks=[0.0, 2.0, 1.0]), "knots must not decrease"),
-    (lambda: straight(degree=0), "axis degree: got 0"),
+    (lambda: straight(1.0, degree=0), "axis degree: got 0"),
     (lambda: Rod.sweep(circle(4), LINE, CENTERS, rotations=np.ones((2, 3, 3))), "rotation"),
     (lambda: Rod.sweep(circle(4), LINE, CENTERS, stretches=np.ones((2, 3, 3))), "stretche"),
 )
@@ -236,7 +236,7 @@ test_refuses_what_is_no_rod = refused(
 def test_a_straight_line_rises_in_proportion_to_the_parameter(degree, continuity):
     if continuity is not None and continuity >= degree:
         with pytest.raises(InputError, match=f"continuity: got {continuity}, need an integer from 0 to {degree - 1}"):
-            straight(degree=degree, continuity=continuity)
+            straight(1.0, degree=degree, continuity=continuity)
         return
     u = np.linspace(2.0, 7.0, 23)
     for length, height in ((None, u - 2.0), (0.3, 0.06 * (u - 2.0))):

@@ -193,10 +193,11 @@ def _supported(
         Size of all forces of loads, and of laws that act by themselves.
     """
     after = carried.reactions, carried.moments
-    force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in after)
+    force, moment = (float(np.linalg.norm(one, axis=1).max(initial=0.0)) for one in after)
     width = max(held.width(model, b) for b in range(len(model.bodies)))
     force = max(force, rounding, _LITTLE * max(driving, moment / width))
-    changes = (float(np.linalg.norm(new - old, axis=1).max()) for new, old in zip(after, before, strict=True))
+    pairs = zip(after, before, strict=True)
+    changes = (float(np.linalg.norm(new - old, axis=1).max(initial=0.0)) for new, old in pairs)
     sizes = (force, rounding), (max(moment, force * width), rounding * width)
     counted = [change / size for change, (size, none) in zip(changes, sizes, strict=True) if change > none]
     return max(counted, default=0.0)

@@ -8,8 +8,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numba
 import numpy as np
-from numba import carray, cfunc, njit, types
+from numba import carray, cfunc, types
 
 from isorod.errors import InputError, finite
 from isorod.material.memory import Timed
@@ -138,7 +139,7 @@ class UserMaterial(Timed):
 @cache
 def _wrapped(routine: Callable[..., Any]) -> Any:
     """Return the compiled function that calls one of the user's with arrays; it lives as long as the process."""
-    inner = routine if hasattr(routine, "py_func") else njit(routine)
+    inner = routine if hasattr(routine, "py_func") else numba.njit(routine)
 
     number = types.CPointer(types.float64)
 

@@ -161,8 +161,8 @@ class Kept:
 
 
 def look(path: Path, name: str, comm: Any) -> Array | None:
-    """Return one array of a checkpoint whose run is not known yet, None if it has none of that name."""
-    found: Array | None = _on_first(comm, lambda: _load(path)[1].get(name))
+    """Return one array of a checkpoint whose run is not known yet, None if there is none of that name, or no file."""
+    found: Array | None = _on_first(comm, lambda: _load(path)[1].get(name) if os.path.exists(path) else None)
     return found
 
 
