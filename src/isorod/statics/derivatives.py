@@ -251,7 +251,7 @@ def derivatives(
     Raises
     ------
     InputError
-        If the model has contact, a memory, times or finite element bodies, or a parameter is zero.
+        If the model has friction, a memory, times or finite element bodies, or a parameter is zero.
     """
     with ExitStack() as stack:
         several = [stack.enter_context(closing(Moving(solution)))]
