@@ -101,7 +101,7 @@ def test_friction_is_found_again(command, tmp_path, monkeypatch):
     words = ("--table", "grip.csv", "--vary", "contact.grip.friction=0.1:0.5")
     code, out, err = command._run(("identify", "grip.toml", *words, "--json"))
     assert code == 0
-    assert "derivatives are differences of answers, two solves a number: they are not told with friction" in err
+    assert "two solves for each number: exact ones are not available with friction" in err
     one = json.loads(out)["parameters"]["contact.grip.friction"]
     assert one["found"] == pytest.approx(0.237, rel=1e-5)
 

@@ -214,7 +214,7 @@ def draw(scene: Any, table: Any, several: Mapping[str, Any], path: str) -> None:
 
 def differences_of(why: str) -> str:
     """Return what to say where derivatives are differences."""
-    return f"derivatives are differences of answers, two solves a number: they are {why}"
+    return f"derivatives by finite differences, two solves for each number: exact ones are {why}"
 
 
 def _check(scene: Any, found: argparse.Namespace) -> None:
