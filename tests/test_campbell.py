@@ -35,8 +35,22 @@ def test_crossings_of_stiffened_blades_are_exact_on_few_speeds():
         assert one.frequency == pytest.approx(one.order * one.speed / (2.0 * np.pi), rel=1e-12)
     back = campbell.crossings({"spin": -speed, "frequencies[0]": columns["frequencies[0]"]})
     assert [one.speed for one in back] == pytest.approx([-one.speed for one in found])
+    mixed = campbell.crossings({"spin": speed[[1, 0, 2]], "frequencies[0]": columns["frequencies[0]"][[1, 0, 2]]})
+    assert mixed == found
     columns["frequencies[0]"][1] = np.nan
     assert not campbell.crossings(columns)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "said"), [((0.0, 40.0), True), ((0.0, 20.0, 40.0), True), ((26.0, 27.0, 28.0), False)]
+)
+def test_crossings_say_how_far_too_few_speeds_are_off(speeds, said):
+    """Where ``f = f0 + b w``, as of a round shaft, order one is met where ``f0 = (1 / 2 pi - b) w``."""
+    speed, f0, b = np.array(speeds), 3.0, 0.05
+    one = campbell.crossings({"spin": speed, "frequencies[0]": f0 + b * speed})[0]
+    exact = f0 / (0.5 / np.pi - b)
+    assert one.speed * (1.0 + one.error) == pytest.approx(exact, rel=1e-12)
+    assert ("% off: give more speeds there" in str(one)) == said
 
 
 def test_a_sweep_of_modes_over_the_speed_tells_and_draws_them(command, tmp_path, monkeypatch):

@@ -259,12 +259,16 @@ def test_a_finer_space_begins_where_the_one_before_ended():
 
 
 def rounds(monkeypatch, analyse, scenes, first=0):
-    """Solve a scene whose models are their own solutions, each closer than the one before."""
+    """Solve a scene whose models are their own solutions, each closer than the one before; return the last."""
     monkeypatch.setattr(solving, "start_at", lambda solution, model: (solution, model))
-    scene = SimpleNamespace(
-        analysis="statics", closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1))
-    )
-    return solving._solve_refined(scene, first, analyse, {"load_steps": 5})
+
+    def closer_at(solution):
+        return SimpleNamespace(number=solution + 1, model=lambda: scenes(solution + 1))
+
+    scene = SimpleNamespace(analysis="statics", closer=closer_at)
+    seen, found = solving._solve_refined(scene, first, analyse, {"load_steps": 5})
+    assert getattr(seen, "number", 0) == found
+    return found
 
 
 def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says(monkeypatch):
@@ -280,7 +284,7 @@ def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_th
     assert len(said) == 1
     assert begun == [None, *((k, k + 1) for k in range(solving.CLOSER))]
     with pytest.warns(UserWarning, match="of 0, 5"):
-        assert solving._solve_refined(Scene(), 0, analyse, {"load_steps": 5}) == 0
+        assert solving._solve_refined(scene := Scene(), 0, analyse, {"load_steps": 5}) == (scene, 0)
 
 
 @pytest.mark.parametrize("where", ["model", "analysis"])

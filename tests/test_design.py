@@ -130,7 +130,7 @@ def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkey
         patch.setattr(optimise, "_SOLVES", 2)
         code, _, err = command._run(words)
         assert code == 2 and "no end after 2 solves" in err
-    monkeypatch.setattr(design, "_solve_anew", lambda *given: ({"deflection": -1.1, "mass": 1.0}, None))
+    monkeypatch.setattr(design, "solve_anew", lambda *given: ({"deflection": -1.1, "mass": 1.0}, None, []))
     code, _, err = command._run(words)
     assert code == 2 and "what is wanted is not met: deflection = -1.1, wanted = -1" in err
 
@@ -258,6 +258,7 @@ def test_modulus_and_ratio_of_poisson_are_found_again(command, twin):
     assert found["parameters"][f"{LAW}.E"]["found"] == pytest.approx(137.0, rel=1e-6)
     assert found["parameters"][f"{LAW}.nu"]["found"] == pytest.approx(0.41, rel=1e-6)
     assert found["misfit"] < 1e-8
+    assert 0.0 < found["error_estimate"] < 0.05
     assert np.array(found["covariance"]).shape == (2, 2)
 
 
@@ -280,6 +281,16 @@ def test_standard_errors_are_those_of_a_straight_line(command, twin):
     one = found["parameters"][f"{LAW}.E"]
     assert one["found"] == pytest.approx(modulus, rel=1e-6)
     assert one["standard_error"] == pytest.approx(error, rel=1e-3)
+
+
+def test_a_fit_on_too_few_elements_says_how_far_it_is_off(command, beam):
+    text = BEAM.replace("{elements = 4, degree = 5", "{elements = 1, degree = 2")
+    (beam / "beam.toml").write_text(text.replace("LinearElastic = {E = 2.1e5", "NeoHookean = {E = 2.1e4"))
+    tabled(beam / "beam.csv", "load.tip.force.1,deflection", [(-10.0, -20.0)])
+    code, out, err = command._run(("identify", "beam.toml", "--table", "beam.csv", "--vary", "rod.beam.section.circle"))
+    assert code == 0
+    assert "; error about" in out and "+-" not in out
+    assert "so far off are the numbers found" in err
 
 
 TABLES = [

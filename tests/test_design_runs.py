@@ -129,7 +129,7 @@ def test_what_depends_on_the_path_is_found_again(command, tmp_path, text, number
     tabled(table, header, [(given, known)])
     code, out, err = command._run(("identify", file, "--table", table, "--vary", number, "--json"))
     assert code == 0
-    assert "derivatives are differences of answers, two solves a number: they are not told" in err
+    assert "two solves for each number: exact ones are not available" in err
     assert json.loads(out)["parameters"][number]["found"] == pytest.approx(true, rel=1e-5)
 
 

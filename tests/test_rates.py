@@ -210,8 +210,8 @@ def kink(solution):
 test_what_has_no_derivative_is_refused = refused(
     (lambda: no_derivative(SPRING.measure, travel=0.0), "travel: got 0: a derivative is found by small shares of it"),
     (lambda: no_derivative(kink, travel=1.0), "derivative by travel: there is none here: the slope of kink jumps"),
-    (lambda: derivatives.of(scenes.find("ring")(), None), "derivatives: not told in geometry"),
-    (lambda: refuse(scenes.find("coil")(coils=1).model()), "derivatives: not told with friction"),
+    (lambda: derivatives.of(scenes.find("ring")(), None), "derivatives: not available in geometry"),
+    (lambda: refuse(scenes.find("coil")(coils=1).model()), "derivatives: not available with friction"),
     (lambda: parameters.value(SPRING, "radius"), "'radius' is no number of the scene that can vary; there are: coils"),
 )
 
@@ -289,6 +289,43 @@ def test_with_contact_they_scale(tmp_path):
     for measured, power, stiffness in (("push", 2.0, 1.0), ("widening", 1.0, 0.0)):
         assert sum(logarithmic(found, measured, one) for one in lengths) == pytest.approx(power, abs=2e-9)
         assert logarithmic(found, measured, names[-1]) == pytest.approx(stiffness, abs=2e-9)
+
+
+PIN = """
+[rod.bar]
+curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[obstacle.pin]
+Cylinder = {point = [0.0, -2.0, 0.0], axis = [1.0, 0.0, 0.0], radius = 1.0}
+
+[support.back]
+patch = {around = [20.0, 160.0], along = [0.0, 4.0]}
+displacement = [0.0, -0.01, 0.0]
+
+[contact.pin]
+first = "bar"
+second = "pin"
+
+[analysis.statics]
+
+[measure.push]
+reaction = "back"
+component = "y"
+"""
+
+
+@pytest.mark.slow
+@IGNORED
+def test_they_are_of_the_spaces_that_see_a_patch(command, tmp_path):
+    """The force is a modulus times a length squared, and the patch is seen on a space that the file does not have."""
+    (tmp_path / "pin.toml").write_text(PIN)
+    found = command.record("run", str(tmp_path / "pin.toml"), "--no-estimate", "--derivatives")
+    by = {name: one["at"] * one["derivative"] / found["push"] for name, one in found["derivatives"]["push"].items()}
+    assert by.pop("rod.bar.law.LinearElastic.E") == pytest.approx(1.0, abs=1e-8)
+    lengths = [one for name, one in by.items() if not name.endswith((".nu", ".around.0", ".around.1", ".axis.0"))]
+    assert sum(lengths) == pytest.approx(2.0, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ SHORT = {"end_time": 0.145, "outputs": 29}
 SIXTY = {"end_time": 0.3, "outputs": 60}
 
 
-def model(penalty=200.0, friction=0.3):
+def model(penalty=200.0, friction=0.3, points=(3, 4), touched=2):
     from conftest import straight
 
     law = Muscle(100.0, 0.3, sigma_max=80.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
@@ -43,7 +43,7 @@ def model(penalty=200.0, friction=0.3):
     other = Space.paper(rod, elements=2, quadrature="paper")
     supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
     plane = Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0))
-    contacts = [Contact(0, other, penalty, friction=friction, points=(3, 4)) for other in (1, plane)]
+    contacts = [Contact(0, one, penalty, friction=friction, points=points) for one in (1, plane)[:touched]]
     return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)
 
 
@@ -182,6 +182,7 @@ def denser(body, density):
 
 
 OTHERS = [
+    *({"model": model(points=(4, 4))}, {"model": model(touched=1)}),
     *({"model": model(penalty=201.0)}, {"model": model(friction=0.31)}, {"velocity": np.full(model().dofs, 1e-3)}),
     *({"model": denser(*one)} for one in ((0, 2.1), (1, 2.1), (0, [2.0, 2.0, 2.0, 2.1]), (1, [2.1, 2.0]))),
 ]

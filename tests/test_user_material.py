@@ -117,6 +117,19 @@ def test_moduli_of_a_umat_are_the_derivative_of_its_stress(built) -> None:
     assert np.abs(found - linear).max() < 0.02 * np.abs(found).max()
 
 
+def test_a_umat_knows_the_time_and_its_first_increment(tmp_path) -> None:
+    if shutil.which("gfortran") is None:
+        pytest.skip("no gfortran")
+    subprocess.run(["gfortran", "-shared", "-fPIC", "-o", tmp_path / "clock.so", SOURCES / "clock.f"], check=True)
+    space = Space(straight(4.0).sweep(circle(8, 1.0)), section_degree=2, elements=1, degree=2)
+    body = Body(space, library(tmp_path / "clock.so", "umat_", states=3), 1.0)
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))]
+    found = statics.solve(Model([body], supports), load_steps=4, end_time=2.0)
+    # Of the last of four steps: time at its beginning, KINC, and times that KINC was 1.
+    known = [float(found.state(f"state_{k}", 0, 0.5, [[0.5, 0.0]]).squeeze()) for k in (1, 2, 3)]
+    assert known == pytest.approx([1.5, 2.0, 1.0])
+
+
 def test_what_turns_afterwards_has_the_stress_turned(built) -> None:
     law, F = _umat(built).advanced(_random(0.004), 1.0), _random(0.004)
     turned = F

@@ -22,11 +22,11 @@ from isorod.errors import InputError
 _ROUNDS = 3
 
 # So far these may differ.
-_SAME = 1e-3
+SAME = 1e-3
 
 # What refines a run, and a design.
 _FINER = re.compile(r"--tolerance \S+ refines until it is met.*")
-_CURE = "so far off are the numbers found; give the file a finer space, or none, and design again"
+_CURE = "so far off are the numbers found; give the file a finer space, or none, and begin again"
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
@@ -97,9 +97,9 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         raise InputError("design: say what is wanted: --target, --limit, --minimise, --maximise or --table")
     problem = optimise.Problem(own, varied, asked, objective, tell)
     with scene.locating():
-        best, after, error = _found(problem, own, x, before, _concerned(asked, objective, table), several, settings)
+        best, after, error = _found(problem, own, x, before, _concerned(asked, objective, table))
     anew = optimise.missed_by(after, asked)
-    if anew[0] > max(best.missed[0], _SAME):
+    if anew[0] > max(best.missed[0], SAME):
         best = best._replace(missed=anew)
     if best.trouble and best.missed[0] <= optimise.MET:
         warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
@@ -150,8 +150,6 @@ def _found(
     x: Any,
     before: Any,
     concerned: Sequence[str],
-    several: Mapping[str, Any],
-    settings: Mapping[str, Any],
 ) -> tuple[Any, dict[str, float], float | None]:
     """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
     for attempt in range(_ROUNDS):
@@ -159,14 +157,9 @@ def _found(
             own.freeze(x)
         best = problem.solve(x, None if attempt else before)
         x = best.x
-        # As if it were new: on the discretisation that suits it, from rest.
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            after, error = _solve_anew(several, x, own.names, settings)
-        own.add_misfit(after)
-        own.solves += len(several)
+        after, error, warned = solve_anew(own, x)
         off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
-        if off <= _SAME:
+        if off <= SAME:
             break
     else:
         warnings.warn(
@@ -174,9 +167,7 @@ def _found(
             "or the branch of the answer, changes with it",
             stacklevel=2,
         )
-    # What is said of several cases with other numbers is said once.
-    for one in {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}.values():
-        warnings.warn(_FINER.sub(_CURE, str(one.message)), one.category, stacklevel=2)
+    say(warned)
     return best, after, error
 
 
@@ -223,7 +214,7 @@ def draw(scene: Any, table: Any, several: Mapping[str, Any], path: str) -> None:
 
 def differences_of(why: str) -> str:
     """Return what to say where derivatives are differences."""
-    return f"derivatives are differences of answers, two solves a number: they are {why}"
+    return f"derivatives by finite differences, two solves for each number: exact ones are {why}"
 
 
 def _check(scene: Any, found: argparse.Namespace) -> None:
@@ -260,23 +251,33 @@ def again(scene: Any, values: Mapping[str, float]) -> str:
     return shlex.join(["isorod", "run", scene.path, *words])
 
 
-def _solve_anew(
-    several: Mapping[str, Any], x: Any, names: Sequence[str], settings: Mapping[str, Any]
-) -> tuple[dict[str, float], float | None]:
-    """Return what is measured of models that know nothing of the way, and the largest error."""
+def solve_anew(own: Any, x: Any) -> tuple[dict[str, float], float | None, list[warnings.WarningMessage]]:
+    """Return what is measured of models as if they were new, the largest error, and what was warned of.
+
+    They are on the discretisations that suit them, and begin at rest.
+    """
     from isorod.command import solving
     from isorod.design import evaluations, parameters
 
     values: dict[str, float] = {}
     worst: float | None = None
-    for case, scene in several.items():
-        there = parameters.at(scene, dict(zip(names, map(float, x), strict=True)))
-        solution, _ = solving.solve(there, settings)
-        error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
-        worst = error if worst is None else max(worst, error or 0.0)
-        found = evaluations.flat(evaluations.measured(there, solution))
-        values |= evaluations.of_case(case, found)
-    return values, worst
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        for case, scene in own.scenes.items():
+            there = parameters.at(scene, dict(zip(own.names, map(float, x), strict=True)))
+            solution, _ = solving.solve(there, own.settings)
+            error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
+            worst = error if worst is None else max(worst, error or 0.0)
+            values |= evaluations.of_case(case, evaluations.flat(evaluations.measured(there, solution)))
+    own.add_misfit(values)
+    own.solves += len(own.scenes)
+    return values, worst, warned
+
+
+def say(warned: Sequence[warnings.WarningMessage]) -> None:
+    """Warn of what was warned of; what differs in numbers alone, as between load cases, once."""
+    for one in {re.sub(r"[\d.]+", "", str(one.message)): one for one in warned}.values():
+        warnings.warn(_FINER.sub(_CURE, str(one.message)), one.category, stacklevel=3)
 
 
 def _concerned(asked: Sequence[Any], objective: tuple[str, float] | None, table: Any) -> list[str]:

@@ -47,7 +47,7 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _identify(scene: Any, found: Any) -> dict[str, Any]:
-    from isorod.command.design import again, differences_of, draw, read_table, tell
+    from isorod.command.design import SAME, again, differences_of, draw, read_table, say, solve_anew, tell
     from isorod.design import curves, evaluations, identify, wanted
 
     several = wanted.varied(found.vary, scene)
@@ -56,17 +56,28 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
     own = evaluations.Evaluations(curves.scenes_of(scene, table), names, chosen.settings(scene, found))
     with scene.locating():
         best = identify.identify(own, several, table, tell)
+        after, error, warned = solve_anew(own, best.x)
+    say(warned)
+    off = float(np.abs(table.off(after) - table.off(best.answers)).max())
+    if off > SAME:
+        warnings.warn(
+            f"solved as new answers are up to {100.0 * off:.2g} % of the largest value off those of the fit: the "
+            "discretisation, or the branch of the answer, changes with the numbers",
+            stacklevel=2,
+        )
     if own.untold:
         warnings.warn(differences_of(own.untold), stacklevel=2)
-    two = {"measured": table.measured, "answered": best.fitted}
+    two = {"measured": table.measured, "answered": table.values(best.answers)}
     if found.png and ending.rank() == 0:
         draw(scene, table, two, found.png)
-    deviation = np.sqrt(np.diag(best.covariance))
+    # As many values as numbers leave no misfit by which to tell it.
+    exact = sum(map(len, table.measured.values())) == len(several)
+    deviation = [None if exact else float(one) for one in np.sqrt(np.diag(best.covariance))]
     values = dict(zip(own.names, map(float, best.x), strict=True))
     return {
         "scene": scene.name,
         "parameters": {
-            one.name: {"before": one.start, "found": values[one.name], "standard_error": float(deviation[k])}
+            one.name: {"before": one.start, "found": values[one.name], "standard_error": deviation[k]}
             for k, one in enumerate(several)
         },
         "bounds": [
@@ -78,6 +89,7 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
         "given": {name: one.tolist() for name, one in table.given.items()},
         "curves": {name: {which: one[name].tolist() for which, one in two.items()} for name in table.measured},
         "misfit": best.misfit,
+        "error_estimate": error,
         "solves": own.solves,
         "again": again(scene, values),
     }
@@ -90,11 +102,14 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     text, width = [], max(len(name) for name in record["parameters"])
     for name, one in record["parameters"].items():
         bound = ", at its bound: what is best lies beyond" if name in record["bounds"] else ""
-        text.append(
-            f"{name:{width}}  {one['found']:.8g} +- {one['standard_error']:.2g} (began at {one['before']:g}){bound}"
-        )
+        spread = "" if one["standard_error"] is None else f" +- {one['standard_error']:.2g}"
+        text.append(f"{name:{width}}  {one['found']:.8g}{spread} (began at {one['before']:g}){bound}")
     for name, one in record["curves"].items():
         text += curve_lines(name, record["given"], one)
-    text.append(f"misfit {100.0 * record['misfit']:.2g} % of the largest; {record['solves']} solves")
+    error = record["error_estimate"]
+    text.append(
+        f"misfit {100.0 * record['misfit']:.2g} % of the largest; {record['solves']} solves"
+        + ("" if error is None else f"; error about {100.0 * error:.2g} %")
+    )
     text.append(record["again"])
     return text

@@ -147,10 +147,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         from isorod.command.refine import refine
 
         scene, solution, seconds, error, history, short = refine(scene, settings, found.tolerance)
+        seen = scene
         refined = {"error_estimate": error, "refinements": history} | ({"short": short} if short else {})
         refined |= solving.stress_estimate(solution) if shown else {}
     else:
-        solution, seconds = solving.solve(scene, settings)
+        seen, solution, seconds = solving.solve_scene(scene, settings)
         if not getattr(found, "no_estimate", True):
             refined = solving.estimate(solution, shown)
     solving.warn_of_embedded(scene, solution)
@@ -158,7 +159,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if getattr(found, "derivatives", False):
         from isorod.design import derivatives
 
-        rates = derivatives.of(scene, solution)
+        rates = derivatives.of(seen, solution)
         record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
     solving.refuse_unused()
     return record, solution

@@ -41,6 +41,13 @@ def solve(
     begin
         Returns, of a model of statics or modes, a displacement to begin at, or None.
     """
+    return solve_scene(scene, settings, begin)[1:]
+
+
+def solve_scene(
+    scene: Any, settings: Mapping[str, Any], begin: Callable[[Any], Any] | None = None
+) -> tuple[Any, Any, dict[str, float]]:
+    """Return what `solve` does, and before it the scene of the solution: on spaces that see patches of contact."""
     from isorod import compiling
     from isorod.compiled import cofactors
 
@@ -64,20 +71,21 @@ def solve(
         if start is not None:
             settings = {**settings, "start": start}
         analyse = steps.solve if steps.are_open(scene, settings) else analysis.solve
-        solution = _solve_refined(scene, model, analyse, settings)
+        scene, solution = _solve_refined(scene, model, analyse, settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - started
     # With ``check``: what proves a result is a part of getting it.
     seconds["total"] = perf_counter() - started
-    return solution, seconds
+    return scene, solution, seconds
 
 
 def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
-    """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
+    """Return a scene and the solution of its model, if need be on spaces that see where small patches of contact press.
 
     Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
     and one more, where the last fails.
     """
+    seen = scene
     solution, warned = _solve_and_record_warnings(analyse, model, settings)
     # A checkpoint has the state of one space.
     for _ in range(0 if settings.get("checkpoint") else CLOSER):
@@ -89,6 +97,7 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
             if scene.analysis != "dynamics":
                 settings = {**settings, "start": start_at(solution, model)}
             solution, warned = _solve_and_record_warnings(analyse, model, settings)
+            seen = closer
         except (InputError, SolveError) as problem:
             warnings.warn(
                 f"local refinement of small contact patches failed, results are without it: {problem}",
@@ -97,7 +106,7 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
             break
     for one in warned:
         warnings.warn(str(one.message), one.category, stacklevel=3)
-    return solution
+    return seen, solution
 
 
 def _tell_of_large(model: Any) -> None:

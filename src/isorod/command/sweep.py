@@ -234,11 +234,11 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
 
 def _is_speed(scene: Any, varied: Mapping[str, Any]) -> bool:
     """Return whether what is varied first is all of the velocity of a spin, whose modes are wanted."""
-    name, (first, *_) = "spin.velocity.", varied
+    name, (first, *rest) = "spin.velocity.", varied
     if scene.analysis != "modal" or not first.startswith(name) or not scene.content:
         return False
     others = [one for k, one in enumerate(scene.content["spin"]["velocity"]) if f"{name}{k}" != first]
-    return not any(others)
+    return not any(others) and not any(one.startswith(name) for one in rest)
 
 
 def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def refuse(scene: Any) -> None:
     """Raise `InputError` for analyses whose answers are not differentiated."""
     if scene.analysis not in ("statics", "modal"):
-        raise InputError(f"derivatives: not told in {scene.analysis}; they are in statics and modal")
+        raise InputError(f"derivatives: not available in {scene.analysis}; they are in statics and modal")
 
 
 def of(scene: Any, solution: Any, names: "Mapping[str, float] | None" = None) -> "Derivatives":

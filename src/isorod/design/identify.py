@@ -31,15 +31,15 @@ class Identified(NamedTuple):
     ----------
     x, covariance
         The numbers, ``(n,)``, and their covariance, by what is left of the misfit.
-    fitted
-        What is answered, by name, as in the curve.
+    answers
+        What the scenes of all points answer, by name.
     misfit
         Root of the mean square, each column by its largest value.
     """
 
     x: Array
     covariance: Array
-    fitted: Mapping[str, Array]
+    answers: Mapping[str, float]
     misfit: float
 
 
@@ -90,6 +90,6 @@ def identify(
     return Identified(
         found.x * size,
         covariance * np.outer(size, size),
-        table.values(answer(found.x).values),
+        answer(found.x).values,
         float(np.sqrt(np.mean(found.fun**2))),
     )

@@ -133,7 +133,7 @@ def solve(
             others = of_solids(model.solids, solids)
             initial = np.append(initial[0], others[0]), np.append(initial[1], others[1])
         path, looks, setup, loop = None if checkpoint is None else Path(checkpoint), 0, 0.0, 0.0
-        points = _points(path, ranks) if model.contacts and resume and path is not None else None
+        points = _points(path, model, ranks) if model.contacts and resume and path is not None else None
         while True:
             begun = perf_counter()
             run = chosen(System(model, ranks, integrator == "explicit", points), settings)
@@ -182,10 +182,16 @@ def solve(
     )
 
 
-def _points(path: Path, comm: PETSc.Comm) -> list[tuple[int, int]] | None:
-    """Return points of each pass of contacts with which a run took the steps that it left in a checkpoint."""
+def _points(path: Path, model: Model, comm: PETSc.Comm) -> list[tuple[int, int]] | None:
+    """Return points of each pass of contacts with which a run took the steps that it left in a checkpoint.
+
+    Those that a contact gives stay.  None where they are of other contacts: that is refused when the run begins.
+    """
     found = files.look(path, "points", comm.tompi4py())
-    return None if found is None else [(int(one), int(other)) for one, other in found]
+    given = [one.points for one in model.contacts for _ in (one.sides if one.facets is None else (None,))]
+    if found is None or len(found) != len(given):
+        return None
+    return [own or (int(around), int(along)) for own, (around, along) in zip(given, found, strict=True)]
 
 
 def _untold(model: Model) -> Model:

@@ -23,6 +23,9 @@ _ANGLE = 0.3
 # Releases of TFEL whose generic interface has the mass density.
 _TFEL = 4
 
+# What MFront calls a function of a behaviour ends so, but not what it says of the behaviour.
+_THREE = "_Tridimensional"
+
 
 @cache
 def _compiled() -> Compiled:
@@ -51,7 +54,8 @@ class UserMaterial(Timed):
         Its constants.
     interface
         ``"function"``; ``"umat"``, Abaqus' subroutine, of which temperature, fields and the place of the point are
-        zero; or ``"mfront"``, MFront's generic interface of a finite strain behaviour (TFEL 4 or later).
+        zero, KSTEP is 1, and KINC 1 in the first step and 2 later; or ``"mfront"``, MFront's generic interface of a
+        finite strain behaviour (TFEL 4 or later).
     name
         What it is called in errors.
 
@@ -91,10 +95,10 @@ class UserMaterial(Timed):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Address, time of the step, interface and number of state variables, and the routine's constants."""
+        """Address, time of the step, interface, number of state variables, time before, and the routine's constants."""
         address = self.routine if isinstance(self.routine, int) else _wrapped(self.routine).address
         kind = {"function": FUNCTION, "umat": UMAT, "mfront": MFRONT}[self.interface]
-        return float(address), self.step, kind, float(self.variables), *map(float, self.parameters)
+        return float(address), self.step, kind, float(self.variables), self.since, *map(float, self.parameters)
 
     @property
     def compiled(self) -> Compiled:
@@ -191,7 +195,7 @@ def library(
 def _released(loaded: ctypes.CDLL, path: Path, function: str) -> None:
     """Raise `InputError` for a behaviour made by a release of TFEL whose interface is another."""
     try:
-        text = ctypes.c_char_p.in_dll(loaded, f"{function}_tfel_version").value
+        text = ctypes.c_char_p.in_dll(loaded, f"{function.removesuffix(_THREE)}_tfel_version").value
     except ValueError:
         return
     release = (text or b"").decode()

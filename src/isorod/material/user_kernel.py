@@ -30,7 +30,7 @@ from isorod.material.points import (
 )
 
 # Constants of the law; those of the routine are behind them.
-ADDRESS, TIME, INTERFACE, COUNT, OWN = range(5)
+ADDRESS, TIME, INTERFACE, COUNT, SINCE, OWN = range(6)
 FUNCTION, UMAT, MFRONT = 0.0, 1.0, 2.0
 
 # State: the deformation gradient of the step's beginning less the identity (9), the stress there (9; of UMAT Cauchy's,
@@ -120,6 +120,9 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
     w[_ZEROS:_DATA] = 0.0
     w[_K : _K + 36] = 0.0
     w[_SHORTER], w[_STEPPED] = 1.0, constants[TIME]
+    # TIME, and KINC: routines set up their state at time zero, or in the first increment.
+    w[_ZEROS + 17] = w[_ZEROS + 18] = constants[SINCE]
+    sizes[9] = 1 if constants[SINCE] == 0.0 else 2
     for m in range(6):
         w[_GROWN + m] = strain[_FIRST[m], _SECOND[m]] * (1.0 if m < 3 else 2.0)
     for a in range(3):
@@ -172,7 +175,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
             one,
             one,
             one,
-            one,
+            integer + u8(36),
             u8(80),
         ),
     )

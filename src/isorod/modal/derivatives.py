@@ -45,9 +45,9 @@ def derivatives(
     model = solution.model
     refuse(model)
     if model.contacts:
-        raise InputError("derivatives: not told of modes with contact; isorod sweep varies the number")
+        raise InputError("derivatives: not available for modes with contact; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):
-        raise InputError("derivatives: not told of modes with a spin or with pressures as unknowns")
+        raise InputError("derivatives: not available for modes with a spin or of the mixed formulation")
     first = solution.rigid
     values = solution.eigenvalues[first:]
     if (values <= 0.0).any():

@@ -160,7 +160,7 @@ class ContactPolicy:
             raise SolveError(str(problem)) from None
 
     def _stay(self, factor: float) -> None:
-        """Find the equilibrium once more where contact has changed, or raise `Diverged`.
+        """Find the equilibrium once more where contact has changed, or raise `Diverged` and leave the state as it was.
 
         A slender body that nothing but contact holds may fly off, and is held meanwhile.
         """
@@ -170,9 +170,12 @@ class ContactPolicy:
         except Diverged:
             if solver.stabilisation is None:
                 raise
+            before, back = solver.x.copy(), solver.stabilisation.keep()
             try:
                 solver.stabilisation.hold(lambda: solver.again(factor), solver.x)
             except SolveError as problem:
+                before.copy(solver.x)
+                back()
                 raise Diverged(str(problem)) from None
 
     def _displacement(self, factor: float) -> Array:

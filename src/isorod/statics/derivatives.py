@@ -69,13 +69,13 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 
 def refuse(model: Model) -> None:
-    """Raise `InputError` for what one back-substitution does not tell."""
+    """Raise `InputError` where the answer is no function of the parameters alone, and for finite element bodies."""
     if any(one.friction for one in model.contacts):
-        raise InputError("derivatives: not told with friction, which depends on the path; isorod sweep varies it")
+        raise InputError("derivatives: not available with friction, which depends on the path; isorod sweep varies it")
     if model.remembers or model.times is not None:
-        raise InputError("derivatives: not told over time, nor of laws with a memory, whose answer depends on the path")
+        raise InputError("derivatives: not available over time or with a memory, where the answer depends on the path")
     if model.solids:
-        raise InputError("derivatives: not told with finite element bodies")
+        raise InputError("derivatives: not available with finite element bodies")
 
 
 class Motion(NamedTuple):
