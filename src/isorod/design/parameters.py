@@ -14,6 +14,9 @@ from isorod.files.form import Form
 _TABLES = ("rod", "support", "load", "gravity", "spin", "obstacle", "contact")
 _LEFT = ("space", "tolerance", "section_tolerance", "temperature_history", "history", "copy", "tree")
 
+# Where a supported patch is says which control points are held: answers do not change with it, and then jump.
+_PATCH = ("around", "along")
+
 
 def parameters(scene: Any) -> dict[str, float]:
     """Return the numbers of a scene that may be varied by a share of them, by name; none that is zero."""
@@ -58,7 +61,7 @@ def _leaves(table: Any, path: Sequence[str]) -> Iterator[tuple[str, float]]:
         if isinstance(table, int | float) and not isinstance(table, bool) and abs(table) < float("inf"):
             yield ".".join(path), float(table)
     for key, one in several:
-        if key not in _LEFT and key not in _counts():
+        if key not in _LEFT and key not in _counts() and not (path[0] == "support" and key in _PATCH):
             yield from _leaves(one, (*path, key))
 
 
