@@ -34,8 +34,8 @@ _PRESSED = 0.015
 REFERENCES = (
     Reference("extension_spring", "pull", 0.144474, "Q3 bricks, 417,459 unknowns"),
     Reference("extension_spring", "stress", 8.367, "Q3 bricks, 417,459 unknowns", _STRESS),
-    Reference("conical_spring", "rate", 2.324452, "Q3 bricks, 205,545 unknowns"),
-    Reference("conical_spring", "stress", 13.798, "Q3 bricks, 205,545 unknowns", _STRESS),
+    Reference("conical_spring", "rate", 2.324452, "Q3 bricks, 410,511 unknowns"),
+    Reference("conical_spring", "stress", 13.798, "Q3 bricks, 410,511 unknowns", _STRESS),
     Reference("torsion_spring", "moment", 28.3948, "Q3 bricks, 222,915 unknowns"),
     Reference("torsion_spring", "stress", 41.3175, "Q3 bricks, 222,915 unknowns", _STRESS),
     Reference("wave_spring", "travel", -0.323797, "Q3 bricks, 129,150 unknowns"),
