@@ -2,6 +2,7 @@
 
 import pytest
 from petsc4py import PETSc
+from test_closer_hertz import ON_PIN
 from test_rates import logarithmic
 
 from isorod import files, statics
@@ -61,29 +62,7 @@ def test_with_contact_they_scale(tmp_path):
         assert logarithmic(found, measured, names[-1]) == pytest.approx(stiffness, abs=2e-9)
 
 
-PIN = """
-[rod.bar]
-curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 1000.0, nu = 0.3}}
-
-[obstacle.pin]
-Cylinder = {point = [0.0, -2.0, 0.0], axis = [1.0, 0.0, 0.0], radius = 1.0}
-
-[support.back]
-patch = {around = [20.0, 160.0], along = [0.0, 4.0]}
-displacement = [0.0, -0.01, 0.0]
-
-[contact.pin]
-first = "bar"
-second = "pin"
-
-[analysis.statics]
-
-[measure.push]
-reaction = "back"
-component = "y"
-"""
+PIN = f'{ON_PIN}\n[measure.push]\nreaction = "back"\ncomponent = "y"\n'
 
 
 def test_there_is_none_by_where_a_supported_patch_is(tmp_path):

@@ -130,6 +130,37 @@ def test_a_umat_knows_the_time_and_its_first_increment(tmp_path) -> None:
     assert known == pytest.approx([1.5, 2.0, 1.0])
 
 
+def test_moduli_of_a_umat_have_the_terms_of_its_stress(built) -> None:
+    # Of Jaumann's rate, tau' = J C:D + W tau - tau W, at stresses as large as moduli, in numpy; the symmetric part.
+    law = library(built / "j2.so", "umat_", states=1, constants=[1.0, 0.3, 1e9, 0.0]).advanced(_random(0.3, 1), 1.0)
+    F = _random(0.3, 1)[0]
+    mu, lame, inverse = 1.0 / 2.6, 0.3 / 1.3 / 0.4, np.linalg.inv(F)
+    tau = law.stress(F[None])[0] @ F.T
+    known = np.empty((3, 3, 3, 3))
+    for b in range(3):
+        for B in range(3):
+            L = np.outer(np.eye(3)[b], inverse[B])
+            D, W = 0.5 * (L + L.T), 0.5 * (L - L.T)
+            rate = np.linalg.det(F) * (2.0 * mu * D + lame * np.trace(D) * np.eye(3)) + W @ tau - tau @ W - tau @ L.T
+            known[:, :, b, B] = rate @ inverse.T
+    assert np.abs(tau).max() > 0.1
+    known = 0.5 * (known + known.transpose(2, 3, 0, 1))
+    np.testing.assert_allclose(law.tangent(F[None])[0], known, rtol=0.0, atol=1e-12)
+
+
+def test_a_behaviour_of_an_older_interface_is_refused(built, tmp_path) -> None:
+    for release, words in (("3.4.0", "made by TFEL 3.4.0, need 4 or later"), ("4.2.0", "")):
+        out = tmp_path / f"{release}.so"
+        words_of_cc = ["cc", "-shared", "-fPIC", f'-DRELEASE="{release}"', "-o", out, SOURCES / "neo_hooke.c", "-lm"]
+        subprocess.run(words_of_cc, check=True)
+        given = (out, "neo_hooke", "mfront", 1, [MU, LAMBDA])
+        if words:
+            with pytest.raises(InputError, match=words):
+                library(*given)
+        else:
+            library(*given)
+
+
 def test_what_turns_afterwards_has_the_stress_turned(built) -> None:
     law, F = _umat(built).advanced(_random(0.004), 1.0), _random(0.004)
     turned = F

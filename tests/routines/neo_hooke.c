@@ -14,6 +14,10 @@ typedef struct {
 
 static const int row[9] = {0, 1, 2, 0, 1, 0, 2, 1, 2}, column[9] = {0, 1, 2, 1, 0, 2, 0, 2, 1};
 
+#ifdef RELEASE
+const char *neo_hooke_tfel_version = RELEASE;
+#endif
+
 int neo_hooke(data *d) {
   double F[3][3], G[3][3], mu = d->s1.properties[0], lambda = d->s1.properties[1], J = 0.0;
   for (int m = 0; m < 9; ++m) F[row[m]][column[m]] = d->s1.gradients[m];
