@@ -20,6 +20,7 @@ from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.material.thermal import Thermal
+from isorod.model.body import refuse_massless
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
@@ -325,11 +326,7 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(f"support {k}: tied components are not supported in dynamics")
     if not model.unknowns:
         raise InputError("supports: all degrees of freedom are constrained; leave one free")
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, dynamics needs a positive mass per volume"
-            )
+    refuse_massless(model.bodies, "dynamics needs")
     for k, solid in enumerate(model.solids):
         if not 0.0 < solid.density < np.inf:
             raise InputError(f"solid {k} has density {solid.density:g}, dynamics needs a positive mass per volume")

@@ -13,14 +13,15 @@ from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
-from isorod.harmonic.basis import Basis, Softer
+from isorod.harmonic.basis import Basis, Softer, System
 from isorod.harmonic.damping import Damping
 from isorod.harmonic.drive import Drive, driven, relaxing, shear_stiffness
 from isorod.harmonic.frequencies import Span, checked
 from isorod.harmonic.response import Response, Ritz
 from isorod.modal import loaded
-from isorod.modal.modes import Modes
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.analysis import modes_of
+from isorod.modal.pencil import Pencil
+from isorod.model.body import refuse_massless
 from isorod.model.model import Model, unmoved
 from isorod.options import defaults
 from isorod.output.progress import Teller
@@ -91,7 +92,8 @@ def solve(
     if damping is None and not soft:
         raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
     with in_force(petsc), closing(Teller()) as told:
-        loaded.refuse_massless(model)
+        model.refuse_hold("modes")
+        refuse_massless(model.bodies, "modes need")
         began = perf_counter()
         if loaded.burdens(drive.still):
             loaded.refuse(drive.still, "or leave out what is static")
@@ -151,7 +153,9 @@ def _solve(
     found = pencil.solve(max(wanted, 1) + pencil.rigid, shift)
     if found.eigenvalues[pencil.rigid] <= 0.0:
         raise SolveError("harmonic: the equilibrium is unstable, motions about it grow; check it with modes")
-    modes = _modes(assembler, pencil, found, state)
+    # Coriolis forces are not in the modes of which responses are made.
+    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
+    modes = modes_of(assembler, found, vectors, pencil.rigid, state, {})
     if rules := hourglass.better_rules(model):
         flexible = slice(pencil.rigid, None)
         hourglass.check_modes(assembler, rules, modes.eigenvalues[flexible], modes.vectors[flexible], modes.state)
@@ -160,7 +164,7 @@ def _solve(
     force = drive.forces(assembler, x, factor)
     coriolis = _coriolis(assembler) if loaded.spins(model) else None
     softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in soft.items()]
-    basis = Basis(matrix, mass, ksp, force, damping, drive.by_square, shift, coriolis, softer)
+    basis = Basis(System(matrix, mass, damping, coriolis, softer), force, drive.by_square, ksp, shift)
     with defaults(room(assembler.comm, _PREFIX)):
         basis.grow([one.array_r.copy() for one in found.vectors])
         left = _complete(basis, force, asked, top)
@@ -202,28 +206,6 @@ def _shapes(assembler: Assembler, vectors: Array) -> list[Ritz]:
         found.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
     x.destroy()
     return found
-
-
-def _modes(assembler: Assembler, pencil: Pencil, found: Found, state: Equilibrium | None) -> Modes:
-    """Return the modes of which responses are made: Coriolis forces are not in them."""
-    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
-    return Modes(
-        model=assembler.model,
-        frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
-        eigenvalues=found.eigenvalues,
-        vectors=vectors,
-        residuals=found.residuals,
-        rigid=pencil.rigid,
-        below=found.below or 0,
-        shift=found.shift,
-        iterations=found.iterations,
-        seconds={},
-        built=assembler.built,
-        solver=found.solver,
-        ranks=assembler.comm.getSize(),
-        equilibrium=state,
-        about=loaded.state_of(assembler.model, state),
-    )
 
 
 def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float) -> float:

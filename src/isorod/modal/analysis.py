@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -17,6 +18,7 @@ from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
+from isorod.model.body import refuse_massless
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
 from isorod.output.progress import Teller
@@ -84,7 +86,8 @@ def solve(
     if state is not None and at_rest:
         raise InputError("modes: got a state and at_rest, need one of them")
     with in_force(petsc):
-        loaded.refuse_massless(model)
+        model.refuse_hold("modes")
+        refuse_massless(model.bodies, "modes need")
         began = perf_counter()
         found = state
         if state is not None:
@@ -147,34 +150,46 @@ def _solve(
     if state is not None and model.contacts and model.solids:
         patches = touching.doubt_with_solids(assembler, state, found, len(loose), lumped)
     check = pencil.check_seconds + perf_counter() - begin
+    seconds = {
+        **taken,
+        "setup": setup,
+        "assembly": assembly,
+        "solve": perf_counter() - start - setup - assembly - check,
+        "check": check,
+    }
+    more = {"quarter": quarter if turns else None, "lumped": lumped, "patches": patches, "solids": solids}
+    return modes_of(assembler, found, vectors, len(loose), state, seconds, **more)
+
+
+def modes_of(
+    assembler: Assembler,
+    found: Found,
+    vectors: Array,
+    rigid: int,
+    state: Equilibrium | None,
+    seconds: dict[str, float],
+    **more: Any,
+) -> Modes:
+    """Return what an eigensolver has found as modes, of shapes ``(modes, dofs)``; ``more`` are other fields of them."""
     assert found.below is not None
     return Modes(
-        model=model,
+        model=assembler.model,
         frequencies=np.sign(found.eigenvalues) * np.sqrt(np.abs(found.eigenvalues)) / (2.0 * np.pi),
         eigenvalues=found.eigenvalues,
         vectors=vectors,
         residuals=found.residuals,
-        rigid=len(loose),
+        rigid=rigid,
         below=found.below,
         shift=found.shift,
         iterations=found.iterations,
-        seconds={
-            **taken,
-            "setup": setup,
-            "assembly": assembly,
-            "solve": perf_counter() - start - setup - assembly - check,
-            "check": check,
-        },
+        seconds=seconds,
         built=assembler.built,
         solver=found.solver,
         ranks=assembler.comm.getSize(),
         equilibrium=state,
-        about=loaded.state_of(model, state),
-        quarter=quarter if turns else None,
+        about=loaded.state_of(assembler.model, state),
         falling=found.falling,
-        lumped=lumped,
-        patches=patches,
-        solids=solids,
+        **more,
     )
 
 

@@ -113,13 +113,3 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
                 f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "
                 f"both ends are supported, or guided in a plane; support both, leave out 'follows', {advice}"
             )
-
-
-def refuse_massless(model: Model) -> None:
-    """Raise `InputError` for a body without mass, or one whose rigid motions are held for statics alone."""
-    model.refuse_hold("modes")
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
-            )

@@ -151,17 +151,9 @@ class Equilibrium(State, WithSolids, Animated):
 
         if self.largest is not None:
             return self.largest._estimated(directions)
-        found = estimate.of_equilibrium(
-            self.model,
-            self.displacement,
-            self.work,
-            self.pressures,
-            directions,
-            self.ranks,
-            self.contacts,
-            (self.reactions, self.moments),
-            self.solids,
-        )
+        carried = self.reactions, self.moments
+        reached = estimate.Reached(self.displacement, self.work, self.pressures, self.contacts, carried, self.solids)
+        found = estimate.of_equilibrium(self.model, reached, directions, self.ranks)
         if self.model.solids:
             meshes = self._of_solids[0].work
             # Beside contact the rods' part is not known, and not counted.
