@@ -16,7 +16,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
-from isorod.errors import Checked, InputError, representable
+from isorod.errors import Checked, InputError, modulus
 from isorod.material import fibre as directions
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.fibre import Fibre
@@ -360,9 +360,7 @@ class Isotropic(Material):
     nu: float
 
     def _check(self) -> None:
-        if not (np.isfinite(self.E) and self.E > 0.0):
-            raise InputError(f"Young's modulus E: got {self.E:g}, need a positive stress")
-        representable("Young's modulus E", self.E)
+        modulus("Young's modulus E", self.E)
         if not -1.0 < self.nu <= 0.5:
             raise InputError(f"Poisson's ratio nu: got {self.nu:g}, need -1 < nu <= 0.5")
 

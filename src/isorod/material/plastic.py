@@ -115,11 +115,16 @@ class Viscoplastic(Timed, Plastic):
 
     def _check(self) -> None:
         super()._check()
-        positive("A", self.A, "a positive rate")
-        if not 1.0 <= self.n <= 50.0:
-            raise InputError(f"n: got {self.n:g}, need an exponent from 1 to 50")
+        check_rate(self.A, self.n)
 
     @property
     def _rate(self) -> tuple[float, float, float]:
         """Time of the step, rate ``A``, and ``1/n``."""
         return self.step, self.A, 1.0 / self.n
+
+
+def check_rate(A: float, n: float) -> None:
+    """Raise `InputError` if a rate of strain ``A`` and its exponent are none of a law."""
+    positive("A", A, "a positive rate")
+    if not 1.0 <= n <= 50.0:
+        raise InputError(f"n: got {n:g}, need an exponent from 1 to 50")
