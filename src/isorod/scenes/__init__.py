@@ -141,6 +141,12 @@ class Scene(Checked):
             given["continuity"] = given["degree"] - 1
         return choices.same((rod, *sorted(given.items())), lambda: Space(rod, **given))
 
+    def space_in_turns(self, rod: "Rod", own: int, each: int | None) -> "Space":
+        """Return `space_of` a helix that is built of ``own`` elements a turn, cut into ``each`` if that is given."""
+        if each is not None and (each < own or each % own):
+            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
+        return self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+
     def rod_names(self) -> list[str]:
         """Return the names of the rods, where they have names."""
         return []
@@ -227,10 +233,7 @@ class Wound(Scene):
         """Return the model of a law, start clamped, end clamped and moved down by a travel times a table."""
         import isorod
 
-        rod, own, each = self.rod(), self.per_turn, self.elements_per_turn
-        if each is not None and (each < own or each % own):
-            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
-        space = self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+        space = self.space_in_turns(self.rod(), self.per_turn, self.elements_per_turn)
         moved = isorod.Support.end(space, "end", displacement=(0.0, 0.0, -travel), history=history)
         return isorod.Model([isorod.Body(space, law)], [isorod.Support.end(space, "start"), moved])
 
