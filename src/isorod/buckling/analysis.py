@@ -195,7 +195,7 @@ def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Poin
         except SolveError as problem:
             if not points:
                 raise
-            warnings.warn(f"{k} of {modes} buckling modes found: {problem}", stacklevel=5)
+            warnings.warn(f"{k} of {modes} buckling modes computed: {problem}", stacklevel=5)
             break
         path.critical.append(points[-1].factor)
     return points

@@ -195,8 +195,8 @@ class Seeker:
             bends += last.below == number and way > abs(before[1])
             if bends > 1 or (0.0 < way < _BEND_NEAR * guess and self._moves_along(shape)):
                 raise SolveError(
-                    f"buckling: the path bends before factor {number + 1}, first told as {told:.6g}: it has a limit "
-                    f"point, or goes aside as an imperfect column does; {_CURE}"
+                    f"buckling: the path bends before factor {number + 1}, first estimated at {told:.6g}: it has a "
+                    f"limit point, or goes aside as an imperfect column does; {_CURE}"
                 )
             # Errors fall with the square of the way.
             if way > 0.3 * _APART * factor:

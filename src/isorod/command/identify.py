@@ -41,7 +41,7 @@ def more(parser: Parser, scene: Any) -> None:
     chosen.with_analysis(parser, scene)
     add = parser.add_argument
     add("--table", metavar="FILE.csv", help="measured values: a column each of numbers of the scene, and of answers")
-    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="numbers to be found, with bounds")
+    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="parameters to identify, with bounds")
     add("--json", action="store_true", help="print the result as one line of JSON")
     add("--png", metavar="FILE", help="draw the curves measured and answered")
 

@@ -297,7 +297,7 @@ def tie_moment(
 ) -> Any:
     """Return the moment that a tie exerts on its slave about the middle of its surface at rest, or a point.
 
-    Explicit steps do not tell it.
+    Not available in explicit steps.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def _mostly(found: "Like", what: str) -> float:
 def refuse_others(solution: Any, key: str) -> None:
     """Raise `InputError` where a solution is one of finite elements, which do not tell what a key asks for."""
     if not hasattr(solution, "built"):
-        raise InputError(f"{key}: finite elements do not tell it; leave it out of what is compared")
+        raise InputError(f"{key}: not available from finite elements; leave it out of what is compared")
 
 
 def _largest(values: Array) -> float:

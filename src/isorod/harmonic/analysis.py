@@ -99,8 +99,8 @@ def solve(
             loaded.refuse(drive.still, "or leave out what is static")
             if soft:
                 raise InputError(
-                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is told about the state of rest "
-                    "alone; leave out what is static"
+                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is available about the state of "
+                    "rest only; leave out what is static"
                 )
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}

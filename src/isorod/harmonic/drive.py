@@ -60,7 +60,7 @@ def driven(
     if model.contacts:
         raise InputError("contact 0: a response is linear, and contact opens and closes; leave it out, or use dynamics")
     if model.solids:
-        raise InputError("solid 0: responses with finite element bodies are not told; use dynamics")
+        raise InputError("solid 0: harmonic response is not available with finite element bodies; use dynamics")
     shaken = base_displacement if base is None else base
     name = "base" if base is not None else "base_displacement"
     if base is not None and base_displacement is not None:
@@ -109,15 +109,15 @@ def relaxing(model: Model) -> dict[int, Array]:
         other = next((law for law in body.laws if law.remembers and not isinstance(law, Viscoelastic)), None)
         if other is not None:
             raise InputError(
-                f"body {b}: {type(other).__name__} is not linear for small stresses; responses are told of elastic "
-                "laws and Viscoelastic"
+                f"body {b}: {type(other).__name__} is not linear for small stresses; harmonic response is "
+                "available for elastic laws and Viscoelastic"
             )
         series = {np.asarray(law.prony, dtype=float).tobytes() for law in body.laws if isinstance(law, Viscoelastic)}
         if not series:
             continue
         if len(series) > 1 or not all(isinstance(law, Viscoelastic) for law in body.laws):
             raise InputError(
-                f"body {b}: its laws relax each in another way; responses are told where all have one series"
+                f"body {b}: its laws have different Prony series; harmonic response needs the same series for all"
             )
         if body.formulation != "displacement":
             raise InputError(f"body {b}: viscoelastic in the mixed formulation; take nu up to 0.48, or use dynamics")

@@ -29,7 +29,7 @@ def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
     """
     space, total = body.space, 0.0
     if silent := next((law for law in body.laws if isinstance(law, Memory) and not law.stores), None):
-        raise InputError(f"energy: {type(silent).__name__} does not tell what it stores")
+        raise InputError(f"energy: {type(silent).__name__} does not compute its stored energy")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         u = table.u.ravel()
@@ -51,7 +51,7 @@ def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
         return total
     dumb = next((law for law in body.laws if law.remembers and "dissipated" not in law.states), None)
     if dumb is not None:
-        raise InputError(f"dissipated: {type(dumb).__name__} does not tell what it dissipates")
+        raise InputError(f"dissipated: {type(dumb).__name__} does not compute its dissipation")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         found = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]

@@ -53,7 +53,7 @@ class RandomResponse(Response):
     def whole(self) -> "Whole":
         """Return the response over all frequencies, whose stresses are root mean squares."""
         if self.soft:
-            raise InputError("stress: of viscoelastic bodies its root mean square is not told; ask for displacements")
+            raise InputError("stress: not available for viscoelastic bodies in random response; ask for displacements")
         covariance = (self.weights[:, None] * self.coordinates).T @ self.coordinates.conj()
         sizes, turns = np.linalg.eigh(covariance.real)
         own = {one.name: getattr(self, one.name) for one in fields(self)}
