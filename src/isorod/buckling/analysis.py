@@ -55,8 +55,8 @@ def solve(
     modes
         Number of load factors, the lowest above zero.
     linear_at
-        Take the factors that are told at the equilibrium of this load factor, by its tangent and how that changes, and
-        follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
+        Take the factors of the linearisation at the equilibrium of this load factor, by its tangent and how that
+        changes, and follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
     petsc
         PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
     progress

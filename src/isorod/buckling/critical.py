@@ -142,7 +142,7 @@ class Seeker:
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 
     def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
-        """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
+        """Return what is known at an equilibrium of the factors around it, that of the number ``wanted`` among them."""
         self._tangents.fill(x, factor)
         below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
         modes = self.modes(max(below, wanted + 1) + _SPARE)
@@ -161,7 +161,7 @@ class Seeker:
     def seek(self, number: int, guess: float | None = None) -> Point:
         """Return the load factor of a number, from 0 and in the order of their size.
 
-        Where there is no guess it is sought from the last equilibrium, from which another one was told.
+        Where there is no guess it is sought from the last equilibrium, from which another factor was computed.
         """
         low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
         factor, farthest = np.nan, 0.0
@@ -219,12 +219,12 @@ class Seeker:
         raise SolveError(f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path bends; {_CURE}")
 
     def told_at(self, factor: float, modes: int, more: int) -> list[Point]:
-        """Return the factors that the tangent and its derivative tell at an equilibrium of a lower load.
+        """Return the factors by the tangent and its derivative at an equilibrium of a lower load.
 
         Raises
         ------
         SolveError
-            If there is no such equilibrium, it is not stable, or tells of no factor.
+            If there is no such equilibrium, it is not stable, or has no factor.
         """
         try:
             x = self._path.at(factor)

@@ -190,7 +190,7 @@ def support_displacements(model: Model, displacement: Array) -> Array:
 
 
 def support_places(model: Model, displacement: Array) -> Array:
-    """Return the points about which `support_moments` and `carried` tell moments, ``(supports, 3)``."""
+    """Return the points about which moments of `support_moments` and `carried` are, ``(supports, 3)``."""
     return _means(model, _places(model, displacement))
 
 

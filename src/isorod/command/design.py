@@ -30,7 +30,7 @@ _CURE = "the optimal parameters are off by so much; give the file a finer space,
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
-    """Design a scene with our options and PETSc's; return the exit code: 2 where what is wanted is not met."""
+    """Design a scene with our options and PETSc's; return the exit code: 2 where targets or limits are not met."""
     from isorod.command import printing
 
     if chosen.usage("design", ours, theirs):
@@ -242,7 +242,7 @@ def _typed(scene: Any) -> dict[str, float]:
 
 
 def again(scene: Any, values: Mapping[str, float]) -> str:
-    """Return the command that runs a scene with numbers that were found."""
+    """Return the command that runs a scene with the optimal parameters."""
     numbers = {name: f"{value:.9g}" for name, value in values.items()}
     if scene.content is None:
         words = [word for name, value in numbers.items() for word in (f"--{name.replace('_', '-')}", value)]

@@ -96,7 +96,7 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
 
 
 def lines(record: Mapping[str, Any]) -> list[str]:
-    """Return what was found in words: numbers with their standard errors, curves beside what was measured."""
+    """Return the result in words: numbers with their standard errors, curves beside what was measured."""
     from isorod.command.design import curve_lines
 
     text, width = [], max(len(name) for name in record["parameters"])

@@ -25,7 +25,7 @@ _UNTOLD = 1e-7
 
 
 class Identified(NamedTuple):
-    """What was found.
+    """The identified parameters.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def identify(
     Raises
     ------
     InputError
-        If the curves do not tell a number.
+        If the curves do not determine a parameter.
     """
     start = np.array([one.start for one in several])
     size = np.abs(start)

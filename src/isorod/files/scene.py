@@ -74,7 +74,7 @@ class FileScene(Scene):
     units
         Of each number that is the answer, in words.
     stresses
-        The names of those that are stresses, of which an estimate of the error of works tells nothing.
+        The names of those that are stresses, to which an estimate of the error of works does not apply.
 
     Raises
     ------

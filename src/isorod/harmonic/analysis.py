@@ -78,10 +78,10 @@ def solve(
     Raises
     ------
     InputError
-        If nothing swings, an argument cannot be used, or the response cannot be told: with contact, of bodies of finite
-        elements, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
+        If nothing swings, an argument cannot be used, or the response is not available: with contact, finite element
+        bodies, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
     SolveError
-        If the equilibrium is not found or unstable, or modes are missed.
+        If the equilibrium does not converge or is unstable, or modes are missed.
     """
     unmoved(model, "harmonic response")
     expect("damping", damping, Damping | None)

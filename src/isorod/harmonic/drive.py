@@ -56,7 +56,7 @@ def driven(
     base_displacement: tuple[float, float, float] | None,
     loads: Sequence[int] | None,
 ) -> Drive:
-    """Return what swings of a model, as `isorod.harmonic.solve` is told it; raises `InputError`."""
+    """Return what swings of a model, by the arguments of `isorod.harmonic.solve`; raises `InputError`."""
     if model.contacts:
         raise InputError("contact 0: a response is linear, and contact opens and closes; leave it out, or use dynamics")
     if model.solids:

@@ -126,7 +126,7 @@ class Material(Checked, ABC):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
+        """Identifies the law, but for its constants."""
         return f"{type(self).__name__}{self.recipe[1:]}"
 
     @property
@@ -206,7 +206,7 @@ class Material(Checked, ABC):
 
     @property
     def follows(self) -> bool:
-        """Whether the law depends on the rod's places and has not been told them (`placed`)."""
+        """Whether the law depends on the rod's places and has not been given them (`placed`)."""
         return any(directions.follows(one) for one in self._fibres())
 
     def placed(self, places: Places) -> Self:
@@ -217,7 +217,7 @@ class Material(Checked, ABC):
         return self._directed([directions.checked(*one) for one in found])
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places, along the first axis, that it was told (`placed`)."""
+        """Return the law at some of the places, along the first axis, that it was given (`placed`)."""
         return self._directed([directions.some(one, places) for one in self._fibres()]) if self.families else self
 
     def fibres(self, shape: tuple[int, ...]) -> Array:

@@ -49,7 +49,7 @@ class Memory(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
+        """Identifies the law, but for its constants."""
         return type(self).__name__
 
     @property

@@ -76,7 +76,7 @@ def solve(
         equilibrium cannot be had: of a linear elastic body, whose tangent knows no stress, with contact, or under a
         pressure that follows a surface with a free edge.
     SolveError
-        If the equilibrium is not found, SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
+        If the equilibrium or SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
         mode was missed.
     """
     unmoved(model, "modal analysis", timed=end_time is not None or at_rest or state is not None)
@@ -170,7 +170,7 @@ def modes_of(
     seconds: dict[str, float],
     **more: Any,
 ) -> Modes:
-    """Return what an eigensolver has found as modes, of shapes ``(modes, dofs)``; ``more`` are other fields of them."""
+    """Return an eigensolver's eigenpairs as modes, of shapes ``(modes, dofs)``; ``more`` are other fields of them."""
     assert found.below is not None
     return Modes(
         model=assembler.model,

@@ -73,7 +73,7 @@ def find(
     Raises
     ------
     InputError, SolveError
-        If modes about it cannot be had (`refuse`), or it is not found.
+        If modes about it cannot be had (`refuse`).
     """
     if not burdens(model):
         return None

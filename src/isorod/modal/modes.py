@@ -189,7 +189,7 @@ class Modes:
         return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them, and of how the equilibrium was found."""
+        """Return what a record keeps of them, and of how the equilibrium was reached."""
         kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
         found = {name: getattr(self, name) for name in kept}
         if self.falling:

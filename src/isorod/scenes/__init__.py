@@ -4,7 +4,7 @@ A ready scene is a frozen dataclass (`Scene`) of that name with a capital letter
 become command line options. It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or
 ``"geometry"``), ``rod()`` or ``rods()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics
 also ``settings()``. Its class attribute ``units`` says, in words, the unit of each number that is the answer, by its
-name in `measure` or in the solution's record, the most wanted first. A scene whose element can be chosen is a `Preset`.
+name in `measure` or in the solution's record, the main one first. A scene whose element can be chosen is a `Preset`.
 A scene with a choice of analyses lists them in a class attribute ``analyses``, the default first, and has ``analysis``
 as a property.  The scene of a file (`isorod.files.scene`) is a `Scene` as well.
 """

@@ -1,4 +1,4 @@
-"""When an equilibrium counts as found.
+"""When an equilibrium counts as converged.
 
 A slender rod's bending forces are smaller than its stretching forces by the square of its slenderness.  A tolerance
 relative to the forces of a load step's linear predictor, which stretches what should bend, would accept anything there,
