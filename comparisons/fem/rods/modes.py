@@ -14,9 +14,9 @@ from comparisons.fem.rods.means import RIGID, means_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.rods.task import Task
+from isorod.assembly.mass import refuse_massless
 from isorod.checks.rigid_motions import free_motions
 from isorod.fenics import compat
-from isorod.model.body import refuse_massless
 from isorod.model.model import Model
 from meshes.mesh import Array
 

@@ -22,9 +22,9 @@ from comparisons.fem.rods.supports import Supports
 from comparisons.fem.rods.task import Task, typed
 from comparisons.fem.statics import DIRECT
 from comparisons.measure.timing import Clock
+from isorod.assembly.mass import refuse_massless
 from isorod.errors import SolveError
 from isorod.fenics import compat
-from isorod.model.body import refuse_massless
 from isorod.model.history import rigid_velocity
 from isorod.model.model import Model
 from isorod.options import defaults

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import overlap, small
 from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
@@ -20,7 +21,6 @@ from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.material.thermal import Thermal
-from isorod.model.body import refuse_massless
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress

@@ -11,6 +11,7 @@ from isorod.arrays import Array, Numbers
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
 from isorod.harmonic.basis import Basis, Softer, System
@@ -21,7 +22,6 @@ from isorod.harmonic.response import Response, Ritz
 from isorod.modal import loaded
 from isorod.modal.analysis import modes_of
 from isorod.modal.pencil import Pencil
-from isorod.model.body import refuse_massless
 from isorod.model.model import Model, unmoved
 from isorod.options import defaults
 from isorod.output.progress import Teller

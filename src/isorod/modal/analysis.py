@@ -12,13 +12,13 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
-from isorod.model.body import refuse_massless
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
 from isorod.output.progress import Teller

@@ -398,10 +398,3 @@ class Body(Checked):
             own[..., : law.width] = law.known(own.shape[:-1])
             result[first:last, :, points] = own
         return result
-
-
-def refuse_massless(bodies: Sequence[Body], what: str) -> None:
-    """Raise `InputError` for a body without mass, which ``what`` needs, as ``"modes need"``."""
-    for b, body in enumerate(bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(f"density of body {b}: got {body.densities.min():g}, {what} a positive mass per volume")
