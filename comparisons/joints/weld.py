@@ -76,7 +76,7 @@ class Block(NamedTuple):
     joined: NDArray[np.int32]
 
 
-def block(near: float, far: float, hole: bool, outline: bool = True, order: int = 2, grow: float = 0.4) -> Block:
+def block(near: float, far: float, hole: bool, outline: bool = True, order: int = 2) -> Block:
     """Return a mesh of a block ``r < 4``, 4 high, made by gmsh.
 
     Parameters
@@ -89,8 +89,6 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         Whether the mesh has the rod's outline on the upper face.
     order
         Degree of the geometry.
-    grow
-        By how much sizes grow with the distance from the edge.
     """
     gmsh.initialize()
     try:
@@ -121,7 +119,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         edge = f"Sqrt((Sqrt(x*x+y*y)-1)^2+({height})^2)"
         size = gmsh.model.mesh.field
         size.add("MathEval", 1)
-        size.setString(1, "F", f"Min({far},{near}+{grow}*{edge})")
+        size.setString(1, "F", f"Min({far},{near}+0.4*{edge})")
         size.setAsBackgroundMesh(1)
         for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
