@@ -90,15 +90,12 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
     It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
     for the edges of the surface at ends that are free.
     """
-    for b, body in enumerate(model.bodies):
-        if any(law.linear for law in body.laws):
+    laws = [(f"body {b}", law) for b, body in enumerate(model.bodies) for law in body.laws]
+    laws += [(f"solid {k}", solid.law) for k, solid in enumerate(model.solids) if solid.law is not None]
+    for name, law in laws:
+        if law.linear:
             raise InputError(
-                f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
-            )
-    for k, solid in enumerate(model.solids):
-        if solid.law is not None and solid.law.linear:
-            raise InputError(
-                f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
+                f"equilibrium: {name} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for k, load in enumerate(model.loads):
         if load not in model.following:
