@@ -279,13 +279,7 @@ class _Checkpoint:
     def keep(self) -> str:
         """Keep the state of a run that is interrupted; return where it is, in words."""
         reached = f"time {self._run.time:.6g} of {self._run.settings.end_time:.6g}"
-        if self._file.path is None:
-            return f"{reached} is lost: it had no --checkpoint"
-        try:
-            self.write()
-        except InputError as problem:
-            return str(problem)
-        return f"checkpoint {self._file.path} has {reached}, --resume goes on from there"
+        return self._file.keep(self._run.state, reached)
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:

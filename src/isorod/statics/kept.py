@@ -96,12 +96,8 @@ class Keeper:
 
     def keep(self) -> str:
         """Keep the last equilibrium of a run that is interrupted; return where it is, in words."""
-        try:
-            self._file.write(self._state)
-        except InputError as problem:
-            return str(problem)
         reached = self._solver.assembler.model.when(float(self._state["reached"][0]))
-        return f"checkpoint {self._kept.file} has {reached}, --resume goes on from there"
+        return self._file.keep(lambda: self._state, reached)
 
     def close(self) -> None:
         """Let other runs have the file."""
