@@ -16,7 +16,7 @@ from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
 from isorod.harmonic.basis import Basis, Softer, System
 from isorod.harmonic.damping import Damping
-from isorod.harmonic.drive import Drive, driven, relaxing, shear_stiffness
+from isorod.harmonic.drive import Drive, driven, shear_stiffness
 from isorod.harmonic.frequencies import Span, checked
 from isorod.harmonic.response import Response, Ritz
 from isorod.modal import loaded
@@ -88,8 +88,7 @@ def solve(
     expect("load steps", load_steps, int)
     asked = checked(frequencies)
     drive = driven(model, base, base_displacement, loads)
-    soft = relaxing(model)
-    if damping is None and not soft:
+    if damping is None and not drive.soft:
         raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
     with in_force(petsc), closing(Teller()) as told:
         model.refuse_hold("modes")
@@ -97,21 +96,20 @@ def solve(
         began = perf_counter()
         if loaded.burdens(drive.still):
             loaded.refuse(drive.still, "or leave out what is static")
-            if soft:
+            if drive.soft:
                 raise InputError(
-                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is available about the state of "
-                    "rest only; leave out what is static"
+                    f"equilibrium: body {min(drive.soft)} is viscoelastic, whose response is available about the state "
+                    "of rest only; leave out what is static"
                 )
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}
-        return _solve(drive, asked, damping, soft, state, comm, taken, told if progress else None)
+        return _solve(drive, asked, damping, state, comm, taken, told if progress else None)
 
 
 def _solve(
     drive: Drive,
     asked: "Span | Array",
     damping: Damping | None,
-    soft: Mapping[int, Array],
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
@@ -163,7 +161,7 @@ def _solve(
     ksp = direct(shifted, factorisation(assembler, _PREFIX), _PREFIX)
     force = drive.forces(assembler, x, factor)
     coriolis = _coriolis(assembler) if loaded.spins(model) else None
-    softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in soft.items()]
+    softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in drive.soft.items()]
     basis = Basis(System(matrix, mass, damping, coriolis, softer), force, drive.by_square, ksp, shift)
     with defaults(room(assembler.comm, _PREFIX)):
         basis.grow([one.array_r.copy() for one in found.vectors])
@@ -182,7 +180,7 @@ def _solve(
         ratios=ratios[kept],
         truncation=left,
         modes=modes,
-        soft=soft,
+        soft=drive.soft,
         basis=basis,
         seconds={
             **taken,

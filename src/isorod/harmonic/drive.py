@@ -1,7 +1,7 @@
 """What swings, and what stays still: loads or shaken supports, and the model about whose state responses are."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,12 +33,15 @@ class Drive:
         The same with those that swing instead: of shaken supports inertia in the frame that moves with them.
     base
         Amplitude of the supports' acceleration or, where ``by_square``, their displacement, shape ``(3,)``; else zeros.
+    soft
+        Prony series of bodies that are viscoelastic, by their number (`relaxing`).
     """
 
     still: Model
     swinging: Model
     base: Array
     by_square: bool
+    soft: Mapping[int, Array]
 
     def forces(self, assembler: Assembler, x: PETSc.Vec, factor: float) -> PETSc.Vec:
         """Return the forces that swing, on the unknowns of a state."""
@@ -93,7 +96,7 @@ def driven(
         still = replace(model, loads=[one for k, one in enumerate(model.loads) if k not in swing]) if swing else model
         swinging = replace(model, loads=forces)
     moved = np.zeros(3) if shaken is None else np.array(shaken, dtype=float)
-    return Drive(still, swinging, moved, base is None and shaken is not None)
+    return Drive(still, swinging, moved, base is None and shaken is not None, relaxing(model))
 
 
 def relaxing(model: Model) -> dict[int, Array]:
