@@ -58,24 +58,23 @@ def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, sett
     free = np.setdiff1d(np.arange(elements.own), supports.held)
     if supports.whole:
         free = free[::3] // 3
-    order, state, (u, pressure) = elements.source.order, elements.state, elements.split
-    stored, bonds = laws.at_rest(), None
+    source, (u, pressure) = elements.source, elements.split
     means = [*means_of(elements, model, laws.unit, RIGID).values()]
+    more: dict[str, Any] = {"whole": supports.whole}
+    if pressure is not None:
+        more = {"whole": False, "pressures": elements.dofs - 3 * len(source.points)}
     if means:
 
         def bonds(matrix: Any) -> None:
-            add_rows(
-                matrix, rows_of([one.stiffness(elements.source.points) for one in means], elements.numbers, matrix)
-            )
+            add_rows(matrix, rows_of([one.stiffness(source.points) for one in means], elements.numbers, matrix))
 
-    if pressure is not None:
-        count = elements.dofs - 3 * len(elements.source.points)
-        more: dict[str, Any] = {"whole": False, "pressures": count, "bonds": bonds}
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, **more)
-    if bonds is not None:
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, supports.whole, bonds=bonds)
-    scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
-    return modal.Body(state, u, stored, laws.density, scalar, free, order, settings, supports.whole)
+        more["bonds"] = bonds
+    scalar = None
+    if pressure is None and not means:
+        component = compat.element(elements.mesh, "Lagrange", source.order, 1, equispaced=True)
+        scalar = compat.function_space(elements.mesh, component)
+    given = elements.state, u, laws.at_rest(), laws.density, scalar, free, source.order, settings
+    return modal.Body(*given, **more)
 
 
 def _shapes(elements: Elements, found: modal.Modes) -> Array:
