@@ -1,4 +1,4 @@
-"""Buckling of what yields, from scene files: Shanley's tangent modulus, Euler below yield, and modes, which are elastic."""
+"""Buckling of what yields, from files: Shanley's tangent modulus, Euler below yield; and modes, which are elastic."""
 
 import numpy as np
 import pytest

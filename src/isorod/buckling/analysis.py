@@ -20,7 +20,7 @@ from isorod.checks import rigid_motions
 from isorod.checks.estimate_of_modes import Softening
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.material.law import Material
-from isorod.material.thermal import Thermal
+from isorod.material.thermal import Thermal, bare
 from isorod.modal import loaded
 from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
@@ -93,8 +93,8 @@ def refuse(model: Model) -> None:
     ):
         if there:
             raise InputError(f"buckling: not known with {what}; statics counts negative eigenvalues, and follows paths")
-    for law in laws:
-        if law.timed or getattr(law, "recovery", 0.0):
+    for law in map(bare, laws):
+        if law.timed or getattr(law, "recovery", False):
             why = "flows with time" if law.timed else "recovers, and has no symmetric tangent"
             raise InputError(
                 f"buckling: {type(law).__name__} {why}: the load factor depends on the way there; follow a rod with a "

@@ -186,8 +186,8 @@ class Seeker:
             low, high = (guess, high) if last.below <= number else (low, guess)
             if flows and high < np.inf and high - low <= _AT_ONCE * high:
                 raise SolveError(
-                    f"buckling: it buckles as it yields, at load factor {high:.5g}: the tangent stiffness falls at once, "
-                    f"and factor {number + 1} is none of its zeros"
+                    f"buckling: factor {number + 1} is none: it buckles as it yields, at load factor {high:.5g}, where "
+                    "the tangent stiffness falls at once"
                 )
             found = last.way(number)
             if found is None:

@@ -11,7 +11,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.geometry.quadrature import ring_of
-from isorod.material.memory import Memory
+from isorod.material.memory import has_memory
 from isorod.material.points import POINTS
 from isorod.model.model import Model
 
@@ -120,7 +120,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
                 rows["block"][e], rows["clock"][e] = law.compiled.block, max(law.clock, 0)
                 rows["update"][e] = law.compiled.update if law.remembers else 0
                 constants.append(law.constants)
-                stiff.append(law.frozen.constants if isinstance(law, Memory) else law.constants)
+                stiff.append(law.frozen.constants if has_memory(law) else law.constants)
             elements.append(rows)
             layers.append(layer)
             sections.append(_blocks(part.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
