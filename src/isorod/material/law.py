@@ -126,8 +126,8 @@ class Material(Checked, ABC):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__}{self.recipe[1:]}"
+        """What tells the law from others, in any process."""
+        return f"{type(self).__name__}{self.recipe[1:]} {self.constants.tolist()}"
 
     @property
     def shear(self) -> Self:

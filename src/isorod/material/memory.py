@@ -49,8 +49,8 @@ class Memory(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return type(self).__name__
+        """What tells the law from others, in any process."""
+        return f"{type(self).__name__} {self.constants.tolist()}"
 
     @property
     def compiled(self) -> Compiled:
@@ -86,7 +86,7 @@ class Memory(Material):
     @property
     def frozen(self) -> Self:
         """The law where nothing flows: raises where it does not say."""
-        raise InputError(f"{type(self).__name__}: modes, motions and checkpoints do not take this law; leave them out")
+        raise InputError(f"{type(self).__name__}: modes and motions do not take this law; leave them out")
 
     def lasting(self, step: float) -> Self:
         """Return the law in a step of a motion that takes so long: itself where no time counts."""

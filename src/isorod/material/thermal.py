@@ -207,8 +207,9 @@ class Thermal(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__} {self.kind} {self.law.identity}"
+        """What tells the law from others, in any process."""
+        own = self._along, self._field or self.temperature, self._table.tolist(), self.history
+        return f"{type(self).__name__} {self.kind} {own} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]

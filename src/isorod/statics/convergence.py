@@ -63,19 +63,19 @@ def _without_stress(assembler: Assembler, x: PETSc.Vec, factor: float) -> tuple[
             if piece.law.remembers and bad.any():
                 stretches = np.linalg.svd(own, compute_uv=False)
                 size = np.where(bad, np.abs(np.log(stretches)).max(axis=-1), -np.inf)
-                e, t, _ = place = np.unravel_index(int(np.argmax(size)), bad.shape)
+                where = e, t, _ = np.unravel_index(int(np.argmax(size)), bad.shape)
                 law, e = type(bare(piece.law)).__name__, e + piece.first
-                least, most = float(stretches[place].min()), float(stretches[place].max())
-                where = part.which, int(part.table.first + e), float(part.table.u[e, t])
-                found.append((float(size[place]), law, where, least, most))
+                own_place = part.which, int(part.table.first + e), float(part.table.u[e, t])
+                least, most = float(stretches[where].min()), float(stretches[where].max())
+                found.append((float(size[where]), law, own_place, least, most))
     found = [one for each in assembler.comm.tompi4py().allgather(found) for one in each]
     if not found:
         return None
-    size, law, (body, element, u), least, most = max(found)
-    far = size > np.log(_FAR)
+    worst, law, (body, element, at), least, most = max(found)
+    far = worst > np.log(_FAR)
     why = f"stretches beyond {_FAR:g} have no stress" if far else "its local solution does not converge"
-    at = f"element {element} of body {body}, axis position u = {u:.4g}: stretches {least:.3g} to {most:.3g}"
-    return f"{law}: {why}", at
+    place = f"element {element} of body {body}, axis position u = {at:.4g}: stretches {least:.3g} to {most:.3g}"
+    return f"{law}: {why}", place
 
 
 class Convergence:
