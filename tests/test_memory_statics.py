@@ -10,8 +10,10 @@ from isorod import (
     Model,
     Plane,
     SectionLoad,
+    SolveError,
     Space,
     Support,
+    UserMaterial,
     buckling,
     circle,
     statics,
@@ -198,3 +200,31 @@ def test_layers_that_flow_between_mean_supports_are_warned_of() -> None:
     ends.append(MeanSupport.end(made, "end", displacement=(0.0, 0.0, 0.01), mean="fixed"))
     with pytest.warns(UserWarning, match="gives way where one of them flows"):
         statics.solve(Model([body], ends), 1)
+
+
+def _brittle(F_old, F, state, dt, constants):
+    growth, inverse = np.log(np.linalg.det(F)), np.linalg.inv(F).T
+    return (F - inverse + growth * inverse) / (1.0 if F[2, 2] < 1.5 else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "pull", "said"),
+    [
+        (
+            Plastic(E, NU, [[0.0, 1e5], [5.0, 1e8]]),
+            100.0,
+            r"Plastic: stretches beyond 12 .*u = .*: stretches \S+ to 1\d",
+        ),
+        (
+            UserMaterial(_brittle, 0),
+            4.0,
+            r"UserMaterial: its local solution does not converge .*: stretches \S+ to 1\.",
+        ),
+    ],
+    ids=["stretch", "routine"],
+)
+def test_a_law_without_a_stress_is_named_with_its_place(law, pull, said) -> None:
+    made, body = _bar(law)
+    model = Model([body], [Support.end(made, "start"), Support.end(made, "end", displacement=(0.0, 0.0, pull))])
+    with pytest.raises(SolveError, match=said):
+        statics.solve(model, 4, end_time=1.0)
