@@ -155,7 +155,7 @@ class Dissipative(Timed, Isochoric):
     @property
     def identity(self) -> str:
         """Its name and potentials."""
-        return f"{type(self).__name__} {self.definition} {self.dissipation} {self.variables}"
+        return f"{type(self).__name__} {self.definition} {self.dissipation} {self.variables} {self.constants.tolist()}"
 
     def _prove(self) -> None:
         """Check the potentials at rest, at random rates, and in random steps.

@@ -96,7 +96,7 @@ class Hyperelastic(Isochoric):
     @property
     def identity(self) -> str:
         """Its name and energy."""
-        return f"{type(self).__name__} {self.stored}"
+        return f"{type(self).__name__} {self.stored} {self.constants.tolist()}"
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
         """Return the volumetric energy's Legendre transform and its derivatives (`isorod.material.law.Material`)."""

@@ -126,8 +126,8 @@ class Material(Checked, ABC):
 
     @property
     def identity(self) -> str:
-        """Identifies the law, but for its constants."""
-        return f"{type(self).__name__}{self.recipe[1:]}"
+        """Identifies the law, in any process."""
+        return f"{type(self).__name__}{self.recipe[1:]} {self.constants.tolist()}"
 
     @property
     def shear(self) -> Self:

@@ -173,7 +173,7 @@ def _identity(model: Model, told: tuple[Any, ...]) -> dict[str, Any]:
     """Return what a checkpoint must have in common with a run."""
     from isorod.dynamics.explicit.mesh import digests, pack
 
-    digest = hashlib.sha256(b"".join(digests(pack(model))))
+    digest = hashlib.sha256(b"".join(digests(pack(model, moves=False))))
     digest.update(" ".join(law.identity for body in model.bodies for law in body.laws).encode())
     digest.update(repr((model.loads, model.spin, is_mixed(model))).encode())
     arrays: list[Any] = [model.held, model.free, model.external, np.array(model.stages)]
