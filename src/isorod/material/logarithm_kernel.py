@@ -20,6 +20,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
+from isorod.material.functions import bits, number
 from isorod.material.points import DETERMINANT, GRADIENT, MODULI, POINTS, ROWS, SQUARES
 
 # Where the components of a symmetric tensor are, and how often each is in a sum over all nine.
@@ -44,6 +45,8 @@ _SHARES = np.concatenate([0.5 * shares for _, shares in _RULES])
 _BEGIN = np.cumsum([0, *_COUNTS])
 _REACH = np.array([((1.0 + r) / (1.0 - r)) ** 2 for r in (_RIGHT ** (0.5 / count) for count in _COUNTS)])
 _FARTHEST = float(_REACH[-1])
+# The rule up to which all of a block is taken to be as large as a bound of it.
+_SIMPLE = 2
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -157,45 +160,34 @@ def strains(work: Array, rows: Array) -> int:
         first = x[3] * x[5] - x[4] * x[4]
         i1, i2 = x[0] + x[3] + x[5], first + x[0] * x[3] - x[1] * x[1] + x[0] * x[5] - x[2] * x[2]
         i3 = x[0] * first - x[1] * (x[1] * x[5] - x[2] * x[4]) + x[2] * (x[1] * x[4] - x[2] * x[3])
-        # No principal value is larger than this of the mean and the deviator's size, nor any of the inverse.
-        i3c = 1.0 + i1 + i2 + i3
-        j1, j2 = (3.0 + 2.0 * i1 + i2) / i3c, (3.0 + i1) / i3c
-        large = 1.0 + i1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(i1 * i1 - 3.0 * i2, 0.0))
-        small = j1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(j1 * j1 - 3.0 * j2, 0.0))
         put_six(rows, _X, k, x)
         put_six(rows, _SQUARE, k, y)
         rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k] = i1, i2, i3
-        rows[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
-    largest, rule = 1.0, 0
+        rows[at(_FIRST) + k], rows[at(_TWO) + k] = i1 * i1, max(i1 * i1 - 3.0 * i2, 0.0)
+    # No principal value is farther from 1 than this of the largest mean and the largest deviator.
+    spread = (np.sqrt(largest(rows, _FIRST)) + 2.0 * np.sqrt(largest(rows, _TWO))) / 3.0
+    reach, rule = 1.0 / (1.0 - spread) if spread < 1.0 else np.inf, 0
     for k in range(_W):
-        largest = max(largest, rows[at(_LARGEST) + k])
-    while rule + 1 < _REACH.size and largest > _REACH[rule]:
+        rows[at(_LARGEST) + k] = reach
+    if not reach <= _REACH[_SIMPLE]:
+        _find_largest(work, rows)
+        reach = largest(rows, _LARGEST)
+    while rule + 1 < _REACH.size and reach > _REACH[rule]:
         rule += 1
-    for m in range(8):
-        for k in range(_W):
-            rows[at(_FIRST + m) + k] = 0.0
-    for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
-        s, w = _PLACES[q], _SHARES[q]
-        for k in range(_W):
-            one = 1.0 / (
-                1.0
-                + s
-                * (rows[at(_INVARIANTS) + k] + s * (rows[at(_INVARIANTS + 1) + k] + s * rows[at(_INVARIANTS + 2) + k]))
-            )
-            p, t = w * one, w * one * one
-            rows[at(_FIRST) + k] += p
-            rows[at(_FIRST + 1) + k] += s * p
-            rows[at(_FIRST + 2) + k] += s * s * p
-            rows[at(_TWO) + k] += t
-            rows[at(_TWO + 1) + k] += s * t
-            rows[at(_TWO + 2) + k] += s * s * t
-            rows[at(_TWO + 3) + k] += s * s * s * t
-            rows[at(_TWO + 4) + k] += s * s * s * s * t
+    if rule == 0:
+        _add_sums(rows, 0, 2, True)
+    elif rule == 1:
+        _add_sums(rows, 2, 3, True)
+    else:
+        for m in range(8):
+            for k in range(_W):
+                rows[at(_FIRST + m) + k] = 0.0
+        for q in range(_BEGIN[rule], _BEGIN[rule + 1], 2):
+            _add_sums(rows, q, 2, False)
     for k in range(_W):
-        i1, p1 = rows[at(_INVARIANTS) + k], rows[at(_FIRST + 1) + k]
-        whole = 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
+        p1, whole = rows[at(_FIRST + 1) + k], 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
         one = whole, 0.0, 0.0, whole, 0.0, whole
-        half = 0.5 * (rows[at(_FIRST) + k] + p1 * i1)
+        half = 0.5 * (rows[at(_FIRST) + k] + p1 * rows[at(_INVARIANTS) + k])
         e = combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
         put_six(rows, STRAIN, k, e)
         rows[at(TRACE) + k] = e[0] + e[3] + e[5]
@@ -203,49 +195,91 @@ def strains(work: Array, rows: Array) -> int:
 
 
 @njit(**FAST)
-def _second_stress(rows: Array) -> None:
-    """Fill in the second Piola-Kirchhoff stress of a block from what belongs to ``E``."""
+def largest(rows: Array, row: int) -> float:
+    """Return the largest of the numbers in a row, none of which is negative, or NaN where one is not a number."""
+    # Their bits are in the same order, and of these the largest is a vector instruction.
+    found = bits(0.0)
     for k in range(_W):
-        x, y, t = six(rows, _X, k), six(rows, _SQUARE, k), six(rows, TENSION, k)
-        i1, i2 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k]
-        q1, q2, q3, q4 = rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k], rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
-        # S is the sum of b_ij X^i T X^j.
-        b00 = rows[at(_TWO) + k] + 2.0 * i1 * q1 + (i1 * i1 + 2.0 * i2) * q2 + 2.0 * i1 * i2 * q3 + i2 * i2 * q4
-        b01 = -(q1 + 2.0 * i1 * q2 + (i1 * i1 + i2) * q3 + i1 * i2 * q4)
-        b02, b11, b12 = q2 + i1 * q3 + i2 * q4, q2 + 2.0 * i1 * q3 + i1 * i1 * q4, -(q3 + i1 * q4)
-        u, v = product(t, x), product(t, y)
-        a = b01 * u[0] + b02 * v[0], b01 * u[1] + b02 * v[1], b01 * u[2] + b02 * v[2]
-        b = b01 * u[3] + b02 * v[3], b01 * u[4] + b02 * v[4], b01 * u[5] + b02 * v[5]
-        c = b01 * u[6] + b02 * v[6], b01 * u[7] + b02 * v[7], b01 * u[8] + b02 * v[8]
-        both = 2.0 * a[0], a[1] + b[0], a[2] + c[0], 2.0 * b[1], b[2] + c[1], 2.0 * c[2]
-        one = symmetric(x, _both(b11, u, b12, v))
-        two = symmetric(y, _both(b12, u, q4, v))
-        put_six(rows, _STRESS, k, combined(1.0, combined(b00, t, 1.0, both, 1.0, one), 1.0, two, 0.0, two))
+        found = max(found, bits(rows[at(row) + k]))
+    return number(found)
 
 
 @njit(**FAST)
-def _both(x: float, u: tuple[float, ...], y: float, v: tuple[float, ...]) -> tuple[float, ...]:
-    """Return ``x u + y v`` of nine components."""
-    return (
-        x * u[0] + y * v[0],
-        x * u[1] + y * v[1],
-        x * u[2] + y * v[2],
-        x * u[3] + y * v[3],
-        x * u[4] + y * v[4],
-        x * u[5] + y * v[5],
-        x * u[6] + y * v[6],
-        x * u[7] + y * v[7],
-        x * u[8] + y * v[8],
-    )
+def least(rows: Array, row: int) -> float:
+    """Return the least of the numbers in a row, none of which is negative."""
+    found = bits(np.inf)
+    for k in range(_W):
+        found = min(found, bits(rows[at(row) + k]))
+    return number(found)
+
+
+@njit(**FAST)
+def _find_largest(work: Array, rows: Array) -> None:
+    """Fill in bounds of the largest principal value of C or of its inverse."""
+    for k in range(_W):
+        i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
+        # No principal value is larger than this of the mean and the deviator's size, nor any of the inverse.
+        i3c = 1.0 + i1 + i2 + i3
+        j1, j2 = (3.0 + 2.0 * i1 + i2) / i3c, (3.0 + i1) / i3c
+        large = 1.0 + i1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(i1 * i1 - 3.0 * i2, 0.0))
+        small = j1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(j1 * j1 - 3.0 * j2, 0.0))
+        rows[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
+
+
+@njit(**FAST)
+def _add_sums(rows: Array, begin: int, count: int, first: bool) -> None:
+    """Add to the sums those of some Gauss points, or begin with these."""
+    for k in range(_W):
+        i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
+        p0 = p1 = p2 = q1 = q2 = q3 = q4 = q5 = 0.0
+        for q in range(begin, begin + count):
+            s, w = _PLACES[q], _SHARES[q]
+            one = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
+            p, t = w * one, w * one * one
+            p0, p1, p2 = p0 + p, p1 + s * p, p2 + s * s * p
+            q1, q2, q3 = q1 + s * t, q2 + s * s * t, q3 + s * s * s * t
+            q4, q5 = q4 + (s * s) * (s * s) * t, q5 + (s * s) * (s * s) * s * t
+        if not first:
+            p0, p1, p2 = rows[at(_FIRST) + k] + p0, rows[at(_FIRST + 1) + k] + p1, rows[at(_FIRST + 2) + k] + p2
+            q1, q2, q3 = rows[at(_TWO) + k] + q1, rows[at(_TWO + 1) + k] + q2, rows[at(_TWO + 2) + k] + q3
+            q4, q5 = rows[at(_TWO + 3) + k] + q4, rows[at(_TWO + 4) + k] + q5
+        rows[at(_FIRST) + k], rows[at(_FIRST + 1) + k], rows[at(_FIRST + 2) + k] = p0, p1, p2
+        rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k] = q1, q2, q3
+        rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k] = q4, q5
+
+
+@njit(**FAST)
+def second_stress(rows: Array, k: Any, t: Six) -> Six:
+    """Return the second Piola-Kirchhoff stress at a point from what belongs to ``E``."""
+    x, y = six(rows, _X, k), six(rows, _SQUARE, k)
+    i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
+    p0, p1, p2 = rows[at(_FIRST) + k], rows[at(_FIRST + 1) + k], rows[at(_FIRST + 2) + k]
+    q1, q2, q3 = rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k]
+    q4, q5 = rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
+    # E is a0 + a1 X + a2 X^2: of the slopes of these by the invariants of X, times T : 1, T : X and T : X^2.
+    t0, t1, t2 = t[0] + t[3] + t[5], double(t, x), double(t, y)
+    c1 = t1 * (p1 - q1 - i1 * q2) - t0 * i3 * q3 + t2 * q2
+    c2 = t2 * q3 - t1 * (q2 + i1 * q3) - t0 * i3 * q4
+    c3 = t2 * q4 - t1 * (q3 + i1 * q4) + t0 * (p2 - i3 * q5)
+    u = product(t, x)
+    both = 2.0 * u[0], u[1] + u[3], u[2] + u[6], 2.0 * u[4], u[5] + u[7], 2.0 * u[8]
+    one, way = c1 + i1 * c2 + i2 * c3, -(c2 + i1 * c3)
+    s = combined(p0 + i1 * p1, t, -p1, both, way, x)
+    return s[0] + one + c3 * y[0], s[1] + c3 * y[1], s[2] + c3 * y[2], s[3] + one + c3 * y[3], s[4] + c3 * y[4], s[5] + one + c3 * y[5]
+
+
+@njit(**FAST)
+def double(a: Six, b: Six) -> float:
+    """Return ``a : b``."""
+    return a[0] * b[0] + a[3] * b[3] + a[5] * b[5] + 2.0 * (a[1] * b[1] + a[2] * b[2] + a[4] * b[4])
 
 
 @njit(**FAST)
 def put_stress(work: Array, rows: Array) -> None:
     """Fill the rows of ``P`` of a block from the stress that belongs to ``E``."""
-    _second_stress(rows)
     for k in range(_W):
         fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (rows[at(_LARGEST) + k] <= _FARTHEST)
-        put_first(work, k, six(rows, _STRESS, k), 1.0 if fits else np.nan)
+        put_first(work, k, second_stress(rows, k, six(rows, TENSION, k)), 1.0 if fits else np.nan)
 
 
 @njit(**FAST)
@@ -269,7 +303,8 @@ def _put_row(work: Array, row: int, k: Any, x: float, y: float, z: float, s: Six
 def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
     """Add to the moduli of a block from stress and moduli ``dT/dE`` ``(36, POINTS)``, not to be used again."""
     near, bent, found = np.zeros(36 * POINTS), np.zeros(36 * POINTS), np.empty(12 * POINTS)
-    _second_stress(rows)
+    for k in range(_W):
+        put_six(rows, _STRESS, k, second_stress(rows, k, six(rows, TENSION, k)))
     for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
         s, w = _PLACES[q], _SHARES[q]
         for k in range(_W):

@@ -235,10 +235,11 @@ def _trace(u: tuple[float, ...], v: tuple[float, ...]) -> float:
 @njit(**FAST)
 def shares(x: float) -> tuple[float, float, float]:
     """Return what a time ``x``, in times of relaxation, leaves, by how much the strain adds, and a share lost."""
-    kept, share = np.exp(-x), -np.expm1(-x) / x if x > 1e-8 else 1.0 - 0.5 * x
+    grown, short = expm1(-x), x < _SHORT
     # Digits cancel in short steps.
-    rest = x / 3.0 - x**2 / 4.0 + 7.0 / 60.0 * x**3 if x < _SHORT else (1.0 - share) / x - 0.5 * share**2
-    return kept, share, rest
+    share = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) if short else -grown / max(x, _SHORT)
+    rest = x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)) if short else (1.0 - share) / max(x, _SHORT) - 0.5 * share**2
+    return 1.0 + grown, share, rest
 
 
 @njit(**FAST)
