@@ -32,8 +32,8 @@ TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 # principal value of C or of its inverse, sums over Gauss points, the strain and its trace, the stress that belongs to
 # it, which laws fill in, and the second Piola-Kirchhoff stress.
 _X, _SQUARE, _INVARIANTS, _LARGEST, _FIRST, _TWO = 0, 6, 12, 15, 16, 19
-STRAIN, TRACE, TENSION, _STRESS = 24, 30, 31, 37
-LOGARITHM = 43
+STRAIN, TRACE, TENSION, _STRESS = 22, 28, 29, 35
+LOGARITHM = 41
 
 _W = np.uint64(POINTS)
 
@@ -153,6 +153,26 @@ def symmetric(a: Six, u: tuple[float, ...]) -> Six:
 @njit(**FAST)
 def strains(work: Array, rows: Array) -> int:
     """Fill in the strains of a block and their traces, and what goes with them; return the rule of its Gauss points."""
+    rule = sums(work, rows)
+    for k in range(_W):
+        e = strain(rows, k)
+        put_six(rows, STRAIN, k, e)
+        rows[at(TRACE) + k] = e[0] + e[3] + e[5]
+    return rule
+
+
+@njit(**FAST)
+def strain(rows: Array, k: Any) -> Six:
+    """Return the strain at a point, from the sums."""
+    p1, whole = rows[at(_FIRST + 1) + k], 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
+    half = 0.5 * (rows[at(_FIRST) + k] + p1 * rows[at(_INVARIANTS) + k])
+    one = whole, 0.0, 0.0, whole, 0.0, whole
+    return combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
+
+
+@njit(**FAST)
+def sums(work: Array, rows: Array) -> int:
+    """Fill in what strains of a block are made of; return the rule of its Gauss points."""
     for k in range(_W):
         c = squares(gradient(work, k))
         x = c[0] - 1.0, c[1], c[2], c[3] - 1.0, c[4], c[5] - 1.0
@@ -179,18 +199,11 @@ def strains(work: Array, rows: Array) -> int:
     elif rule == 1:
         _add_sums(rows, 2, 3, True)
     else:
-        for m in range(8):
+        for m in range(6):
             for k in range(_W):
                 rows[at(_FIRST + m) + k] = 0.0
         for q in range(_BEGIN[rule], _BEGIN[rule + 1], 2):
             _add_sums(rows, q, 2, False)
-    for k in range(_W):
-        p1, whole = rows[at(_FIRST + 1) + k], 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
-        one = whole, 0.0, 0.0, whole, 0.0, whole
-        half = 0.5 * (rows[at(_FIRST) + k] + p1 * rows[at(_INVARIANTS) + k])
-        e = combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
-        put_six(rows, STRAIN, k, e)
-        rows[at(TRACE) + k] = e[0] + e[3] + e[5]
     return rule
 
 
@@ -231,21 +244,19 @@ def _add_sums(rows: Array, begin: int, count: int, first: bool) -> None:
     """Add to the sums those of some Gauss points, or begin with these."""
     for k in range(_W):
         i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
-        p0 = p1 = p2 = q1 = q2 = q3 = q4 = q5 = 0.0
+        p0 = p1 = p2 = q3 = q4 = q5 = 0.0
         for q in range(begin, begin + count):
             s, w = _PLACES[q], _SHARES[q]
             one = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
-            p, t = w * one, w * one * one
+            p = w * one
+            t = (s * s * s) * p * one
             p0, p1, p2 = p0 + p, p1 + s * p, p2 + s * s * p
-            q1, q2, q3 = q1 + s * t, q2 + s * s * t, q3 + s * s * s * t
-            q4, q5 = q4 + (s * s) * (s * s) * t, q5 + (s * s) * (s * s) * s * t
+            q3, q4, q5 = q3 + t, q4 + s * t, q5 + s * s * t
         if not first:
             p0, p1, p2 = rows[at(_FIRST) + k] + p0, rows[at(_FIRST + 1) + k] + p1, rows[at(_FIRST + 2) + k] + p2
-            q1, q2, q3 = rows[at(_TWO) + k] + q1, rows[at(_TWO + 1) + k] + q2, rows[at(_TWO + 2) + k] + q3
-            q4, q5 = rows[at(_TWO + 3) + k] + q4, rows[at(_TWO + 4) + k] + q5
+            q3, q4, q5 = rows[at(_TWO) + k] + q3, rows[at(_TWO + 1) + k] + q4, rows[at(_TWO + 2) + k] + q5
         rows[at(_FIRST) + k], rows[at(_FIRST + 1) + k], rows[at(_FIRST + 2) + k] = p0, p1, p2
-        rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k] = q1, q2, q3
-        rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k] = q4, q5
+        rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k] = q3, q4, q5
 
 
 @njit(**FAST)
@@ -254,12 +265,12 @@ def second_stress(rows: Array, k: Any, t: Six) -> Six:
     x, y = six(rows, _X, k), six(rows, _SQUARE, k)
     i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
     p0, p1, p2 = rows[at(_FIRST) + k], rows[at(_FIRST + 1) + k], rows[at(_FIRST + 2) + k]
-    q1, q2, q3 = rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k]
-    q4, q5 = rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
+    q3, q4, q5 = rows[at(_TWO) + k], rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k]
     # E is a0 + a1 X + a2 X^2: of the slopes of these by the invariants of X, times T : 1, T : X and T : X^2.
     t0, t1, t2 = t[0] + t[3] + t[5], double(t, x), double(t, y)
-    c1 = t1 * (p1 - q1 - i1 * q2) - t0 * i3 * q3 + t2 * q2
-    c2 = t2 * q3 - t1 * (q2 + i1 * q3) - t0 * i3 * q4
+    last = p2 - i2 * q4 - i3 * q5
+    c1 = t1 * (i2 * q3 + i3 * q4) - t0 * i3 * q3 + t2 * (last - i1 * q3)
+    c2 = t2 * q3 - t1 * last - t0 * i3 * q4
     c3 = t2 * q4 - t1 * (q3 + i1 * q4) + t0 * (p2 - i3 * q5)
     u = product(t, x)
     both = 2.0 * u[0], u[1] + u[3], u[2] + u[6], 2.0 * u[4], u[5] + u[7], 2.0 * u[8]

@@ -22,7 +22,6 @@ from isorod.material.logarithm_kernel import (
     FIRST,
     LOGARITHM,
     SECOND,
-    STRAIN,
     TENSION,
     TRACE,
     TWICE,
@@ -35,7 +34,8 @@ from isorod.material.logarithm_kernel import (
     put_six,
     put_stress,
     six,
-    strains,
+    strain,
+    sums,
 )
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 from isorod.material.relaxing_kernel import shares
@@ -48,7 +48,7 @@ _W = np.uint64(POINTS)
 _WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN = LOGARITHM, *(LOGARITHM + 6 + m for m in range(6))
 # Of the return: the unknown, and between which two it lies; von Mises' stress, yield stress and its slope by plastic
 # strain; ``s : s``, ``s : a`` and ``a : a`` of deviator and back stress before the return; the excess.
-_ROOT, _HIGH, _LOW, _MISES, _YIELD, _HARD, _SS, _SA, _AA, _VALUE, _ROWS = (_GROWN + 1 + m for m in range(11))
+_ROOT, _HIGH, _LOW, _MISES, _YIELD, _HARD, _SS, _SA, _AA, _VALUE, _PAST, _ROWS = (_GROWN + 1 + m for m in range(12))
 
 # Where the table stands, and in the state accumulated plastic strain, the back stress and what was dissipated.
 _COUNT, _PLASTIC, _BACK, _DISSIPATED = 6, 6, 7, 13
@@ -58,7 +58,7 @@ _ROUNDING = 1e-12
 
 # Newton's steps to the root, or halvings of where it lies, at most, and by which share of it the last one may move: the
 # square of that is rounding.
-_STEPS, _NEAR = 100, 1e-9
+_STEPS, _NEAR, _SMALL = 100, 1e-9, 1e-17
 
 
 @njit(**FAST)
@@ -136,7 +136,7 @@ def _excess(work: Array, constants: Array, rows: Array, begin: int, end: int) ->
 
 @njit(**FAST)
 def _begin(work: Array, constants: Array, rows: Array) -> float:
-    """Fill in where roots lie and what they are about; return how many points flow."""
+    """Fill in where roots lie and what they are about, and bounds of plastic strain; return how many points flow."""
     mu, kinematic, recovery = constants[0], constants[1], constants[2]
     pace, flowing = constants[4] * constants[3], 0.0
     if recovery > 0.0:
@@ -149,14 +149,16 @@ def _begin(work: Array, constants: Array, rows: Array) -> float:
         flows = q > limit * (1.0 + _ROUNDING)
         rows[at(_ROOT) + k] = (q - limit) / stiff if flows else 0.0
         # No back stress is larger than what it saturates at, so that the slope is below -3 mu.
-        rows[at(_HIGH) + k], rows[at(_LOW) + k] = (q - limit) / (3.0 * mu) if flows else 0.0, 0.0
+        high = (q - limit) / (3.0 * mu) if flows else 0.0
+        rows[at(_HIGH) + k], rows[at(_LOW) + k], rows[at(_PAST) + k] = high, 0.0, rows[at(_ROOT) + k]
+        rows[at(_VALUE) + k] += high
         flowing += 1.0 if flows else 0.0
     if pace > 0.0:
         for k in range(_W):
             # What bounds the root from above, near it where either part of the stress is small.
             whole = power(max(rows[at(_HIGH) + k] / pace, 1e-300), constants[5])
             high = min(whole, rows[at(_MISES) + k] / rows[at(_YIELD) + k] - 1.0) if rows[at(_HIGH) + k] > 0.0 else 0.0
-            rows[at(_HIGH) + k], rows[at(_ROOT) + k] = high, high
+            rows[at(_HIGH) + k], rows[at(_ROOT) + k], rows[at(_PAST) + k] = high, high, 0.0
     return flowing
 
 
@@ -167,34 +169,50 @@ def _return(work: Array, constants: Array, rows: Array) -> bool:
     pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
     for k in range(_W):
         rows[at(_FLOWN) + k], rows[at(_MISES) + k] = 0.0, np.sqrt(1.5) * rows[at(_SIZE) + k]
-        rows[at(_LOW) + k] = work[plastic + k]
-    low, high = least(rows, _LOW), largest(rows, _LOW)
+        rows[at(_VALUE) + k] = work[plastic + k]
+    low, high = least(rows, _VALUE), largest(rows, _VALUE)
     begin, end = _pieces(low, high, constants)
     _harden(work, constants, rows, begin, end)
     if _begin(work, constants, rows) == 0.0:
         return False
-    if recovery == 0.0 and pace == 0.0:
+    high = largest(rows, _VALUE)
+    begin, end = _pieces(low, high, constants)
+    smooth = end == begin or (end == begin + 1 and high <= constants[_COUNT + 1 + 2 * begin])
+    if smooth and recovery == 0.0 and pace == 0.0:
+        # What it begins with is the root.
         for k in range(_W):
-            rows[at(_VALUE) + k] = work[plastic + k] + rows[at(_ROOT) + k]
-        begin, end = _pieces(low, largest(rows, _VALUE), constants)
-        if end - begin <= 1 and (end == begin or largest(rows, _VALUE) <= constants[_COUNT + 1 + 2 * begin]):
-            # All in one piece of the table: this is the root.
-            for k in range(_W):
-                rows[at(_FLOWN) + k] = rows[at(_ROOT) + k]
-                rows[at(_SLOPE) + k] = -3.0 * constants[0] - constants[1] - rows[at(_HARD) + k]
-            return True
-    begin, end = _pieces(low, high + largest(rows, _HIGH) if pace == 0.0 else np.inf, constants)
+            rows[at(_FLOWN) + k] = rows[at(_ROOT) + k]
+            rows[at(_SLOPE) + k] = -3.0 * constants[0] - constants[1] - rows[at(_HARD) + k]
+        return True
     for _ in range(_STEPS):
         _excess(work, constants, rows, begin, end)
         moved = 0.0
         for k in range(_W):
-            root, value, low, high = rows[at(_ROOT) + k], rows[at(_VALUE) + k], rows[at(_LOW) + k], rows[at(_HIGH) + k]
-            by_root = exponent * rows[at(_FLOWN) + k] / root if pace > 0.0 and root > 0.0 else 1.0
-            new = root - value / (rows[at(_SLOPE) + k] * by_root)
-            low, high = root if value > 0.0 else low, high if value > 0.0 else root
-            new = new if (abs(new - root) <= _NEAR * root) | ((low < new) & (new < high)) else 0.5 * (low + high)
-            moved += 0.0 if abs(new - root) <= _NEAR * root else 1.0
+            root, value, slope, past = (
+                rows[at(_ROOT) + k],
+                rows[at(_VALUE) + k],
+                rows[at(_SLOPE) + k],
+                rows[at(_PAST) + k],
+            )
+            by_root = 1.0
+            if pace > 0.0:
+                by_root = exponent * rows[at(_FLOWN) + k] / max(root, 1e-300)
+                slope *= by_root
+                # The power bends most: with what it does the steps are of third order but for the rest (Halley).
+                bent = (slope + rows[at(_YIELD) + k] / (1.0 + root)) * (exponent - 1.0) / max(root, 1e-300)
+                slope -= 0.5 * value * bent / slope
+            change = -value / slope if root > 0.0 else 0.0
+            near = abs(change) <= _NEAR * root
+            if smooth:
+                # By how much the next step would move follows from this and from that before.
+                near = near | (abs(change) ** 3 <= _SMALL * root * past * past)
+            low = root if value > 0.0 else rows[at(_LOW) + k]
+            high = rows[at(_HIGH) + k] if value > 0.0 else root
+            new = root + change
+            new = new if near | ((low < new) & (new < high)) else 0.5 * (low + high)
+            moved += 0.0 if near else 1.0
             rows[at(_ROOT) + k], rows[at(_LOW) + k], rows[at(_HIGH) + k] = new, low, high
+            rows[at(_PAST) + k] = abs(new - root)
             # Of a step that small the square is rounding.
             rows[at(_FLOWN) + k] += by_root * (new - root)
             rows[at(_GONE) + k] += recovery * (1.0 - rows[at(_GONE) + k]) * by_root * (new - root)
@@ -244,33 +262,36 @@ def _try(work: Array, constants: Array, rows: Array) -> float:
     """
     mu, lame, first, beyond = constants[0], constants[constants.size - 1], constants[_COUNT + 2], 0.0
     for k in range(_W):
-        pressure, third = lame * rows[at(TRACE) + k], 2.0 / 3.0 * mu * rows[at(TRACE) + k]
-        tried = combined(2.0 * mu, six(rows, STRAIN, k), -2.0 * mu, six(work, FIBRE, k), 0.0, six(rows, STRAIN, k))
+        e = strain(rows, k)
+        trace = e[0] + e[3] + e[5]
+        pressure, third = lame * trace, 2.0 / 3.0 * mu * trace
+        tried = combined(2.0 * mu, e, -2.0 * mu, six(work, FIBRE, k), 0.0, e)
         way = combined(1.0, tried, -1.0, six(work, FIBRE + _BACK, k), 0.0, tried)
         way = (way[0] - third, way[1], way[2], way[3] - third, way[4], way[5] - third)
         put_six(rows, TENSION, k, (tried[0] + pressure, tried[1], tried[2], tried[3] + pressure, tried[4], tried[5] + pressure))
         put_six(rows, _WAY, k, way)
         size = np.sqrt(double(way, way))
-        rows[at(_SIZE) + k] = size
+        rows[at(_SIZE) + k], rows[at(TRACE) + k] = size, trace
         # Tables do not fall: most points are done with their first stress.
         beyond += 1.0 if np.sqrt(1.5) * size > first else 0.0
     return beyond
 
 
 @njit(**FAST)
-def _respond(work: Array, constants: Array, rows: Array) -> tuple[int, bool]:
+def _respond(work: Array, constants: Array, rows: Array, wanted: bool) -> tuple[int, bool]:
     """Fill in stress, direction of flow and what else there is at the end of the step.
 
     Returns the Gauss points' rule, and whether anything flows.  Where nothing does the direction is not of length 1
     (`_try`).
     """
     mu, recovery = constants[0], constants[2]
-    rule = strains(work, rows)
+    rule = sums(work, rows)
     beyond = _try(work, constants, rows)
     if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0) or not _return(work, constants, rows):
-        for k in range(_W):
-            rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = 0.0, -1.0, 0.0
-            rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, 0.0
+        if wanted:
+            for k in range(_W):
+                rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = 0.0, -1.0, 0.0
+                rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, 0.0
         return rule, False
     if recovery > 0.0:
         for k in range(_W):
@@ -303,7 +324,7 @@ def _back(work: Array, k: Any, constants: Array, rows: Array, m: int) -> float:
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy: that of the elastic strain and of kinematic hardening."""
     rows = np.empty(_ROWS * POINTS)
-    _respond(work, constants, rows)
+    _respond(work, constants, rows, wanted)
     put_stress(work, rows)
     if not wanted:
         return
@@ -326,7 +347,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
     rows, moduli, across = np.empty(_ROWS * POINTS), np.empty(36 * POINTS), np.zeros(6 * POINTS)
     mu, recovery, lame = constants[0], constants[2], constants[constants.size - 1]
-    rule, _ = _respond(work, constants, rows)
+    rule, _ = _respond(work, constants, rows, True)
     for k in range(_W):
         step, slope = rows[at(_FLOWN) + k], rows[at(_SLOPE) + k]
         # By how much less the deviator grows across the flow, and along it.
@@ -363,13 +384,13 @@ def _aside(work: Array, k: Any, constants: Array, rows: Array, less: float, slop
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
     rows = np.empty(_ROWS * POINTS)
-    _, flows = _respond(work, constants, rows)
+    _, flows = _respond(work, constants, rows, False)
     put_stress(work, rows)
     if not flows:
         return
     for k in range(_W):
-        way, strain = six(rows, _WAY, k), six(work, FIBRE, k)
-        put_six(work, FIBRE, k, combined(1.0, strain, np.sqrt(1.5) * rows[at(_FLOWN) + k], way, 0.0, way))
+        way, old = six(rows, _WAY, k), six(work, FIBRE, k)
+        put_six(work, FIBRE, k, combined(1.0, old, np.sqrt(1.5) * rows[at(_FLOWN) + k], way, 0.0, way))
         work[at(FIBRE + _PLASTIC) + k] += rows[at(_FLOWN) + k]
         work[at(FIBRE + _DISSIPATED) + k] += rows[at(_LOSS) + k]
     if constants[1] > 0.0:

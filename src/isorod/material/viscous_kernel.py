@@ -11,19 +11,23 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import exp, power
+from isorod.material.functions import power
 from isorod.material.logarithm_kernel import (
     FIRST,
     LOGARITHM,
     SECOND,
-    STRAIN,
     TENSION,
     TRACE,
-    TWICE,
+    Six,
     add_moduli,
     at,
+    combined,
+    double,
+    put_six,
     put_stress,
-    strains,
+    six,
+    strain,
+    sums,
 )
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 
@@ -32,60 +36,64 @@ _W = np.uint64(POINTS)
 # Where the row of what was dissipated begins.
 _DISSIPATED = ROWS[FIBRE + 12]
 
-# Rows of a block: the elastic strain at the end of the step, its norm, what is left of it in half a step, and what the
-# step dissipates; the trace of the strain at its start.
-_ELASTIC, _SIZE, _KEPT, _LOSS, _PAST, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(5))
+# Rows of a block: the elastic strain at the end of the step, its norm, or before that is known its square, what is left
+# of it in half a step, and what the step dissipates.
+_ELASTIC, _SIZE, _KEPT, _LOSS, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(4))
 
 
 @njit(**FAST)
 def _relax(constants: Array, rows: Array) -> None:
-    """Let the elastic strain relax for half of the time, and add up what is lost."""
-    c, n, half, stress = constants[2], constants[3], 0.5 * constants[1], 2.0 * constants[0] * np.sqrt(1.5)
-    for k in range(_W):
-        rows[at(_SIZE) + k] = 0.0
-    for m in range(6):
+    """Fill in what is left of the elastic strain after half of the time, whose square is given; add what is lost."""
+    mu, c, n, half = constants[0], constants[2], constants[3], 0.5 * constants[1]
+    if n == 1.0:
+        kept = np.exp(-c * half)
         for k in range(_W):
-            rows[at(_SIZE) + k] += TWICE[m] * rows[at(_ELASTIC + m) + k] * rows[at(_ELASTIC + m) + k]
-    for k in range(_W):
-        size = rows[at(_SIZE) + k]
-        if n == 1.0:
-            kept = exp(-c * half)
-        else:
+            rows[at(_KEPT) + k] = kept
+    else:
+        rate, scale = (n - 1.0) * c * half, 6.0 * mu * mu
+        for k in range(_W):
             # Where there is no strain: of the smallest number.
-            fast = power(max(stress * np.sqrt(size), 1e-300), n - 1.0)
-            kept = power(1.0 + (n - 1.0) * c * half * fast, -1.0 / (n - 1.0))
-        rows[at(_KEPT) + k] = kept
-        rows[at(_LOSS) + k] += constants[0] * (1.0 - kept * kept) * size
-        rows[at(_SIZE) + k] = kept * np.sqrt(size)
-    for m in range(6):
-        for k in range(_W):
-            rows[at(_ELASTIC + m) + k] *= rows[at(_KEPT) + k]
+            fast = power(max(scale * rows[at(_SIZE) + k], 1e-300), 0.5 * (n - 1.0))
+            rows[at(_KEPT) + k] = power(1.0 + rate * fast, -1.0 / (n - 1.0))
+    for k in range(_W):
+        size, kept = rows[at(_SIZE) + k], rows[at(_KEPT) + k]
+        rows[at(_LOSS) + k] += mu * (1.0 - kept * kept) * size
+
+
+@njit(**FAST)
+def _deviator(a: Six) -> Six:
+    """Return a symmetric tensor less a third of its trace."""
+    third = (a[0] + a[3] + a[5]) / 3.0
+    return a[0] - third, a[1], a[2], a[3] - third, a[4], a[5] - third
 
 
 @njit(**FAST)
 def _respond(work: Array, constants: Array, rows: Array) -> int:
     """Fill in the stress at the end of the step, and what comes with it; return the rule of Gauss points."""
-    mu, lame = constants[0], constants[constants.size - 1]
-    rule = strains(work, rows)
+    mu = constants[0]
+    bulk = constants[constants.size - 1] + 2.0 / 3.0 * mu
+    rule = sums(work, rows)
     for k in range(_W):
-        rows[at(_PAST) + k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
-        rows[at(_LOSS) + k] = 0.0
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        viscous = np.uint64(POINTS * (FIBRE + 6 + m))
-        for k in range(_W):
-            rows[at(_ELASTIC + m) + k] = work[row + k] - third * rows[at(_PAST) + k] - work[viscous + k]
+        old = six(work, FIBRE, k)
+        start = combined(1.0, _deviator(old), -1.0, six(work, FIBRE + 6, k), 0.0, old)
+        put_six(rows, _ELASTIC, k, start)
+        rows[at(_SIZE) + k], rows[at(_LOSS) + k] = double(start, start), 0.0
     _relax(constants, rows)
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        for k in range(_W):
-            change = rows[at(STRAIN + m) + k] - work[row + k]
-            rows[at(_ELASTIC + m) + k] += change - third * (rows[at(TRACE) + k] - rows[at(_PAST) + k])
+    for k in range(_W):
+        e = strain(rows, k)
+        change = _deviator(combined(1.0, e, -1.0, six(work, FIBRE, k), 0.0, e))
+        elastic = combined(rows[at(_KEPT) + k], six(rows, _ELASTIC, k), 1.0, change, 0.0, e)
+        put_six(rows, _ELASTIC, k, elastic)
+        rows[at(_SIZE) + k], rows[at(TRACE) + k] = double(elastic, elastic), e[0] + e[3] + e[5]
     _relax(constants, rows)
-    for m in range(6):
-        bulk = lame + 2.0 / 3.0 * mu if FIRST[m] == SECOND[m] else 0.0
-        for k in range(_W):
-            rows[at(TENSION + m) + k] = 2.0 * mu * rows[at(_ELASTIC + m) + k] + bulk * rows[at(TRACE) + k]
+    for k in range(_W):
+        kept, pressure = rows[at(_KEPT) + k], bulk * rows[at(TRACE) + k]
+        elastic = six(rows, _ELASTIC, k)
+        elastic = combined(kept, elastic, 0.0, elastic, 0.0, elastic)
+        put_six(rows, _ELASTIC, k, elastic)
+        t = combined(2.0 * mu, elastic, 0.0, elastic, 0.0, elastic)
+        put_six(rows, TENSION, k, (t[0] + pressure, t[1], t[2], t[3] + pressure, t[4], t[5] + pressure))
+        rows[at(_SIZE) + k] = kept * np.sqrt(rows[at(_SIZE) + k])
     return rule
 
 
@@ -141,11 +149,7 @@ def update(work: Array, constants: Array, activation: float, wanted: bool) -> No
     _respond(work, constants, rows)
     put_stress(work, rows)
     for k in range(_W):
+        e = strain(rows, k)
+        put_six(work, FIBRE, k, e)
+        put_six(work, FIBRE + 6, k, combined(1.0, _deviator(e), -1.0, six(rows, _ELASTIC, k), 0.0, e))
         work[_DISSIPATED + k] += rows[at(_LOSS) + k]
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        viscous = np.uint64(POINTS * (FIBRE + 6 + m))
-        for k in range(_W):
-            work[row + k] = rows[at(STRAIN + m) + k]
-        for k in range(_W):
-            work[viscous + k] = rows[at(STRAIN + m) + k] - third * rows[at(TRACE) + k] - rows[at(_ELASTIC + m) + k]
