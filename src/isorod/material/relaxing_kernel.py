@@ -31,6 +31,7 @@ from isorod.material.logarithm_kernel import (
     add_second,
     at,
     combined,
+    double,
     gradient,
     product,
     put_first,
@@ -48,6 +49,9 @@ _PARTS, _MOST = 4, 8
 # Share of a time of relaxation below which a step is told by a series.
 _SHORT = 1e-3
 
+# Times below which a few terms of a series are right to rounding.
+_NEAR = 5e-3
+
 _W = np.uint64(POINTS)
 _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
@@ -55,12 +59,12 @@ _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 # second Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
 _C, _NOW, _BEFORE, _STRESS, _SECOND, _THIRD, _SIZE, _VOLUME, _STORED, _LOSS = 0, 6, 12, 18, 24, *range(30, 35)
 # Of a branch: Ci at the start of the step and at its end, the inverse of what this is but for its size, and the cube
-# root of the determinant of that; y and c, the same at the middle of a part, r, what is left of c in a time and the
-# slope of c by that.
-_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _KEPT, _SLOPE, _PLAIN = 35, 41, 47, 53, 54, 56, *range(58, 62)
+# root of the determinant of that; 1 - exp(-y) and c, the same at the middle of a part, r, which is also the times of
+# `_lag`, and what that fills in.
+_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _GONE, _MEAN, _SLOPE, _PLAIN = 35, 41, 47, 53, 54, 56, *range(58, 63)
 # Where moduli are asked for: slopes of r by y, by c and by C1, those of y and c by C1, at the middle of a part too, and
 # how the inverse changes with y and c.
-_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = 61, 69, 81, 93, 105
+_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = _PLAIN, _PLAIN + 8, _PLAIN + 20, _PLAIN + 32, _PLAIN + 44
 
 
 @njit(**FAST)
@@ -71,12 +75,6 @@ def _inverse(a: Six) -> tuple[Six, float]:
     x = 1.0 / det
     b3, b4, b5 = a[0] * a[5] - a[2] * a[2], a[1] * a[2] - a[0] * a[4], a[0] * a[3] - a[1] * a[1]
     return (x * b0, x * b1, x * b2, x * b3, x * b4, x * b5), det
-
-
-@njit(**FAST)
-def _double(a: Six, b: Six) -> float:
-    """Return ``a : b``."""
-    return a[0] * b[0] + a[3] * b[3] + a[5] * b[5] + 2.0 * (a[1] * b[1] + a[2] * b[2] + a[4] * b[4])
 
 
 @njit(**FAST)
@@ -107,10 +105,48 @@ def _told(work: Array, first: int, rows: Array, to: int) -> None:
 
 
 @njit(**FAST)
-def _mixed(rows: Array, k: Any, y: float, c: float) -> Six:
+def _mixed(rows: Array, k: Any, gone: float, c: float) -> Six:
     """Return ``Ci`` at a point but for its size."""
-    w = exp(-y)
-    return combined(w, six(rows, _OLD, k), 1.0 - w - c, six(rows, _BEFORE, k), c, six(rows, _NOW, k))
+    return combined(1.0 - gone, six(rows, _OLD, k), gone - c, six(rows, _BEFORE, k), c, six(rows, _NOW, k))
+
+
+@njit(**FAST)
+def _take_root(rows: Array, row: int) -> None:
+    """Replace numbers by their cube roots: in short steps all are near 1."""
+    far = 0.0
+    for k in range(_W):
+        far += 0.0 if abs(rows[at(row) + k] - 1.0) < _SHORT else 1.0
+    if far > 0.0:
+        for k in range(_W):
+            rows[at(row) + k] = power(rows[at(row) + k], 1.0 / 3.0)
+    else:
+        for k in range(_W):
+            x = rows[at(row) + k] - 1.0
+            rest = 5.0 / 81.0 - x * (10.0 / 243.0 - x * (22.0 / 729.0))
+            rows[at(row) + k] = 1.0 + x * (1.0 / 3.0 - x * (1.0 / 9.0 - x * rest))
+
+
+@njit(**FAST)
+def _lag(time: float, rows: Array) -> None:
+    """Fill in ``1 - exp(-x)``, that over ``x``, and the slope of the latter times ``x``, of times ``r`` times a time."""
+    far = 0.0
+    for k in range(_W):
+        far += 0.0 if time * rows[at(_RATE) + k] < _NEAR else 1.0
+    if far > 0.0:
+        for k in range(_W):
+            x = time * rows[at(_RATE) + k]
+            long = x > _SHORT
+            gone, over = -expm1(-x), x if long else 1.0
+            mean = gone / over if long else 1.0 - x * (0.5 - x * (1.0 / 6.0 - x / 24.0))
+            rows[at(_GONE) + k], rows[at(_MEAN) + k] = gone, mean
+            slope = (1.0 - gone - mean) / over if long else -0.5 + x * (1.0 / 3.0 - x * (0.125 - x / 30.0))
+            rows[at(_SLOPE) + k] = slope
+    else:
+        for k in range(_W):
+            x = time * rows[at(_RATE) + k]
+            mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
+            slope = -0.5 + x * (1.0 / 3.0 - x * (0.125 - x * (1.0 / 30.0 - x * (1.0 / 144.0 - x * (1.0 / 840.0)))))
+            rows[at(_GONE) + k], rows[at(_MEAN) + k], rows[at(_SLOPE) + k] = x * mean, mean, slope
 
 
 @njit(**FAST)
@@ -120,30 +156,32 @@ def _rate(s: float, rows: Array, where: int, wanted: bool) -> None:
         now = six(rows, _NOW, k)
         _, path = _inverse(combined(1.0 - s, six(rows, _BEFORE, k), s, now, 0.0, now))
         _, det = _inverse(_mixed(rows, k, rows[at(where) + k], rows[at(where + 1) + k]))
-        rows[at(_RATE) + k] = power(det / path, 1.0 / 3.0)
+        rows[at(_RATE) + k] = det / path
+    _take_root(rows, _RATE)
     if not wanted:
         return
     for k in range(_W):
         old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-        y, c, rate = rows[at(where) + k], rows[at(where + 1) + k], rows[at(_RATE) + k] / 3.0
+        gone, c, rate = rows[at(where) + k], rows[at(where + 1) + k], rows[at(_RATE) + k] / 3.0
         path, _ = _inverse(combined(1.0 - s, before, s, now, 0.0, now))
-        inverse, _ = _inverse(_mixed(rows, k, y, c))
-        rows[at(_SLOPES) + k] = -rate * exp(-y) * _double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
-        rows[at(_SLOPES + 1) + k] = rate * _double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
+        inverse, _ = _inverse(_mixed(rows, k, gone, c))
+        rows[at(_SLOPES) + k] = -rate * (1.0 - gone) * double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
+        rows[at(_SLOPES + 1) + k] = rate * double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
         put_six(rows, _SLOPES + 2, k, combined(rate * c, inverse, -rate * s, path, 0.0, now))
 
 
 @njit(**FAST)
-def _lagged(c: float, s: float, part: float, rho: float) -> tuple[float, float, float]:
-    """Return what ``c`` is after ``c' = s - c`` over ``rho``, while ``s`` grows by a part, its slope, and what is left.
+def _go_on(time: float, s: float, part: float, rows: Array, to: int) -> None:
+    """Fill in what ``1 - exp(-y)`` and ``c`` are after a time at the rate ``r``, and the slope of ``c`` by ``y``.
 
-    The slope is that by ``rho``; what is left is of ``c`` before.
+    ``c' = s - c``, while ``s`` grows by a part.
     """
-    grown, long = expm1(-rho), rho > _SHORT
-    kept, x = 1.0 + grown, rho if long else 1.0
-    mean = -grown / x if long else 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
-    slope = (kept - mean) / x if long else -0.5 + rho * (1.0 / 3.0 - rho * (0.125 - rho / 30.0))
-    return kept * c + s + part - s * kept - part * mean, kept * (s - c) - part * slope, kept
+    _lag(time, rows)
+    for k in range(_W):
+        y, c, gone, mean = rows[at(_Y) + k], rows[at(_Y + 1) + k], rows[at(_GONE) + k], rows[at(_MEAN) + k]
+        rows[at(to) + k] = y + (1.0 - y) * gone
+        rows[at(to + 1) + k] = c + (s - c) * gone + part * (1.0 - mean)
+        rows[at(_SLOPE) + k] = (1.0 - gone) * (s - c) - part * rows[at(_SLOPE) + k]
 
 
 @njit(**FAST)
@@ -156,7 +194,8 @@ def _carry(rows: Array, time: float, start: int, to: int) -> None:
                 rows[at(_SLOPES + 1) + k] * rows[at(start + 6 + m) + k],
             )
             change = time * (first + second + rows[at(_SLOPES + 2 + m) + k])
-            rows[at(to + 6 + m) + k] = rows[at(_KEPT) + k] * rows[at(_WAYS + 6 + m) + k] + rows[at(_SLOPE) + k] * change
+            kept = 1.0 - rows[at(_GONE) + k]
+            rows[at(to + 6 + m) + k] = kept * rows[at(_WAYS + 6 + m) + k] + rows[at(_SLOPE) + k] * change
             rows[at(to + m) + k] = rows[at(_WAYS + m) + k] + change
 
 
@@ -176,21 +215,11 @@ def _follow(h: float, rows: Array, wanted: bool) -> None:
         s = p * part
         if p > 0:
             _rate(s, rows, _Y, wanted)
-        for k in range(_W):
-            rho = 0.5 * part * h * rows[at(_RATE) + k]
-            rows[at(_MIDDLE) + k] = rows[at(_Y) + k] + rho
-            rows[at(_MIDDLE + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
-                rows[at(_Y + 1) + k], s, 0.5 * part, rho
-            )
+        _go_on(0.5 * part * h, s, 0.5 * part, rows, _MIDDLE)
         if wanted and p > 0:
             _carry(rows, 0.5 * part * h, _WAYS, _HALF)
         _rate(s + 0.5 * part, rows, _MIDDLE, wanted)
-        for k in range(_W):
-            rho = part * h * rows[at(_RATE) + k]
-            rows[at(_Y) + k] += rho
-            rows[at(_Y + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
-                rows[at(_Y + 1) + k], s, part, rho
-            )
+        _go_on(part * h, s, part, rows, _Y)
         if wanted:
             _carry(rows, part * h, _HALF, _WAYS)
 
@@ -204,12 +233,15 @@ def _branch(work: Array, constants: Array, which: int, rows: Array, wanted: bool
     for k in range(_W):
         mixed = _mixed(rows, k, rows[at(_Y) + k], rows[at(_Y + 1) + k])
         inverse, det = _inverse(mixed)
-        root = power(det, 1.0 / 3.0)
-        put_six(rows, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
+        put_six(rows, _NEW, k, mixed)
         put_six(rows, _INVERSE, k, inverse)
+        rows[at(_ROOT) + k] = det
+    _take_root(rows, _ROOT)
+    for k in range(_W):
+        mixed, inverse, root = six(rows, _NEW, k), six(rows, _INVERSE, k), rows[at(_ROOT) + k]
+        put_six(rows, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
         put_six(rows, _STRESS, k, combined(1.0, six(rows, _STRESS, k), modulus * root, inverse, 0.0, mixed))
-        rows[at(_ROOT) + k] = root
-        rows[at(_STORED) + k] += 0.5 * modulus * (root * _double(inverse, six(rows, _NOW, k)) - 3.0)
+        rows[at(_STORED) + k] += 0.5 * modulus * (root * double(inverse, six(rows, _NOW, k)) - 3.0)
 
 
 @njit(**FAST)
@@ -219,7 +251,7 @@ def _second(constants: Array, rows: Array) -> None:
     for k in range(_W):
         c, stress, size = six(rows, _C, k), six(rows, _STRESS, k), rows[at(_SIZE) + k]
         inverse, _ = _inverse(c)
-        third, pressure = size * _double(stress, c) / 3.0, bulk * rows[at(_VOLUME) + k]
+        third, pressure = size * double(stress, c) / 3.0, bulk * rows[at(_VOLUME) + k]
         put_six(rows, _INVERSE, k, inverse)
         put_six(rows, _SECOND, k, combined(size, stress, pressure - third, inverse, 0.0, c))
         rows[at(_THIRD) + k] = third
@@ -321,7 +353,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
         for k in range(_W):
             # What grows with y and with c, and that between two inverses.
             old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-            w, inverse = exp(-rows[at(_Y) + k]), six(rows, _INVERSE, k)
+            w, inverse = 1.0 - rows[at(_Y) + k], six(rows, _INVERSE, k)
             put_six(rows, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
             put_six(rows, _TURNED + 6, k, _between(inverse, combined(1.0, now, -1.0, before, 0.0, old)))
             rows[at(_ROOT) + k] *= constants[0] * constants[3 + 2 * i]
@@ -351,7 +383,7 @@ def _crossed(m: int, n: int) -> tuple[int, int, int, int]:
 def _between(inverse: Six, one: Six) -> Six:
     """Return ``(inverse : one)/3 inverse - inverse one inverse``."""
     turned = symmetric(inverse, product(one, inverse))
-    return combined(_double(inverse, one) / 3.0, inverse, -1.0, turned, 0.0, one)
+    return combined(double(inverse, one) / 3.0, inverse, -1.0, turned, 0.0, one)
 
 
 @njit(**FAST)
@@ -367,7 +399,7 @@ def _isochoric(constants: Array, rows: Array, bent: Array, moduli: Array) -> Non
                 bent[at(6 * n + m) + k] = bent[at(6 * m + n) + k]
     for m in range(6):
         for k in range(_W):
-            by_row = _double(six(bent, 6 * m, k), six(rows, _C, k)) / 3.0
+            by_row = double(six(bent, 6 * m, k), six(rows, _C, k)) / 3.0
             rows[at(_TURNED + m) + k] = by_row
             whole[k] += TWICE[m] * by_row * rows[at(_C + m) + k] / 3.0
     for m in range(6):
