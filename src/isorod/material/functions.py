@@ -91,6 +91,22 @@ def power(x: float, exponent: float) -> float:
     return exp(exponent * log(x))
 
 
+# Below which digits cancel in `shares`.
+_SHORT = 1e-3
+
+
+@njit(**FAST)
+def shares(x: float, gone: float) -> tuple[float, float]:
+    """Return by how much a strain adds in a time ``x``, in times of relaxation, and a share lost.
+
+    ``gone`` is ``1 - exp(-x)``: what goes of what was there.
+    """
+    short, over = x < _SHORT, max(x, _SHORT)
+    share = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) if short else gone / over
+    rest = x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)) if short else (1.0 - share) / over - 0.5 * share**2
+    return share, rest
+
+
 # Of a block's symmetric tensors: 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.
 SPECTRAL = 15
 

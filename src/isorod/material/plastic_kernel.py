@@ -17,28 +17,10 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import expm1, power
-from isorod.material.logarithm_kernel import (
-    FIRST,
-    LOGARITHM,
-    SECOND,
-    TENSION,
-    TRACE,
-    TWICE,
-    add_moduli,
-    at,
-    combined,
-    double,
-    largest,
-    least,
-    put_six,
-    put_stress,
-    six,
-    strain,
-    sums,
-)
+from isorod.material.functions import expm1, power, shares
+from isorod.material.logarithm_kernel import LOGARITHM, TENSION, TRACE, add_moduli, put_stress, strain, sums
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
-from isorod.material.relaxing_kernel import shares
+from isorod.material.six_kernel import FIRST, SECOND, TWICE, at, combined, double, largest, least, put_six, six
 
 _W = np.uint64(POINTS)
 
@@ -82,22 +64,22 @@ def _piece(i: int, constants: Array) -> tuple[float, float, float, float]:
 
 
 @njit(**FAST)
-def _harden(work: Array, constants: Array, rows: Array, begin: int, end: int) -> None:
+def _harden(work: Array, constants: Array, begin: int, end: int) -> None:
     """Fill in yield stresses and slopes at the end of the step, of plastic strains in some pieces or behind them."""
     last = constants[_COUNT + 2 * int(constants[_COUNT])]
     plastic = at(FIBRE + _PLASTIC)
     for k in range(_W):
-        rows[at(_YIELD) + k], rows[at(_HARD) + k] = last, 0.0
+        work[at(_YIELD) + k], work[at(_HARD) + k] = last, 0.0
     for i in range(end - 1, begin - 1, -1):
         p0, s0, slope, p1 = _piece(i, constants)
         for k in range(_W):
-            p = work[plastic + k] + rows[at(_FLOWN) + k]
-            rows[at(_YIELD) + k] = s0 + (p - p0) * slope if p < p1 else rows[at(_YIELD) + k]
-            rows[at(_HARD) + k] = slope if p < p1 else rows[at(_HARD) + k]
+            p = work[plastic + k] + work[at(_FLOWN) + k]
+            work[at(_YIELD) + k] = s0 + (p - p0) * slope if p < p1 else work[at(_YIELD) + k]
+            work[at(_HARD) + k] = slope if p < p1 else work[at(_HARD) + k]
 
 
 @njit(**FAST)
-def _excess(work: Array, constants: Array, rows: Array, begin: int, end: int) -> None:
+def _excess(work: Array, constants: Array, begin: int, end: int) -> None:
     """Fill in by how much von Mises' stress exceeds the yield stress, and its slope by plastic strain: negative.
 
     The unknown is plastic strain, or with time by which share the yield stress is exceeded.
@@ -105,124 +87,128 @@ def _excess(work: Array, constants: Array, rows: Array, begin: int, end: int) ->
     mu, kinematic, recovery = constants[0], constants[1], constants[2]
     pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
     for k in range(_W):
-        rows[at(_FLOWN) + k] = rows[at(_ROOT) + k]
+        work[at(_FLOWN) + k] = work[at(_ROOT) + k]
     if pace > 0.0:
         for k in range(_W):
-            flown = pace * power(max(rows[at(_ROOT) + k], 1e-300), exponent)
-            rows[at(_FLOWN) + k] = flown if rows[at(_ROOT) + k] > 0.0 else 0.0
-    _harden(work, constants, rows, begin, end)
+            flown = pace * power(max(work[at(_ROOT) + k], 1e-300), exponent)
+            work[at(_FLOWN) + k] = flown if work[at(_ROOT) + k] > 0.0 else 0.0
+    _harden(work, constants, begin, end)
     if recovery > 0.0:
         for k in range(_W):
-            gone = -expm1(-recovery * rows[at(_FLOWN) + k])
-            kept, ss, sa, aa = 1.0 - gone, rows[at(_SS) + k], rows[at(_SA) + k], rows[at(_AA) + k]
+            gone = -expm1(-recovery * work[at(_FLOWN) + k])
+            kept, ss, sa, aa = 1.0 - gone, work[at(_SS) + k], work[at(_SA) + k], work[at(_AA) + k]
             size = np.sqrt(max(ss - 2.0 * kept * sa + kept * kept * aa, 1e-300))
-            rows[at(_GONE) + k] = gone
-            rows[at(_VALUE) + k] = np.sqrt(1.5) * size - kinematic / recovery * gone
-            rows[at(_SLOPE) + k] = np.sqrt(1.5) * recovery * kept * (sa - kept * aa) / size - kinematic * kept
+            work[at(_GONE) + k] = gone
+            work[at(_VALUE) + k] = np.sqrt(1.5) * size - kinematic / recovery * gone
+            work[at(_SLOPE) + k] = np.sqrt(1.5) * recovery * kept * (sa - kept * aa) / size - kinematic * kept
     else:
         for k in range(_W):
-            rows[at(_VALUE) + k] = rows[at(_MISES) + k] - kinematic * rows[at(_FLOWN) + k]
-            rows[at(_SLOPE) + k] = -kinematic
+            work[at(_VALUE) + k] = work[at(_MISES) + k] - kinematic * work[at(_FLOWN) + k]
+            work[at(_SLOPE) + k] = -kinematic
     if pace > 0.0:
         for k in range(_W):
-            root, flown, limit = rows[at(_ROOT) + k], rows[at(_FLOWN) + k], rows[at(_YIELD) + k]
-            rows[at(_YIELD) + k] = limit * (1.0 + root)
+            root, flown, limit = work[at(_ROOT) + k], work[at(_FLOWN) + k], work[at(_YIELD) + k]
+            work[at(_YIELD) + k] = limit * (1.0 + root)
             more = limit * root / (exponent * flown) if flown > 0.0 else 0.0
-            rows[at(_HARD) + k] = rows[at(_HARD) + k] * (1.0 + root) + more
+            work[at(_HARD) + k] = work[at(_HARD) + k] * (1.0 + root) + more
     for k in range(_W):
-        rows[at(_VALUE) + k] -= 3.0 * mu * rows[at(_FLOWN) + k] + rows[at(_YIELD) + k]
-        rows[at(_SLOPE) + k] -= 3.0 * mu + rows[at(_HARD) + k]
+        work[at(_VALUE) + k] -= 3.0 * mu * work[at(_FLOWN) + k] + work[at(_YIELD) + k]
+        work[at(_SLOPE) + k] -= 3.0 * mu + work[at(_HARD) + k]
 
 
 @njit(**FAST)
-def _begin(work: Array, constants: Array, rows: Array) -> float:
+def _begin(work: Array, constants: Array) -> float:
     """Fill in where roots lie and what they are about, and bounds of plastic strain; return how many points flow."""
     mu, kinematic, recovery = constants[0], constants[1], constants[2]
     pace, flowing = constants[4] * constants[3], 0.0
     if recovery > 0.0:
         for k in range(_W):
-            way, back = six(rows, _WAY, k), six(work, FIBRE + _BACK, k)
+            way, back = six(work, _WAY, k), six(work, FIBRE + _BACK, k)
             sa, aa = double(way, back), double(back, back)
-            rows[at(_SS) + k], rows[at(_SA) + k], rows[at(_AA) + k] = rows[at(_SIZE) + k] ** 2 + 2.0 * sa + aa, sa + aa, aa
+            work[at(_SS) + k], work[at(_SA) + k], work[at(_AA) + k] = (
+                work[at(_SIZE) + k] ** 2 + 2.0 * sa + aa,
+                sa + aa,
+                aa,
+            )
     for k in range(_W):
-        q, limit, stiff = rows[at(_MISES) + k], rows[at(_YIELD) + k], 3.0 * mu + kinematic + rows[at(_HARD) + k]
+        q, limit, stiff = work[at(_MISES) + k], work[at(_YIELD) + k], 3.0 * mu + kinematic + work[at(_HARD) + k]
         flows = q > limit * (1.0 + _ROUNDING)
-        rows[at(_ROOT) + k] = (q - limit) / stiff if flows else 0.0
+        work[at(_ROOT) + k] = (q - limit) / stiff if flows else 0.0
         # No back stress is larger than what it saturates at, so that the slope is below -3 mu.
         high = (q - limit) / (3.0 * mu) if flows else 0.0
-        rows[at(_HIGH) + k], rows[at(_LOW) + k], rows[at(_PAST) + k] = high, 0.0, rows[at(_ROOT) + k]
-        rows[at(_VALUE) + k] += high
+        work[at(_HIGH) + k], work[at(_LOW) + k], work[at(_PAST) + k] = high, 0.0, work[at(_ROOT) + k]
+        work[at(_VALUE) + k] += high
         flowing += 1.0 if flows else 0.0
     if pace > 0.0:
         for k in range(_W):
             # What bounds the root from above, near it where either part of the stress is small.
-            whole = power(max(rows[at(_HIGH) + k] / pace, 1e-300), constants[5])
-            high = min(whole, rows[at(_MISES) + k] / rows[at(_YIELD) + k] - 1.0) if rows[at(_HIGH) + k] > 0.0 else 0.0
-            rows[at(_HIGH) + k], rows[at(_ROOT) + k], rows[at(_PAST) + k] = high, high, 0.0
+            whole = power(max(work[at(_HIGH) + k] / pace, 1e-300), constants[5])
+            high = min(whole, work[at(_MISES) + k] / work[at(_YIELD) + k] - 1.0) if work[at(_HIGH) + k] > 0.0 else 0.0
+            work[at(_HIGH) + k], work[at(_ROOT) + k], work[at(_PAST) + k] = high, high, 0.0
     return flowing
 
 
 @njit(**FAST)
-def _return(work: Array, constants: Array, rows: Array) -> bool:
+def _return(work: Array, constants: Array) -> bool:
     """Fill in plastic strains of the step, which share of back stress goes, and slopes; return whether anything flows."""
     recovery, plastic = constants[2], at(FIBRE + _PLASTIC)
     pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
     for k in range(_W):
-        rows[at(_FLOWN) + k], rows[at(_MISES) + k] = 0.0, np.sqrt(1.5) * rows[at(_SIZE) + k]
-        rows[at(_VALUE) + k] = work[plastic + k]
-    low, high = least(rows, _VALUE), largest(rows, _VALUE)
+        work[at(_FLOWN) + k], work[at(_MISES) + k] = 0.0, np.sqrt(1.5) * work[at(_SIZE) + k]
+        work[at(_VALUE) + k] = work[plastic + k]
+    low, high = least(work, _VALUE), largest(work, _VALUE)
     begin, end = _pieces(low, high, constants)
-    _harden(work, constants, rows, begin, end)
-    if _begin(work, constants, rows) == 0.0:
+    _harden(work, constants, begin, end)
+    if _begin(work, constants) == 0.0:
         return False
-    high = largest(rows, _VALUE)
+    high = largest(work, _VALUE)
     begin, end = _pieces(low, high, constants)
     smooth = end == begin or (end == begin + 1 and high <= constants[_COUNT + 1 + 2 * begin])
     if smooth and recovery == 0.0 and pace == 0.0:
         # What it begins with is the root.
         for k in range(_W):
-            rows[at(_FLOWN) + k] = rows[at(_ROOT) + k]
-            rows[at(_SLOPE) + k] = -3.0 * constants[0] - constants[1] - rows[at(_HARD) + k]
+            work[at(_FLOWN) + k] = work[at(_ROOT) + k]
+            work[at(_SLOPE) + k] = -3.0 * constants[0] - constants[1] - work[at(_HARD) + k]
         return True
     for _ in range(_STEPS):
-        _excess(work, constants, rows, begin, end)
+        _excess(work, constants, begin, end)
         moved = 0.0
         for k in range(_W):
             root, value, slope, past = (
-                rows[at(_ROOT) + k],
-                rows[at(_VALUE) + k],
-                rows[at(_SLOPE) + k],
-                rows[at(_PAST) + k],
+                work[at(_ROOT) + k],
+                work[at(_VALUE) + k],
+                work[at(_SLOPE) + k],
+                work[at(_PAST) + k],
             )
             by_root = 1.0
             if pace > 0.0:
-                by_root = exponent * rows[at(_FLOWN) + k] / max(root, 1e-300)
+                by_root = exponent * work[at(_FLOWN) + k] / max(root, 1e-300)
                 slope *= by_root
                 # The power bends most: with what it does the steps are of third order but for the rest (Halley).
-                bent = (slope + rows[at(_YIELD) + k] / (1.0 + root)) * (exponent - 1.0) / max(root, 1e-300)
+                bent = (slope + work[at(_YIELD) + k] / (1.0 + root)) * (exponent - 1.0) / max(root, 1e-300)
                 slope -= 0.5 * value * bent / slope
             change = -value / slope if root > 0.0 else 0.0
             near = abs(change) <= _NEAR * root
             if smooth:
                 # By how much the next step would move follows from this and from that before.
                 near = near | (abs(change) ** 3 <= _SMALL * root * past * past)
-            low = root if value > 0.0 else rows[at(_LOW) + k]
-            high = rows[at(_HIGH) + k] if value > 0.0 else root
+            low = root if value > 0.0 else work[at(_LOW) + k]
+            high = work[at(_HIGH) + k] if value > 0.0 else root
             new = root + change
             new = new if near | ((low < new) & (new < high)) else 0.5 * (low + high)
             moved += 0.0 if near else 1.0
-            rows[at(_ROOT) + k], rows[at(_LOW) + k], rows[at(_HIGH) + k] = new, low, high
-            rows[at(_PAST) + k] = abs(new - root)
+            work[at(_ROOT) + k], work[at(_LOW) + k], work[at(_HIGH) + k] = new, low, high
+            work[at(_PAST) + k] = abs(new - root)
             # Of a step that small the square is rounding.
-            rows[at(_FLOWN) + k] += by_root * (new - root)
-            rows[at(_GONE) + k] += recovery * (1.0 - rows[at(_GONE) + k]) * by_root * (new - root)
+            work[at(_FLOWN) + k] += by_root * (new - root)
+            work[at(_GONE) + k] += recovery * (1.0 - work[at(_GONE) + k]) * by_root * (new - root)
         if moved == 0.0:
             break
     return True
 
 
 @njit(**FAST)
-def _lose(work: Array, constants: Array, rows: Array) -> None:
+def _lose(work: Array, constants: Array) -> None:
     """Fill in what the step dissipates: work of the yield stress, and what the back stress loses.
 
     That is the integral of ``3 gamma/(2 H) a : a``.
@@ -230,172 +216,179 @@ def _lose(work: Array, constants: Array, rows: Array) -> None:
     kinematic, recovery, pace = constants[1], constants[2], constants[4] * constants[3]
     plastic, count = at(FIBRE + _PLASTIC), int(constants[_COUNT])
     for k in range(_W):
-        rows[at(_LOW) + k], rows[at(_HIGH) + k] = work[plastic + k], work[plastic + k] + rows[at(_FLOWN) + k]
-        rows[at(_LOSS) + k] = 0.0
-    begin, end = _pieces(least(rows, _LOW), largest(rows, _HIGH), constants)
+        work[at(_LOW) + k], work[at(_HIGH) + k] = work[plastic + k], work[plastic + k] + work[at(_FLOWN) + k]
+        work[at(_LOSS) + k] = 0.0
+    begin, end = _pieces(least(work, _LOW), largest(work, _HIGH), constants)
     for i in range(begin, end):
         p0, s0, slope, p1 = _piece(i, constants)
         for k in range(_W):
-            low, high = max(rows[at(_LOW) + k], p0), min(rows[at(_HIGH) + k], p1)
-            rows[at(_LOSS) + k] += max(high - low, 0.0) * (s0 + slope * (0.5 * (low + high) - p0))
+            low, high = max(work[at(_LOW) + k], p0), min(work[at(_HIGH) + k], p1)
+            work[at(_LOSS) + k] += max(high - low, 0.0) * (s0 + slope * (0.5 * (low + high) - p0))
     if end == count:
         p0, s0 = constants[_COUNT - 1 + 2 * count], constants[_COUNT + 2 * count]
         for k in range(_W):
-            rows[at(_LOSS) + k] += max(rows[at(_HIGH) + k] - max(rows[at(_LOW) + k], p0), 0.0) * s0
+            work[at(_LOSS) + k] += max(work[at(_HIGH) + k] - max(work[at(_LOW) + k], p0), 0.0) * s0
     if pace > 0.0:
         for k in range(_W):
-            rows[at(_LOSS) + k] *= 1.0 + rows[at(_ROOT) + k]
+            work[at(_LOSS) + k] *= 1.0 + work[at(_ROOT) + k]
     if recovery > 0.0:
         for k in range(_W):
-            flown, aa = rows[at(_FLOWN) + k], rows[at(_AA) + k]
-            kept, share, rest = shares(recovery * flown)
-            forth = (rows[at(_SA) + k] - kept * aa) / rows[at(_SIZE) + k]
-            lost = 0.5 * (1.0 - kept * kept) * aa + np.sqrt(2.0 / 3.0) * kinematic * recovery * (share * flown) ** 2 * forth
-            rows[at(_LOSS) + k] += 1.5 / kinematic * (lost + 2.0 / 3.0 * (kinematic * flown) ** 2 * rest)
+            flown, aa = work[at(_FLOWN) + k], work[at(_AA) + k]
+            gone = work[at(_GONE) + k]
+            share, rest = shares(recovery * flown, gone)
+            forth = (work[at(_SA) + k] - (1.0 - gone) * aa) / work[at(_SIZE) + k]
+            lost = 0.5 * gone * (2.0 - gone) * aa
+            lost += np.sqrt(2.0 / 3.0) * kinematic * recovery * (share * flown) ** 2 * forth
+            work[at(_LOSS) + k] += 1.5 / kinematic * (lost + 2.0 / 3.0 * (kinematic * flown) ** 2 * rest)
 
 
 @njit(**FAST)
-def _try(work: Array, constants: Array, rows: Array) -> float:
+def _try(work: Array, constants: Array) -> float:
     """Fill in the stress of a step without flow, and its deviator about the back stress with its norm.
 
     Returns how many points are beyond the first yield stress.
     """
     mu, lame, first, beyond = constants[0], constants[constants.size - 1], constants[_COUNT + 2], 0.0
     for k in range(_W):
-        e = strain(rows, k)
+        e = strain(work, k)
         trace = e[0] + e[3] + e[5]
         pressure, third = lame * trace, 2.0 / 3.0 * mu * trace
         tried = combined(2.0 * mu, e, -2.0 * mu, six(work, FIBRE, k), 0.0, e)
         way = combined(1.0, tried, -1.0, six(work, FIBRE + _BACK, k), 0.0, tried)
         way = (way[0] - third, way[1], way[2], way[3] - third, way[4], way[5] - third)
-        put_six(rows, TENSION, k, (tried[0] + pressure, tried[1], tried[2], tried[3] + pressure, tried[4], tried[5] + pressure))
-        put_six(rows, _WAY, k, way)
+        put_six(
+            work,
+            TENSION,
+            k,
+            (tried[0] + pressure, tried[1], tried[2], tried[3] + pressure, tried[4], tried[5] + pressure),
+        )
+        put_six(work, _WAY, k, way)
         size = np.sqrt(double(way, way))
-        rows[at(_SIZE) + k], rows[at(TRACE) + k] = size, trace
+        work[at(_SIZE) + k], work[at(TRACE) + k] = size, trace
         # Tables do not fall: most points are done with their first stress.
         beyond += 1.0 if np.sqrt(1.5) * size > first else 0.0
     return beyond
 
 
 @njit(**FAST)
-def _respond(work: Array, constants: Array, rows: Array, wanted: bool) -> tuple[int, bool]:
+def _respond(work: Array, constants: Array, wanted: bool) -> tuple[int, bool]:
     """Fill in stress, direction of flow and what else there is at the end of the step.
 
     Returns the Gauss points' rule, and whether anything flows.  Where nothing does the direction is not of length 1
     (`_try`).
     """
     mu, recovery = constants[0], constants[2]
-    rule = sums(work, rows)
-    beyond = _try(work, constants, rows)
-    if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0) or not _return(work, constants, rows):
+    rule = sums(work)
+    beyond = _try(work, constants)
+    if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0) or not _return(work, constants):
         if wanted:
             for k in range(_W):
-                rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = 0.0, -1.0, 0.0
-                rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, 0.0
+                work[at(_FLOWN) + k], work[at(_SLOPE) + k], work[at(_LOSS) + k] = 0.0, -1.0, 0.0
+                work[at(_GONE) + k], work[at(_GROWN) + k] = 0.0, 0.0
         return rule, False
     if recovery > 0.0:
         for k in range(_W):
-            gone = rows[at(_GONE) + k]
-            way = combined(1.0, six(rows, _WAY, k), gone, six(work, FIBRE + _BACK, k), 0.0, six(rows, _WAY, k))
-            put_six(rows, _WAY, k, way)
-            rows[at(_SIZE) + k], rows[at(_GROWN) + k] = np.sqrt(double(way, way)), gone / recovery
+            gone = work[at(_GONE) + k]
+            way = combined(1.0, six(work, _WAY, k), gone, six(work, FIBRE + _BACK, k), 0.0, six(work, _WAY, k))
+            put_six(work, _WAY, k, way)
+            work[at(_SIZE) + k], work[at(_GROWN) + k] = np.sqrt(double(way, way)), gone / recovery
     else:
         for k in range(_W):
-            rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, rows[at(_FLOWN) + k]
+            work[at(_GONE) + k], work[at(_GROWN) + k] = 0.0, work[at(_FLOWN) + k]
     for k in range(_W):
-        size, flown = rows[at(_SIZE) + k], rows[at(_FLOWN) + k]
+        size, flown = work[at(_SIZE) + k], work[at(_FLOWN) + k]
         size = size if flown > 0.0 else 1.0
-        way = combined(1.0 / size, six(rows, _WAY, k), 0.0, six(rows, _WAY, k), 0.0, six(rows, _WAY, k))
-        put_six(rows, _WAY, k, way)
-        put_six(rows, TENSION, k, combined(1.0, six(rows, TENSION, k), -2.0 * mu * np.sqrt(1.5) * flown, way, 0.0, way))
-        rows[at(_SIZE) + k] = size
-    _lose(work, constants, rows)
+        way = combined(1.0 / size, six(work, _WAY, k), 0.0, six(work, _WAY, k), 0.0, six(work, _WAY, k))
+        put_six(work, _WAY, k, way)
+        put_six(work, TENSION, k, combined(1.0, six(work, TENSION, k), -2.0 * mu * np.sqrt(1.5) * flown, way, 0.0, way))
+        work[at(_SIZE) + k] = size
+    _lose(work, constants)
     return rule, True
 
 
 @njit(**FAST)
-def _back(work: Array, k: Any, constants: Array, rows: Array, m: int) -> float:
+def _back(work: Array, k: Any, constants: Array, m: int) -> float:
     """Return a component of the back stress at the end of the step."""
-    left = (1.0 - rows[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
-    return left + np.sqrt(2.0 / 3.0) * constants[1] * rows[at(_GROWN) + k] * rows[at(_WAY + m) + k]
+    left = (1.0 - work[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
+    return left + np.sqrt(2.0 / 3.0) * constants[1] * work[at(_GROWN) + k] * work[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy: that of the elastic strain and of kinematic hardening."""
-    rows = np.empty(_ROWS * POINTS)
-    _respond(work, constants, rows, wanted)
-    put_stress(work, rows)
+    _respond(work, constants, wanted)
+    put_stress(work)
     if not wanted:
         return
     mu, kinematic, lame = constants[0], constants[1], constants[constants.size - 1]
     for k in range(_W):
-        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * rows[at(TRACE) + k] ** 2, 0.0
-        work[ROWS[LOST] + k] = work[ROWS[FIBRE + _DISSIPATED] + k] + rows[at(_LOSS) + k]
+        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * work[at(TRACE) + k] ** 2, 0.0
+        work[ROWS[LOST] + k] = work[ROWS[FIBRE + _DISSIPATED] + k] + work[at(_LOSS) + k]
     for m in range(6):
         square = 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            elastic = rows[at(TENSION + m) + k] - square * lame * rows[at(TRACE) + k]
+            elastic = work[at(TENSION + m) + k] - square * lame * work[at(TRACE) + k]
             work[ROWS[ENERGY] + k] += TWICE[m] * 0.25 / mu * elastic * elastic
         if kinematic > 0.0:
             for k in range(_W):
-                work[ROWS[ENERGY] + k] += TWICE[m] * 0.75 / kinematic * _back(work, k, constants, rows, m) ** 2
+                work[ROWS[ENERGY] + k] += TWICE[m] * 0.75 / kinematic * _back(work, k, constants, m) ** 2
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    rows, moduli, across = np.empty(_ROWS * POINTS), np.empty(36 * POINTS), np.zeros(6 * POINTS)
+    moduli, across = np.empty(36 * POINTS), np.zeros(6 * POINTS)
     mu, recovery, lame = constants[0], constants[2], constants[constants.size - 1]
-    rule, _ = _respond(work, constants, rows, True)
+    rule, _ = _respond(work, constants, True)
     for k in range(_W):
-        step, slope = rows[at(_FLOWN) + k], rows[at(_SLOPE) + k]
+        step, slope = work[at(_FLOWN) + k], work[at(_SLOPE) + k]
         # By how much less the deviator grows across the flow, and along it.
-        rows[at(_LOSS) + k] = 2.0 * mu * np.sqrt(1.5) * step / rows[at(_SIZE) + k] if step > 0.0 else 0.0
-        rows[at(_SLOPE) + k] = -3.0 * mu / slope - rows[at(_LOSS) + k] if step > 0.0 else 0.0
+        work[at(_LOSS) + k] = 2.0 * mu * np.sqrt(1.5) * step / work[at(_SIZE) + k] if step > 0.0 else 0.0
+        work[at(_SLOPE) + k] = -3.0 * mu / slope - work[at(_LOSS) + k] if step > 0.0 else 0.0
         if recovery > 0.0 and step > 0.0:
-            _aside(work, k, constants, rows, rows[at(_LOSS) + k], slope, across)
+            _aside(work, k, constants, work[at(_LOSS) + k], slope, across)
     for m in range(6):
         for n in range(6):
             same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
             for k in range(_W):
-                less = rows[at(_LOSS) + k]
+                less = work[at(_LOSS) + k]
                 value = 2.0 * mu * (1.0 - less) * same + (lame + 2.0 * mu * less / 3.0) * both
-                value -= 2.0 * mu * rows[at(_SLOPE) + k] * rows[at(_WAY + m) + k] * rows[at(_WAY + n) + k]
-                value -= mu * (across[at(m) + k] * rows[at(_WAY + n) + k] + rows[at(_WAY + m) + k] * across[at(n) + k])
+                value -= 2.0 * mu * work[at(_SLOPE) + k] * work[at(_WAY + m) + k] * work[at(_WAY + n) + k]
+                value -= mu * (across[at(m) + k] * work[at(_WAY + n) + k] + work[at(_WAY + m) + k] * across[at(n) + k])
                 moduli[at(6 * m + n) + k] = value
-    add_moduli(work, rows, rule, moduli)
+    add_moduli(work, rule, moduli)
 
 
 @njit(**FAST)
-def _aside(work: Array, k: Any, constants: Array, rows: Array, less: float, slope: float, across: Array) -> None:
+def _aside(work: Array, k: Any, constants: Array, less: float, slope: float, across: Array) -> None:
     """Fill in how the flow turns as its size grows: to what is left of the back stress before, across the flow."""
     recovery, forth = constants[2], 0.0
-    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * rows[at(_FLOWN) + k])
+    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * work[at(_FLOWN) + k])
     for m in range(6):
         across[at(m) + k] = factor * work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        forth += TWICE[m] * across[at(m) + k] * rows[at(_WAY + m) + k]
+        forth += TWICE[m] * across[at(m) + k] * work[at(_WAY + m) + k]
     for m in range(6):
-        across[at(m) + k] -= forth * rows[at(_WAY + m) + k]
+        across[at(m) + k] -= forth * work[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    rows = np.empty(_ROWS * POINTS)
-    _, flows = _respond(work, constants, rows, False)
-    put_stress(work, rows)
+    _, flows = _respond(work, constants, False)
+    put_stress(work)
     if not flows:
         return
     for k in range(_W):
-        way, old = six(rows, _WAY, k), six(work, FIBRE, k)
-        put_six(work, FIBRE, k, combined(1.0, old, np.sqrt(1.5) * rows[at(_FLOWN) + k], way, 0.0, way))
-        work[at(FIBRE + _PLASTIC) + k] += rows[at(_FLOWN) + k]
-        work[at(FIBRE + _DISSIPATED) + k] += rows[at(_LOSS) + k]
+        way, old = six(work, _WAY, k), six(work, FIBRE, k)
+        put_six(work, FIBRE, k, combined(1.0, old, np.sqrt(1.5) * work[at(_FLOWN) + k], way, 0.0, way))
+        work[at(FIBRE + _PLASTIC) + k] += work[at(_FLOWN) + k]
+        work[at(FIBRE + _DISSIPATED) + k] += work[at(_LOSS) + k]
     if constants[1] > 0.0:
         grows = np.sqrt(2.0 / 3.0) * constants[1]
         for k in range(_W):
             back = six(work, FIBRE + _BACK, k)
-            back = combined(1.0 - rows[at(_GONE) + k], back, grows * rows[at(_GROWN) + k], six(rows, _WAY, k), 0.0, back)
+            back = combined(
+                1.0 - work[at(_GONE) + k], back, grows * work[at(_GROWN) + k], six(work, _WAY, k), 0.0, back
+            )
             put_six(work, FIBRE + _BACK, k, back)
