@@ -8,7 +8,7 @@ symmetric part.  With time the yield stress is ``1 + (d / (A t))^(1/n)`` times i
 
 Constants: shear modulus, kinematic modulus ``H``, ``gamma``, time ``t`` of the step, ``A`` (0 without such), ``1/n``,
 number of points of the table, its plastic strains and yield stresses in turn, Lame's first parameter.  State: plastic
-strain, six numbers, accumulated plastic strain, back stress, six numbers, and what was dissipated.
+strain, six numbers, accumulated plastic strain, what was dissipated, and where ``H`` is not 0 the back stress.
 """
 
 from typing import Any
@@ -32,8 +32,8 @@ _WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN = LOGARITHM, *(LOGARITHM + 6 +
 # strain; ``s : s``, ``s : a`` and ``a : a`` of deviator and back stress before the return; the excess.
 _ROOT, _HIGH, _LOW, _MISES, _YIELD, _HARD, _SS, _SA, _AA, _VALUE, _PAST, _ROWS = (_GROWN + 1 + m for m in range(12))
 
-# Where the table stands, and in the state accumulated plastic strain, the back stress and what was dissipated.
-_COUNT, _PLASTIC, _BACK, _DISSIPATED = 6, 6, 7, 13
+# Where the table stands, and in the state accumulated plastic strain, what was dissipated and the back stress.
+_COUNT, _PLASTIC, _DISSIPATED, _BACK = 6, 6, 7, 8
 
 # Of the yield stress, above which a stress has to be to flow: the rest is rounding.
 _ROUNDING = 1e-12
@@ -252,21 +252,20 @@ def _try(work: Array, constants: Array) -> float:
     for k in range(_W):
         e = strain(work, k)
         trace = e[0] + e[3] + e[5]
-        pressure, third = lame * trace, 2.0 / 3.0 * mu * trace
-        tried = combined(2.0 * mu, e, -2.0 * mu, six(work, FIBRE, k), 0.0, e)
-        way = combined(1.0, tried, -1.0, six(work, FIBRE + _BACK, k), 0.0, tried)
-        way = (way[0] - third, way[1], way[2], way[3] - third, way[4], way[5] - third)
-        put_six(
-            work,
-            TENSION,
-            k,
-            (tried[0] + pressure, tried[1], tried[2], tried[3] + pressure, tried[4], tried[5] + pressure),
-        )
+        third, bulk = trace / 3.0, (lame + 2.0 / 3.0 * mu) * trace
+        e = e[0] - third, e[1], e[2], e[3] - third, e[4], e[5] - third
+        way = combined(2.0 * mu, e, -2.0 * mu, six(work, FIBRE, k), 0.0, e)
+        put_six(work, TENSION, k, (way[0] + bulk, way[1], way[2], way[3] + bulk, way[4], way[5] + bulk))
         put_six(work, _WAY, k, way)
-        size = np.sqrt(double(way, way))
-        work[at(_SIZE) + k], work[at(TRACE) + k] = size, trace
+        work[at(TRACE) + k], work[at(_SIZE) + k] = trace, np.sqrt(double(way, way))
+    if constants[1] > 0.0:
+        for k in range(_W):
+            way = combined(1.0, six(work, _WAY, k), -1.0, six(work, FIBRE + _BACK, k), 0.0, six(work, _WAY, k))
+            put_six(work, _WAY, k, way)
+            work[at(_SIZE) + k] = np.sqrt(double(way, way))
+    for k in range(_W):
         # Tables do not fall: most points are done with their first stress.
-        beyond += 1.0 if np.sqrt(1.5) * size > first else 0.0
+        beyond += 1.0 if np.sqrt(1.5) * work[at(_SIZE) + k] > first else 0.0
     return beyond
 
 
