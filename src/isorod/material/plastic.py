@@ -74,7 +74,8 @@ class Plastic(Memory, Isotropic):
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
         """What its state is: no back stress where there is never any."""
-        return {"plastic_strain": 6, "p": 1, "dissipated": 1} | ({"back_stress": 6} if self.kinematic > 0.0 else {})
+        back = {"back_stress": 6} if self.kinematic > 0.0 else {}
+        return {"plastic_strain": 6, "p": 1, **back, "dissipated": 1}
 
     @property
     def values(self) -> tuple[float, ...]:

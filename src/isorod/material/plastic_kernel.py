@@ -8,7 +8,7 @@ symmetric part.  With time the yield stress is ``1 + (d / (A t))^(1/n)`` times i
 
 Constants: shear modulus, kinematic modulus ``H``, ``gamma``, time ``t`` of the step, ``A`` (0 without such), ``1/n``,
 number of points of the table, its plastic strains and yield stresses in turn, Lame's first parameter.  State: plastic
-strain, six numbers, accumulated plastic strain, what was dissipated, and where ``H`` is not 0 the back stress.
+strain, six numbers, accumulated plastic strain, the back stress where ``H`` is not 0, and what was dissipated.
 """
 
 from typing import Any
@@ -32,8 +32,8 @@ _WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN = LOGARITHM, *(LOGARITHM + 6 +
 # strain; ``s : s``, ``s : a`` and ``a : a`` of deviator and back stress before the return; the excess.
 _ROOT, _HIGH, _LOW, _MISES, _YIELD, _HARD, _SS, _SA, _AA, _VALUE, _PAST, _ROWS = (_GROWN + 1 + m for m in range(12))
 
-# Where the table stands, and in the state accumulated plastic strain, what was dissipated and the back stress.
-_COUNT, _PLASTIC, _DISSIPATED, _BACK = 6, 6, 7, 8
+# Where the table stands, and in the state accumulated plastic strain and the back stress.
+_COUNT, _PLASTIC, _BACK = 6, 6, 7
 
 # Of the yield stress, above which a stress has to be to flow: the rest is rounding.
 _ROUNDING = 1e-12
@@ -150,7 +150,7 @@ def _begin(work: Array, constants: Array) -> float:
 
 @njit(**FAST)
 def _return(work: Array, constants: Array) -> bool:
-    """Fill in plastic strains of the step, which share of back stress goes, and slopes; return whether anything flows."""
+    """Fill in plastic strains of the step, which share of back stress goes, and slopes; return whether any flow."""
     recovery, plastic = constants[2], at(FIBRE + _PLASTIC)
     pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
     for k in range(_W):
@@ -174,12 +174,8 @@ def _return(work: Array, constants: Array) -> bool:
         _excess(work, constants, begin, end)
         moved = 0.0
         for k in range(_W):
-            root, value, slope, past = (
-                work[at(_ROOT) + k],
-                work[at(_VALUE) + k],
-                work[at(_SLOPE) + k],
-                work[at(_PAST) + k],
-            )
+            root, value = work[at(_ROOT) + k], work[at(_VALUE) + k]
+            slope, past = work[at(_SLOPE) + k], work[at(_PAST) + k]
             by_root = 1.0
             if pace > 0.0:
                 by_root = exponent * work[at(_FLOWN) + k] / max(root, 1e-300)
@@ -306,6 +302,12 @@ def _respond(work: Array, constants: Array, wanted: bool) -> tuple[int, bool]:
 
 
 @njit(**FAST)
+def _dissipated(constants: Array) -> Any:
+    """Return where the row of what was dissipated begins."""
+    return ROWS[FIBRE + _BACK + 6] if constants[1] > 0.0 else ROWS[FIBRE + _BACK]
+
+
+@njit(**FAST)
 def _back(work: Array, k: Any, constants: Array, m: int) -> float:
     """Return a component of the back stress at the end of the step."""
     left = (1.0 - work[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
@@ -320,9 +322,10 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
     if not wanted:
         return
     mu, kinematic, lame = constants[0], constants[1], constants[constants.size - 1]
+    dissipated = _dissipated(constants)
     for k in range(_W):
         work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * work[at(TRACE) + k] ** 2, 0.0
-        work[ROWS[LOST] + k] = work[ROWS[FIBRE + _DISSIPATED] + k] + work[at(_LOSS) + k]
+        work[ROWS[LOST] + k] = work[dissipated + k] + work[at(_LOSS) + k]
     for m in range(6):
         square = 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
@@ -382,7 +385,9 @@ def update(work: Array, constants: Array, activation: float, wanted: bool) -> No
         way, old = six(work, _WAY, k), six(work, FIBRE, k)
         put_six(work, FIBRE, k, combined(1.0, old, np.sqrt(1.5) * work[at(_FLOWN) + k], way, 0.0, way))
         work[at(FIBRE + _PLASTIC) + k] += work[at(_FLOWN) + k]
-        work[at(FIBRE + _DISSIPATED) + k] += work[at(_LOSS) + k]
+    dissipated = _dissipated(constants)
+    for k in range(_W):
+        work[dissipated + k] += work[at(_LOSS) + k]
     if constants[1] > 0.0:
         grows = np.sqrt(2.0 / 3.0) * constants[1]
         for k in range(_W):

@@ -48,11 +48,8 @@ from isorod.material.six_kernel import (
 # 4e-5 at the most, measured.
 _PARTS, _MOST = 4, 8
 
-# Share of a time of relaxation below which a step is told by a series.
-_SHORT = 1e-3
-
-# Times below which a few terms of a series are right to rounding.
-_NEAR = 5e-3
+# How far from 1 cubes, and up to which times, of relaxation, a few terms of a series are right to rounding.
+_SHORT, _NEAR = 1e-3, 5e-3
 
 _W = np.uint64(POINTS)
 _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
@@ -122,25 +119,21 @@ def _take_root(work: Array, row: int) -> None:
 
 @njit(**FAST)
 def _lag(time: float, work: Array) -> None:
-    """Fill in ``1 - exp(-x)``, that over ``x``, and the slope of the latter times ``x``, of times ``r`` times a time."""
+    """Fill in ``1 - exp(-x)``, that over ``x``, and the slope of this by ``x``, of ``r`` times a time."""
     far = 0.0
     for k in range(_W):
-        far += 0.0 if time * work[at(_RATE) + k] < _NEAR else 1.0
+        x = time * work[at(_RATE) + k]
+        mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
+        slope = -0.5 + x * (1.0 / 3.0 - x * (0.125 - x * (1.0 / 30.0 - x * (1.0 / 144.0 - x * (1.0 / 840.0)))))
+        work[at(_GONE) + k], work[at(_MEAN) + k], work[at(_SLOPE) + k] = x * mean, mean, slope
+        far += 0.0 if x < _NEAR else 1.0
     if far > 0.0:
         for k in range(_W):
             x = time * work[at(_RATE) + k]
-            long = x > _SHORT
-            gone, over = -expm1(-x), x if long else 1.0
-            mean = gone / over if long else 1.0 - x * (0.5 - x * (1.0 / 6.0 - x / 24.0))
+            gone, over = -expm1(-x), max(x, _NEAR)
+            mean = gone / over if x >= _NEAR else work[at(_MEAN) + k]
+            work[at(_SLOPE) + k] = (1.0 - gone - mean) / over if x >= _NEAR else work[at(_SLOPE) + k]
             work[at(_GONE) + k], work[at(_MEAN) + k] = gone, mean
-            slope = (1.0 - gone - mean) / over if long else -0.5 + x * (1.0 / 3.0 - x * (0.125 - x / 30.0))
-            work[at(_SLOPE) + k] = slope
-    else:
-        for k in range(_W):
-            x = time * work[at(_RATE) + k]
-            mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
-            slope = -0.5 + x * (1.0 / 3.0 - x * (0.125 - x * (1.0 / 30.0 - x * (1.0 / 144.0 - x * (1.0 / 840.0)))))
-            work[at(_GONE) + k], work[at(_MEAN) + k], work[at(_SLOPE) + k] = x * mean, mean, slope
 
 
 @njit(**FAST)
