@@ -35,8 +35,8 @@ from isorod.statics.differences import (
     Measured,
     Steps,
     largest,
+    near,
     scale,
-    silently,
 )
 
 if TYPE_CHECKING:
@@ -260,11 +260,10 @@ def derivatives(
         beside, (moving, *_) = Beside(make, at, solution.model), several
         unsure = 0.0, ""
 
-        def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
+        def ask(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
             return numbers(measure(moving.equilibrium(assembler, x, acting)))
 
-        with silently():
-            values = measured(moving.assembler, moving.x, moving.acting)
+        values, measured = near(ask, moving.assembler, moving.x, moving.acting)
 
         def by(steps: Steps, models: Sequence[Model]) -> Measured:
             nonlocal unsure

@@ -216,6 +216,18 @@ class Beside:
         return Derivatives(self.at, values, found, none)
 
 
+def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[..., Measured]]:
+    """Return what is measured somewhere, and what asks for it near there, with the choices made there."""
+    with silently(), choices.kept() as made:
+        values = ask(*at)
+
+    def asked(*there: Any) -> Measured:
+        with choices.repeated(made, near=True):
+            return ask(*there)
+
+    return values, asked
+
+
 def scale(rate: Array, value: Array, size: float) -> float:
     """Return the size of a derivative by a parameter, to which what it misses is compared."""
     return max(largest(rate), _NOTHING * largest(value) / size) or 1.0
