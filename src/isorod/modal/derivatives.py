@@ -8,6 +8,7 @@ about (`isorod.statics.derivatives`).
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,9 @@ def derivatives(
         def along(steps: Steps, models: Sequence[Model]) -> Measured:
             return steps.slopes([energies(*one) for one in states(steps, models)], begun)
 
-        changes = beside.derivatives(begun, along, [BY, WIDE] if exact else [WIDE])
+        changes = beside.derivatives(
+            begun, along, [BY, WIDE] if exact else [WIDE], lambda several: [partial(dict, one) for one in several]
+        )
     by = {}
     for name in changes.by:
         rates, turn = _rates(values, changes.by[name])
