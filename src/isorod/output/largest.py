@@ -74,7 +74,7 @@ def largest(
     more
         Axis parameters that are looked at besides, as where the field begins to count.
     """
-    found = choices.chosen(lambda: _peaks(space, field, u, xi, more))
+    found = choices.chosen(lambda: _peaks(space, field, u, xi, np.asarray(more, dtype=float)))
     if choices.near() and found:
         # Where the field begins to count goes along with what it depends on.
         found = [one._replace(u=one.u if one.which is None else float(more[one.which])) for one in found]
@@ -88,7 +88,7 @@ def _peaks(
     field: Field,
     u: float | None,
     xi: Sequence[float] | None,
-    more: Sequence[float] | Array,
+    more: Array,
 ) -> list[Largest]:
     """Return the largest values of some elements, those of which they are largest."""
     angles = max(_ANGLES, 4 * space.points_around)
@@ -111,7 +111,9 @@ def _peaks(
                 boxes.append((float(own[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half)))
     boxes.sort(key=lambda one: -one[0])
     found = [_closer(field, value, box) for value, box in boxes[:_CLOSER] if value > -np.inf]
-    return [one._replace(which=next(iter(np.flatnonzero(np.equal(more, one.u))), None)) for one in found]
+    # Those at a knot may be on either side of it.
+    near = 2.0 * _SIDE * np.ptp(space.axis.breaks)
+    return [one._replace(which=next(iter(np.flatnonzero(np.abs(more - one.u) <= near)), None)) for one in found]
 
 
 def _along(space: Space, u: float | None, more: Sequence[float] | Array) -> Array:

@@ -223,9 +223,9 @@ class Beside:
                     except Kinked as problem:
                         none[name] = str(problem)
             left = [name for name in left if name not in found]
-        return Derivatives(
-            self.at, values, {name: found[name] for name in self.at if name in found}, {name: none[name] for name in left}
-        )
+        # In the order of the parameters.
+        by = {name: found[name] for name in self.at if name in found}
+        return Derivatives(self.at, values, by, {name: none[name] for name in left})
 
 
 def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[..., Measured]]:
