@@ -10,6 +10,7 @@ from isorod import Body, Model, NeoHookean, Space, Support, modal, statics
 from isorod.assembly import factorisation
 from isorod.assembly.assembler import Assembler
 from isorod.petsc import banded
+from isorod.petsc.direct import refined
 from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
@@ -54,6 +55,22 @@ def test_solves_to_rounding(width, definite):
         # Backward stable: the residual is small beside what was added up.
         amount = np.abs(dense) @ np.abs(x.array) + np.abs(right.array)
         assert (np.abs(dense @ x.array - right.array) / amount).max() < 1e-12
+
+
+@pytest.mark.parametrize("definite", [True, False], ids=["definite", "indefinite"])
+def test_several_right_hand_sides_are_solved_as_each_alone(definite):
+    rng = np.random.default_rng(3)
+    dense = band(rng, 200, 29, 0.0)
+    if definite:
+        np.fill_diagonal(dense, 1.1 * np.abs(dense).sum(axis=1))
+    solver, matrix = ksp(dense)
+    forces = [matrix.createVecLeft() for _ in range(5)]
+    for one in forces:
+        one.array = rng.standard_normal(200)
+    solver.setUp()
+    assert (solver.getPC().getPythonContext().negative > 0) is not definite
+    for one, x in zip(forces, refined(solver, forces), strict=True):
+        assert x.array == pytest.approx(np.linalg.solve(dense, one.array), rel=1e-9, abs=1e-9 * np.abs(x.array).max())
 
 
 def test_factorises_again_when_the_matrix_changes():

@@ -147,6 +147,39 @@ def test_a_force_by_a_constant_is_the_energy_by_both(spring):
     assert float(found.by["travel"]["slope"]) == pytest.approx(float(spring.by["nu"]["force"]), rel=3e-5)
 
 
+def test_the_largest_stress_goes_along_with_where_it_is(tmp_path):
+    """A given length from a wall is another part of a longer bar: as stresses of bars that are solved differ."""
+    path = tmp_path / "cantilever.toml"
+    path.write_text("""
+[rod.bar]
+curve = {straight = 6.0}
+section = {circle = 0.3}
+law = {LinearElastic = {E = 2.0e4, nu = 0.3}}
+space = {elements = 6, section_degree = 4, degree = 5}
+
+[support.wall]
+end = "start"
+
+[load.tip]
+end = "end"
+force = [0.01, 0.0, 0.0]
+
+[analysis.statics]
+
+[measure.bending]
+stress = "bar"
+component = "along"
+away = 1.0
+""")
+    scene, length = files.find(str(path)), "rod.bar.curve.straight"
+    found = of(scene)
+    bars = [parameters.at(scene, {length: 6.0 * change}) for change in (1.0 - 1e-4, 1.0 + 1e-4)]
+    less, more = (bar.measure(statics.solve(bar.model(), comm=PETSc.COMM_SELF))["bending"] for bar in bars)
+    assert found.by[length]["bending"] == pytest.approx((more - less) / 12e-4, rel=1e-3)
+    assert logarithmic(found, "bending", "rod.bar.section.circle") == pytest.approx(-3.0, rel=5e-3)
+    assert logarithmic(found, "bending", "load.tip.force.0") == pytest.approx(1.0, rel=1e-4)
+
+
 def test_of_double_frequencies_each_has_its_own(tmp_path):
     (tmp_path / "bar.toml").write_text(BAR)
     scene = files.find(str(tmp_path / "bar.toml"))

@@ -1,5 +1,6 @@
 """Loads on this rank's parts of bodies, as they are at a load factor."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -83,31 +84,42 @@ class Loaded(Parts):
             found -= whole[which].reshape(found.shape)
         return found
 
+    def _stiffness_of(self, k: int, local: Array, factor: float, which: Index) -> Array:
+        """Return the tangents of some elements of a part, with those of loads, shape of `Part.matrices`."""
+        matrices = self.parts[k].matrices(local, factor, which)
+        if self.model.spin is not None or self._pressing:
+            matrices += self._load_stiffness(k, local, factor, which)
+        return matrices
+
     def _add_product(self, k: int, local: Array, factor: float, move: Array, which: Index, total: Array) -> None:
         """Add what some elements of a part have of the tangent times a motion of this rank's degrees of freedom."""
         if which.size:
-            part = self.parts[k]
-            matrices = part.matrices(local, factor, which)
-            if self.model.spin is not None or self._pressing:
-                matrices += self._load_stiffness(k, local, factor, which)
-            slots = part.slots_of(which)
-            np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
+            slots = self.parts[k].slots_of(which)
+            np.add.at(total, slots, np.einsum("eij,ej->ei", self._stiffness_of(k, local, factor, which), move[slots]))
 
-    def acting_along(self, x: PETSc.Vec, factor: float, rate: PETSc.Vec) -> Array:
-        """Return how `acting` changes when the unknowns move by a rate, exactly; without contact and solids."""
+    def acting_along(self, x: PETSc.Vec, factor: float, rates: Sequence[PETSc.Vec]) -> list[Array]:
+        """Return how `acting` changes when the unknowns move by rates, exactly; without contact and solids."""
         with self._timed():
             local, coupling = self._state(x, factor), self.coupling
-            move, total = np.zeros((2, local.size))
-            self._exchange.add_unknowns(rate if coupling is None else coupling.to_rods(rate), move)
+            moves, totals = np.zeros((2, local.size, len(rates)))
+            for rate, move in zip(rates, moves.T, strict=True):
+                self._exchange.add_unknowns(rate if coupling is None else coupling.to_rods(rate), move)
             where = np.sort(self._exchange.bound[1])
             if coupling is not None:
                 moved, slots = self._exchange.moved
                 where = np.union1d(where, slots[np.isin(moved, coupling.constraints.slaves)])
             for k, part in enumerate(self.parts):
-                self._add_product(k, local, factor, move, part.elements_of(where), total)
+                which = part.elements_of(where)
+                if which.size:
+                    slots = part.slots_of(which)
+                    np.add.at(totals, slots, self._stiffness_of(k, local, factor, which) @ moves[slots])
             if coupling is None:
-                return self._bound(total)
-            way = self.system_displacement(rate, factor) - coupling.given(factor)
-            bonds = coupling.bonds
-            found = self.everywhere(total)
-            return found if bonds is None else found + bonds.change(self.system_displacement(x, factor), way)
+                return [self._bound(total) for total in totals.T]
+            found, bonds = [self.everywhere(total) for total in totals.T], coupling.bonds
+            if bonds is None:
+                return found
+            place, rest = self.system_displacement(x, factor), coupling.given(factor)
+            return [
+                one + bonds.change(place, self.system_displacement(rate, factor) - rest)
+                for one, rate in zip(found, rates, strict=True)
+            ]

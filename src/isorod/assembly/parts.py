@@ -98,6 +98,19 @@ class Parts(Unknowns):
             self.coupling.fill(made, solids)
             return made
 
+    def mass_products(self, motions: Sequence[PETSc.Vec], lumped: bool = False) -> Array:
+        """Return ``x^T M y`` of all pairs of motions, ``(m, m)``, by elements; that of rods alone."""
+        with self._timed():
+            found, moved = np.zeros((len(motions), len(motions))), np.zeros((len(motions), self._exchange.size))
+            for motion, local in zip(motions, moved, strict=True):
+                self._exchange.add_unknowns(motion if self.coupling is None else self.coupling.to_rods(motion), local)
+            for part in self.parts:
+                nodal = np.stack([part.nodal(local) for local in moved], axis=-1)
+                own = nodal.reshape(nodal.shape[0], -1, 3 * len(motions))
+                pushed = part.lumped_mass()[:, :, None] * own if lumped else part.mass @ own
+                found += np.tensordot(nodal, pushed.reshape(nodal.shape), ((0, 1, 2, 3), (0, 1, 2, 3)))
+            return np.asarray(self.comm.tompi4py().allreduce(found))
+
     def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix to multiply with.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from isorod import choices
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.output.words import Component as Stress
@@ -176,6 +177,9 @@ def stress(
 
         return swings.find(sought, solution)  # type: ignore[arg-type]
     found = _each(solution, sought.find)
+    if choices.near():
+        # What there is to warn of was said of what it is near to.
+        return found
     # Of a motion that in the end.
     state: Any = solution
     last, there = (state, found) if hasattr(state, "at") else (state[-1], found[-1])

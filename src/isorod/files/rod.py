@@ -195,6 +195,16 @@ class RodPlan:
         joints: Array = self.curve.make().stations if self._pieces else rod.axis.breaks
         return joints
 
+    def _along_axis(self, rod: "Rod", laws: "list[Material]") -> "list[Material]":
+        """Return laws, one for each piece or element of the curve, as those of the rod's elements; of rings as is."""
+        joints, rings = self._joints(rod), len(rod.rings) - 1
+        places = len(joints) - 1 if rings == 1 else rings
+        if len(laws) != places:
+            what = "pieces" if self._pieces else "elements"
+            each = f"the {places} {what} of the curve" if rings == 1 else f"the {rings} rings of the section"
+            raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
+        return [laws[k] for k in np.searchsorted(joints, rod.axis.within([0.5]).ravel()) - 1] if rings == 1 else laws
+
     def _warmed(self, rod: "Rod") -> list[float]:
         """Return the axis parameters at which a temperature along the rod has another slope, if they are few."""
         lengths = getattr(self._warm and self._warm.arguments["temperature"], "lengths", ())
@@ -264,14 +274,8 @@ class RodPlan:
 
             rim = choices.chosen(lambda: use.bonded or chosen.is_short(rod, reach))
             rod = choices.same((rod, "rim"), lambda: chosen.with_rim(own)) if rim else rod
-        joints, rings = self._joints(rod), len(rod.rings) - 1
-        places = len(joints) - 1 if rings == 1 else rings
-        if len(laws) not in (1, places):
-            what = "pieces" if self._pieces else "elements"
-            each = f"the {places} {what} of the curve" if rings == 1 else f"the {rings} rings of the section"
-            raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
-        if rings == 1 and len(laws) > 1:
-            laws = [laws[k] for k in np.searchsorted(joints, rod.axis.within([0.5]).ravel()) - 1]
+        if len(laws) > 1:
+            laws = self._along_axis(rod, laws)
         if use.patches:
             from isorod.space.closer import closer
 

@@ -8,6 +8,7 @@ about (`isorod.statics.derivatives`).
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,9 +76,7 @@ def derivatives(
         exact = moving is None and not model.coupled and all(body.linear for body in model.bodies)
 
         def energies(assembler: Assembler, x: PETSc.Vec) -> Measured:
-            mass = assembler.mass(solution.lumped)
-            found = {"mass": np.sqrt(np.outer(values, values)) * _products(mass.mult, shapes)}
-            mass.destroy()
+            found = {"mass": np.sqrt(np.outer(values, values)) * assembler.mass_products(shapes, solution.lumped)}
             if exact:
                 return found | {"stiffness": _products(lambda one, out: assembler.residual(one, factor, out), shapes)}
             stiffness = assembler.matrix()
@@ -91,7 +90,9 @@ def derivatives(
         def along(steps: Steps, models: Sequence[Model]) -> Measured:
             return steps.slopes([energies(*one) for one in states(steps, models)], begun)
 
-        changes = beside.derivatives(begun, along, [BY, WIDE] if exact else [WIDE])
+        changes = beside.derivatives(
+            begun, along, [BY, WIDE] if exact else [WIDE], lambda several: [partial(dict, one) for one in several]
+        )
     by = {}
     for name in changes.by:
         rates, turn = _rates(values, changes.by[name])

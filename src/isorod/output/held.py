@@ -2,15 +2,20 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.geometry.rod import Rod
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 
 # Points of the centre line between knots that its length is measured with.
 _STEPS = 20
+
+# What `_line` returns of rods that there are.
+_LINES: WeakKeyDictionary[Rod, tuple[Array, Array, float]] = WeakKeyDictionary()
 
 
 def width(model: Model, number: int) -> float:
@@ -57,6 +62,12 @@ def edges(model: Model, number: int, away: float) -> Array:
 def _line(model: Model, number: int) -> tuple[Array, Array, float]:
     """Return axis parameters and the lengths of the centre line up to there, and the section's largest width."""
     rod = model.bodies[number].space.rod
+    if rod not in _LINES:
+        _LINES[rod] = _look_along(rod)
+    return _LINES[rod]
+
+
+def _look_along(rod: Rod) -> tuple[Array, Array, float]:
     breaks = rod.axis.breaks
     line = np.concatenate([np.linspace(a, b, _STEPS, endpoint=False) for a, b in pairwise(breaks)])
     line = np.append(line, breaks[-1])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from isorod import choices
 from isorod.arrays import Array
 from isorod.space.space import Space
 
@@ -26,11 +27,12 @@ _SIDE = 1e-9
 
 
 class Largest(NamedTuple):
-    """The largest value, and where it is: axis parameter, and disk point ``(2,)``."""
+    """The largest value, and where it is: axis parameter, which of those that were given, if any, and disk point."""
 
     value: float
     u: float
     xi: Array
+    which: int | None = None
 
 
 class Peak(NamedTuple):
@@ -58,7 +60,8 @@ def largest(
     """Return the largest value of a field over a rod, over a section of it, or over a line along it.
 
     Every element and ring is looked at on a grid, both of its sides included, and more and more closely round the
-    largest values of the grid.
+    largest values of the grid.  These places are a choice (`isorod.choices`): where a largest value is, its derivative
+    is that of the value there.
 
     Parameters
     ----------
@@ -71,6 +74,23 @@ def largest(
     more
         Axis parameters that are looked at besides, as where the field begins to count.
     """
+    found = choices.chosen(lambda: _peaks(space, field, u, xi, np.asarray(more, dtype=float)))
+    if choices.near() and found:
+        # Where the field begins to count goes along with what it depends on.
+        found = [one._replace(u=one.u if one.which is None else float(more[one.which])) for one in found]
+        values = np.diag(field(np.array([one.u for one in found]), np.array([one.xi for one in found])))
+        found = [one._replace(value=float(value)) for one, value in zip(found, values, strict=True)]
+    return max(found, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
+
+
+def _peaks(
+    space: Space,
+    field: Field,
+    u: float | None,
+    xi: Sequence[float] | None,
+    more: Array,
+) -> list[Largest]:
+    """Return the largest values of some elements, those of which they are largest."""
     angles = max(_ANGLES, 4 * space.points_around)
     rows = _along(space, u, more)
     boxes: list[tuple[float, _Box]] = []
@@ -91,7 +111,9 @@ def largest(
                 boxes.append((float(own[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half)))
     boxes.sort(key=lambda one: -one[0])
     found = [_closer(field, value, box) for value, box in boxes[:_CLOSER] if value > -np.inf]
-    return max(found, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
+    # Those at a knot may be on either side of it.
+    near = 2.0 * _SIDE * np.ptp(space.axis.breaks)
+    return [one._replace(which=next(iter(np.flatnonzero(np.abs(more - one.u) <= near)), None)) for one in found]
 
 
 def _along(space: Space, u: float | None, more: Sequence[float] | Array) -> Array:

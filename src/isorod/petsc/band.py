@@ -9,6 +9,7 @@ where they do by much, the factors are refused.
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
+from scipy.linalg import blas
 
 from isorod.arrays import Array, Index
 from isorod.petsc import band_kernel as kernel
@@ -156,6 +157,30 @@ class Factors:
         kernel.back(self._band, self._cut, self._end, self._odd, self._inverse, self._sign, x)
 
     def solve(self, x: Array) -> None:
-        """Solve in place where all unknowns are eliminated."""
+        """Solve in place where all unknowns are eliminated, for one right-hand side or the columns of several."""
+        if x.ndim > 1:
+            self._solve_together(x)
+            return
         self.forward(x)
         self.back(x)
+
+    def _solve_together(self, x: Array) -> None:
+        """Solve for several right-hand sides, of which the band passes through memory once for all."""
+        odd, panels = {int(k): one for one, k in enumerate(self._odd)}, []
+        for k, bottom in enumerate(self._end):
+            c, c1 = self._cut[k : k + 2]
+            own, below = x[c:c1], self._dense(c, c1 - c, c1 - c, bottom - c1)
+            if k in odd:
+                block = self._inverse[odd[k], : c1 - c, : c1 - c]
+                sign = self._sign[odd[k], : c1 - c]
+                own[:] = block @ own
+            else:
+                block = self._dense(c, c1 - c, 0, c1 - c)
+                sign = np.copysign(1.0, np.diagonal(block))
+                own[:] = blas.dtrsm(1.0, block, own, lower=True)
+            rest = x[c1:bottom]
+            rest -= below @ own
+            panels.append((own, rest, block, below, sign[:, None], k in odd))
+        for own, rest, block, below, sign, is_odd in reversed(panels):
+            left = sign * own - below.T @ rest
+            own[:] = block.T @ left if is_odd else blas.dtrsm(1.0, block, left, lower=True, trans_a=True)

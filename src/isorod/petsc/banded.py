@@ -59,6 +59,16 @@ class Banded:
             solution.array_w[:] += self._factors.solve(residual.array_r)
             residual.destroy()
 
+    def matApply(self, pc: PETSc.PC, right: PETSc.Mat, solution: PETSc.Mat) -> None:
+        """Solve for several right-hand sides, the columns of a dense matrix."""
+        found = solution.getDenseArray()
+        found[:] = self._factors.solve(right.getDenseArray())
+        if self._factors.negative:
+            _, matrix = pc.getOperators()
+            residual = matrix.matMult(solution)
+            found += self._factors.solve(right.getDenseArray() - residual.getDenseArray())
+            residual.destroy()
+
     # The matrix is symmetric.
     applyTranspose = apply
 

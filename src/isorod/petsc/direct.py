@@ -1,7 +1,8 @@
 """Linear solves by factors of a matrix."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 from petsc4py import PETSc
 
 from isorod.options import defaults
@@ -32,3 +33,42 @@ def direct(matrix: PETSc.Mat, options: Mapping[str, object], prefix: str = "") -
 def room(comm: PETSc.Comm, prefix: str = "") -> dict[str, object]:
     """Return the option that gives MUMPS work space enough on several ranks, which it reads when it begins."""
     return {f"{prefix}mat_mumps_icntl_14": WORK_SPACE} if comm.getSize() > 1 else {}
+
+
+def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
+    """Return the solutions of several right-hand sides, once more of what is left, where factors lose digits.
+
+    Factors pass through memory once for all of them.
+    """
+    if not forces:
+        return []
+    matrix, _ = ksp.getOperators()
+    right = PETSc.Mat().createDense((forces[0].getSizes(), len(forces)), comm=ksp.getComm())
+    right.setUp()
+    right.getDenseArray()[:] = np.stack([one.array_r for one in forces], axis=1)
+    right.assemble()
+    found = _solved(ksp, right)
+    left = matrix.matMult(found)
+    left.aypx(-1.0, right)
+    more = _solved(ksp, left)
+    found.axpy(1.0, more)
+    several = [force.duplicate() for force in forces]
+    for one, column in zip(several, found.getDenseArray().T, strict=True):
+        one.array_w[:] = column
+    for mat in (right, found, more, left):
+        mat.destroy()
+    return several
+
+
+def _solved(ksp: PETSc.KSP, right: PETSc.Mat) -> PETSc.Mat:
+    """Return the solutions of the columns of a dense matrix."""
+    found = right.duplicate()
+    if ksp.getType() == "preonly":
+        ksp.getPC().matApply(right, found)
+        return found
+    force, solution = right.createVecLeft(), right.createVecLeft()
+    for one, column in zip(right.getDenseArray().T, found.getDenseArray().T, strict=True):
+        force.array_w[:] = one
+        ksp.solve(force, solution)
+        column[:] = solution.array_r
+    return found

@@ -123,7 +123,9 @@ class SharedFactors:
         return done
 
     def solve(self, right: Array) -> Array:
-        """Return this rank's solution for its right-hand side."""
+        """Return this rank's solution for its right-hand side, or for the columns of several."""
+        if right.ndim > 1 and (self._whole is not None or self._comm.size > 1):
+            return np.stack([self.solve(one) for one in right.T], axis=1)
         if self._whole is not None:
             return self._whole.solve(right)
         if self._comm.size == 1:

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from isorod.checks.tie_result import at_load
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
-from isorod.petsc.direct import direct, room
+from isorod.petsc.direct import direct, refined, room
 from isorod.statics.differences import (
     APART,
     NEAR,
@@ -35,8 +36,8 @@ from isorod.statics.differences import (
     Measured,
     Steps,
     largest,
+    near,
     scale,
-    silently,
 )
 
 if TYPE_CHECKING:
@@ -86,6 +87,13 @@ class Motion(NamedTuple):
     pressures: Array
 
 
+class Pushed(NamedTuple):
+    """What a parameter changes at one displacement: forces on unknowns, and how gaps grow by themselves."""
+
+    force: PETSc.Vec
+    grown: Array
+
+
 class Moving:
     """An equilibrium with the factors of its tangent, which says how it moves.
 
@@ -118,7 +126,8 @@ class Moving:
         with defaults(room(self.comm)):
             self._ksp = direct(self._tangent, factorisation(self.assembler))
             self.assembler.residual(self.x, 1.0, self._rest)
-            self.x.axpy(-1.0, self._solved(self._rest))
+            (move,) = refined(self._ksp, [self._rest])
+            self.x.axpy(-1.0, move)
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
 
@@ -146,13 +155,13 @@ class Moving:
         for one in (self._ksp, self._tangent):
             one.destroy()
 
-    def _solved(self, force: PETSc.Vec) -> PETSc.Vec:
-        found = force.duplicate()
-        self._ksp.solve(force, found)
-        return found
-
     def motion(self, steps: Steps, models: Sequence[Model]) -> tuple["Motion", list[tuple[Assembler, Array]]]:
-        """Return how it moves as models go on, and of each its assembler and what is acting where it is.
+        """Return how it moves as models go on, and of each its assembler and what is acting where it is."""
+        pushed, several = self.pushed(steps, models)
+        return self.motions([pushed])[0], several
+
+    def pushed(self, steps: Steps, models: Sequence[Model]) -> tuple["Pushed", list[tuple[Assembler, Array]]]:
+        """Return what pushes it as models go on, and of each its assembler and what is acting where it is.
 
         Raises
         ------
@@ -184,25 +193,26 @@ class Moving:
         if self._tight is not None:
             self.assembler.spread(self._tight.held(grown), jump)
             force.axpy(1.0, jump)
-        rate = self._solved(force)
-        # What digits are lost by the factors, forces of slender rods lose twice.
-        left = force.duplicate()
-        self._tangent.mult(rate, left)
-        rate.axpy(-1.0, self._solved(left - force))
-        rate.scale(-1.0)
-        return Motion(rate, *self._changes(rate, grown)), several
+        return Pushed(force, grown), several
 
-    def _changes(self, rate: PETSc.Vec, grown: Array) -> tuple[Array, Array]:
-        """Return how fast `acting` and multipliers of contact change, where gaps grow by themselves."""
-        found, contact = self.assembler.acting_along(self.x, 1.0, rate), self.assembler.contact
+    def motions(self, several: Sequence["Pushed"]) -> list["Motion"]:
+        """Return how it moves by what pushes it: all of them together, which is most of what each costs alone."""
+        rates = refined(self._ksp, [one.force for one in several])
+        for rate in rates:
+            rate.scale(-1.0)
+        changes, contact = self.assembler.acting_along(self.x, 1.0, rates), self.assembler.contact
         if contact is None:
-            return found, self._gaps
-        move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
-        forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
-        if self._tight is not None:
-            forces += self._tight.held(grown)
-            pressures = self._tight.pressures(grown, move)
-        return found + (forces if self.assembler.coupling else forces[self.assembler.model.bound]), pressures
+            return [Motion(rate, change, self._gaps) for rate, change in zip(rates, changes, strict=True)]
+        found = []
+        for (_, grown), rate, change in zip(several, rates, changes, strict=True):
+            move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
+            forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
+            if self._tight is not None:
+                forces += self._tight.held(grown)
+                pressures = self._tight.pressures(grown, move)
+            forces = forces if self.assembler.coupling else forces[self.assembler.model.bound]
+            found.append(Motion(rate, change + forces, pressures))
+        return found
 
     def ahead(self, step: float, motion: "Motion") -> tuple[PETSc.Vec, Array]:
         """Let multipliers go a step on, or back, and return the state there, and what is acting in it."""
@@ -260,23 +270,32 @@ def derivatives(
         beside, (moving, *_) = Beside(make, at, solution.model), several
         unsure = 0.0, ""
 
-        def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
+        def ask(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
             return numbers(measure(moving.equilibrium(assembler, x, acting)))
 
-        with silently():
-            values = measured(moving.assembler, moving.x, moving.acting)
+        values, measured = near(ask, moving.assembler, moving.x, moving.acting)
 
-        def by(steps: Steps, models: Sequence[Model]) -> Measured:
+        def begin(steps: Steps, models: Sequence[Model]) -> tuple[Steps, list[tuple[Pushed, Measured]]]:
+            return steps, [_held(one, steps, models, values, measured) for one in several]
+
+        def end(steps: Steps, moves: Sequence[tuple[Motion, Measured]]) -> Measured:
             nonlocal unsure
-            found, *others = (_of(one, steps, models, values, measured) for one in several)
+            found, *others = (_of(one, steps, *own, values, measured) for one, own in zip(several, moves, strict=True))
             for name, other in ((name, one[name]) for one in others for name in values):
                 whole = max(largest(found[name]), largest(values[name]) / steps.size) or 1.0
                 off = largest(other - found[name]) / whole
                 unsure = max(unsure, (off, name))
             return found
 
+        def go_on(begun: Sequence[tuple[Steps, list[tuple[Pushed, Measured]]]]) -> list[Callable[[], Measured]]:
+            moves = [one.motions([held[k][0] for _, held in begun]) for k, one in enumerate(several)]
+            return [
+                partial(end, steps, [(own[k], rates) for own, (_, rates) in zip(moves, held, strict=True)])
+                for k, (steps, held) in enumerate(begun)
+            ]
+
         # Further off other points touch.
-        found = beside.derivatives(values, by, [NEAR] if solution.model.contacts else [NEAR, WIDE])
+        found = beside.derivatives(values, begin, [NEAR] if solution.model.contacts else [NEAR, WIDE], go_on)
     if unsure[0] > _UNSURE:
         warnings.warn(
             f"derivatives of {unsure[1]} are known to {100.0 * unsure[0]:.2g} %: where a patch of contact rolls or "
@@ -286,16 +305,27 @@ def derivatives(
     return found
 
 
-def _of(
+def _held(
     moving: Moving,
     steps: Steps,
     models: Sequence[Model],
     values: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
+) -> tuple[Pushed, Measured]:
+    """Return what pushes one model, and the derivatives of what is measured where it is held."""
+    pushed, several = moving.pushed(steps, models)
+    return pushed, steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
+
+
+def _of(
+    moving: Moving,
+    steps: Steps,
+    motion: Motion,
+    held: Measured,
+    values: Measured,
+    measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> Measured:
     """Return the derivatives of what is measured."""
-    motion, several = moving.motion(steps, models)
-    held = steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
     moved = _along(moving, motion, steps.size, values, held, measured)
     return {name: held[name] + moved[name] for name in values}
 

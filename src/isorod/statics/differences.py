@@ -189,7 +189,11 @@ class Beside:
             raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
 
     def derivatives(
-        self, values: Measured, by: Callable[[Steps, Sequence[Model]], Measured], shares: Sequence[float]
+        self,
+        values: Measured,
+        begin: Callable[[Steps, Sequence[Model]], Any],
+        shares: Sequence[float],
+        go_on: Callable[[Sequence[Any]], Sequence[Callable[[], Measured]]],
     ) -> Derivatives:
         """Return derivatives by all parameters.
 
@@ -197,23 +201,43 @@ class Beside:
         ----------
         values
             What is measured.
-        by
-            Returns its derivatives, of models at steps from a parameter, or raises `Kinked`.
+        begin
+            Returns what is needed of models at steps from a parameter, which are then let go, or raises `Kinked`.
         shares
             How far off these are, one after the other until there is no kink.
+        go_on
+            Returns, of what is needed by several parameters, what returns the derivatives by each, or raises `Kinked`.
         """
-        found, none = {}, {}
-        for name in self.at:
-            for share in shares:
-                try:
-                    with silently():
-                        found[name] = by(*self.models(name, share))
-                except Kinked as problem:
-                    none[name] = str(problem)
-                else:
-                    none.pop(name, None)
-                    break
-        return Derivatives(self.at, values, found, none)
+        found, none, left = {}, dict[str, str](), list(self.at)
+        for share in shares:
+            begun = {}
+            with silently():
+                for name in left:
+                    try:
+                        begun[name] = begin(*self.models(name, share))
+                    except Kinked as problem:
+                        none[name] = str(problem)
+                for name, end in zip(begun, go_on(list(begun.values())), strict=True):
+                    try:
+                        found[name] = end()
+                    except Kinked as problem:
+                        none[name] = str(problem)
+            left = [name for name in left if name not in found]
+        # In the order of the parameters.
+        by = {name: found[name] for name in self.at if name in found}
+        return Derivatives(self.at, values, by, {name: none[name] for name in left})
+
+
+def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[..., Measured]]:
+    """Return what is measured somewhere, and what asks for it near there, with the choices made there."""
+    with silently(), choices.kept() as made:
+        values = ask(*at)
+
+    def asked(*there: Any) -> Measured:
+        with choices.repeated(made, near=True):
+            return ask(*there)
+
+    return values, asked
 
 
 def scale(rate: Array, value: Array, size: float) -> float:
