@@ -22,7 +22,9 @@ from isorod.assembly.formulation import assembler_for
 from isorod.checks.reactions import carried
 from isorod.checks.tie_result import at_load
 from isorod.errors import InputError
+from isorod.model.history import Times
 from isorod.model.model import Model
+from isorod.model.times import until
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
 from isorod.statics.differences import (
@@ -69,13 +71,37 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 
 def refuse(model: Model) -> None:
-    """Raise `InputError` where the answer is no function of the parameters alone, and for finite element bodies."""
+    """Raise `InputError` where the path of contact counts, and for finite element bodies."""
     if any(one.friction for one in model.contacts):
         raise InputError("derivatives: not available with friction, which depends on the path; isorod sweep varies it")
-    if model.remembers or model.times is not None:
-        raise InputError("derivatives: not available over time or with a memory, where the answer depends on the path")
+    if model.contacts and model.remembers:
+        raise InputError("derivatives: not available with contact of laws with memory; isorod sweep varies the number")
     if model.solids:
         raise InputError("derivatives: not available with finite element bodies")
+
+
+def as_solved(make: Callable[[Mapping[str, float]], Model], times: Times | None) -> Callable[..., Model]:
+    """Return what makes models that follow their histories as long as that of an answer does."""
+    return make if times is None else lambda values: until(make(values), times.end)
+
+
+def equilibrium(solution: Any, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
+    """Return what answers for a state of a model beside that of a solution, and for what is acting in it."""
+    own, contact = carried(assembler, x, 1.0, acting), assembler.contact
+    return replace(
+        solution,
+        model=assembler.model,
+        displacement=assembler.displacement(x, 1.0),
+        reactions=own.reactions,
+        moments=own.moments,
+        work=own.work,
+        pressures=assembler.pressures(x),
+        ties=at_load(assembler, x, 1.0, acting),
+        contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
+        solids=assembler.solids(x, 1.0),
+        path=(),
+        in_more_steps=None,
+    )
 
 
 class Motion(NamedTuple):
@@ -210,24 +236,6 @@ class Moving:
             self.assembler.contact.packed.multipliers[:] += step * motion.pressures
         return self.x + step * motion.rate, self.acting + step * motion.change
 
-    def equilibrium(self, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
-        """Return what answers for a state, and for what is acting in it."""
-        own, contact = carried(assembler, x, 1.0, acting), assembler.contact
-        return replace(
-            self.solution,
-            model=assembler.model,
-            displacement=assembler.displacement(x, 1.0),
-            reactions=own.reactions,
-            moments=own.moments,
-            work=own.work,
-            pressures=assembler.pressures(x),
-            ties=at_load(assembler, x, 1.0, acting),
-            contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
-            solids=assembler.solids(x, 1.0),
-            path=(),
-            in_more_steps=None,
-        )
-
 
 def derivatives(
     solution: Any,
@@ -251,17 +259,17 @@ def derivatives(
     Raises
     ------
     InputError
-        If the model has friction, a memory, times or finite element bodies, or a parameter is zero.
+        If the model has friction or finite element bodies, or a parameter is zero.
     """
     with ExitStack() as stack:
         several = [stack.enter_context(closing(Moving(solution)))]
         if several[0].tight:
             several.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
-        beside, (moving, *_) = Beside(make, at, solution.model), several
-        unsure = 0.0, ""
+        beside = Beside(as_solved(make, solution.model.times), at, solution.model)
+        moving, unsure = several[0], (0.0, "")
 
         def measured(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
-            return numbers(measure(moving.equilibrium(assembler, x, acting)))
+            return numbers(measure(equilibrium(solution, assembler, x, acting)))
 
         with silently():
             values = measured(moving.assembler, moving.x, moving.acting)
