@@ -35,9 +35,9 @@ from isorod.statics.path import Step
 # are at most.
 _LEAVES, _MOST = 0.5, 40
 
-# So much of the forces may be left of the answer's own increments, and of those beside so many times what rounding
-# leaves of these.
-_BALANCED, _ROUNDED = 1e-6, 100.0
+# So much of the forces may be left of the answer's own increments.  Of those beside it may be so many times what
+# rounding leaves of these: with the answer's tangent, and with their own.
+_BALANCED, _ROUNDED, _OWN = 1e-6, 4.0, 100.0
 
 
 class _Tangent:
@@ -79,32 +79,31 @@ class _Walk:
         self._past, self._steps = list[Past](), list[Step]()
         self.left = 0.0
 
-    def balance(self, factor: float, tangent: _Tangent, enough: float, other: Callable[[], _Tangent]) -> None:
+    def balance(self, factor: float, tangent: _Tangent, most: tuple[float, float], other: Callable[[], _Tangent]) -> None:
         """Bring the end of an increment into balance, as far as digits go.
 
         Parameters
         ----------
         tangent
             That near the end.
-        enough
-            What may be left.
+        most
+            What may be left of it, and of a tangent of its own.
         other
-            Returns a tangent that may become its own where that does not suit, as where points yield that do not in
-            the answer.
+            Returns one that may become this where more is left, as where points yield that do not in the answer.
         """
         last, own = np.inf, False
         for _ in range(_MOST):
             self._acting = self.assembler.acting(self.x, factor, self._rest)
             self.left = self._rest.norm() / (float(np.linalg.norm(self._acting)) or 1.0)
             if not self.left < _LEAVES * last:
-                if self.left <= enough or not np.isfinite(self.left):
+                if own or self.left <= most[0] or not np.isfinite(self.left):
                     break
                 tangent, own = other(), True
             if own:
                 tangent.fill(self.assembler, self.x, factor)
             last = self.left
             self.x.axpy(-1.0, tangent.solved(self._rest))
-        if not self.left <= enough:
+        if not self.left <= most[own]:
             raise SolveError(f"no equilibrium at {self.assembler.model.when(factor)}")
         # Displacements are rounded: in stiff directions that is most of what is left.
         self._acting = self._acting - self.assembler.acting_along(self.x, factor, tangent.solved(self._rest))
@@ -165,12 +164,12 @@ class _Way:
             pressures = solution.pressures if factor == 1.0 else own.assembler.pressures(before)
             own.x = own.assembler.state(end.displacement, pressures)
             self._own().fill(own.assembler, own.x, factor)
-            own.balance(factor, self._own(), _BALANCED, self._own)
+            own.balance(factor, self._own(), (_BALANCED, _BALANCED), self._own)
             for name, several in beside.items():
                 try:
                     for one in several if name not in none else ():
                         one.x.axpy(1.0, own.x - before)
-                        one.balance(factor, self._own(), _ROUNDED * own.left, self._other)
+                        one.balance(factor, self._own(), (_ROUNDED * own.left, _OWN * own.left), self._other)
                         one.leave(factor, like)
                 except SolveError as problem:
                     none[name] = f"beside it there is {problem}"
