@@ -1,4 +1,4 @@
-"""Derivatives of what laws with memory answer, along the path of their load steps.
+"""Derivatives along the path of load steps: of laws with memory, and wherever the tangent is not exact.
 
 In an increment the residual ``R(u, s, p) = 0`` has the state ``s`` that the increments before have left, which depends
 on the parameter too.  The increments of the answer are taken once more, and beside it models of parameters a little off
@@ -7,7 +7,8 @@ of the answer's consistent tangent, ``K du = -R``, from where the answer ends an
 That is direct differentiation (P. Michaleris, D. A. Tortorelli & C. A. Vidal, Tangent operators and design sensitivity
 formulations for transient non-linear coupled problems with applications to elastoplasticity, IJNME 37 (1994) 2471-2499)
 without the derivative of a return mapping by hand: an increment costs one tangent, whatever number of parameters there
-is, and a few residuals and back-substitutions for each.  Derivatives are those of an answer in as many increments.
+is, and a few residuals and back-substitutions for each.  A symmetric part of the tangent does as well, in more of these.
+Derivatives are those of an answer in as many increments.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -157,10 +158,9 @@ class _Way:
     def go(self, beside: Mapping[str, Sequence[_Walk]]) -> dict[str, str]:
         """Take all increments, and the models beside with it; return why some have not come along, by their names."""
         own, solution, none = self.walk, self._solution, dict[str, str]()
-        ends = [*solution.model.past, Past(1.0, solution.displacement)]
-        for end, like in zip(ends, list(solution.path) or [None] * len(ends), strict=True):
+        for end, like in increments(solution):
             factor, before = end.factor, own.x
-            # On the way pressures are not known.
+            # Pressures are not known everywhere on the way.
             pressures = solution.pressures if factor == 1.0 else own.assembler.pressures(before)
             own.x = own.assembler.state(end.displacement, pressures)
             self._own().fill(own.assembler, own.x, factor)
@@ -177,18 +177,41 @@ class _Way:
         return none
 
 
+def increments(solution: Any) -> list[tuple[Past, Step | None]]:
+    """Return where the increments have ended whose states count, and the load steps that the answer has of them."""
+    steps = {one.factor: one for one in solution.path}
+    known = [Past(one.factor, one.displacement) for one in solution.path if one.displacement is not None]
+    before = solution.model.past if solution.model.remembers else known
+    ends = [*(one for one in before if one.factor < 1.0), Past(1.0, solution.displacement)]
+    return [(one, steps.get(one.factor)) for one in ends]
+
+
+def suits(solution: Any) -> bool:
+    """Return whether derivatives of a solution are to be found along the path.
+
+    They are with a memory; with pressures that follow, whose tangent may be symmetric in part alone; and where states
+    over time are kept, of which something may be measured.
+    """
+    model = solution.model
+    return bool(
+        model.remembers
+        or (model.following and not model.contacts)
+        or (model.times is not None and not model.contacts and len(increments(solution)) > 1)
+    )
+
+
 def derivatives(
     solution: Any,
     make: Callable[[Mapping[str, float]], Model],
     at: Mapping[str, float],
     measure: Callable[[Any], Mapping[str, object]],
 ) -> Derivatives:
-    """Return what `isorod.statics.derivatives.derivatives` does, of laws with memory.
+    """Return what `isorod.statics.derivatives.derivatives` does, of a solution and the path to it.
 
     Raises
     ------
     InputError
-        As there; with contact too.
+        As there; with contact and a memory too.
     SolveError
         If an increment is not found once more.
     """

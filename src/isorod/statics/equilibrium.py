@@ -255,11 +255,11 @@ class Equilibrium(State, WithSolids, Animated):
     ) -> "Derivatives":
         """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`).
 
-        Of laws with memory they are those along the path (`isorod.statics.along_path.derivatives`).
+        Of laws with memory they are those along the path (`isorod.statics.along_path`).
         """
         from isorod.statics import along_path, derivatives
 
-        return (along_path if self.model.remembers else derivatives).derivatives(self, make, at, measure)
+        return (along_path if along_path.suits(self) else derivatives).derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
