@@ -7,8 +7,8 @@ of the answer's consistent tangent, ``K du = -R``, from where the answer ends an
 That is direct differentiation (P. Michaleris, D. A. Tortorelli & C. A. Vidal, Tangent operators and design sensitivity
 formulations for transient non-linear coupled problems with applications to elastoplasticity, IJNME 37 (1994) 2471-2499)
 without the derivative of a return mapping by hand: an increment costs one tangent, whatever number of parameters there
-is, and a few residuals and back-substitutions for each.  A symmetric part of the tangent does as well, in more of these.
-Derivatives are those of an answer in as many increments.
+is, and a few residuals and back-substitutions for each.  The symmetric part of a tangent does as well, in more of
+these.  Derivatives are those of an answer in as many increments.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ from isorod.model.past import Past
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
 from isorod.statics.derivatives import as_solved, equilibrium, numbers, refuse
-from isorod.statics.differences import NEAR, Beside, Derivatives, Kinked, Measured, Steps, silently
+from isorod.statics.differences import BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, silently
 from isorod.statics.path import Step
 
 # A correction that leaves more than this share of a residual leaves rounding, or has the wrong tangent; how many there
@@ -40,25 +40,33 @@ _LEAVES, _MOST = 0.5, 40
 # rounding leaves of these: with the answer's tangent, and with their own.
 _BALANCED, _ROUNDED, _OWN = 1e-6, 4.0, 100.0
 
+# Where the answer is balanced to the last digit.
+_LEAST = 1e-14
+
 
 class _Tangent:
-    """A tangent and its factors."""
+    """A tangent and its factors; they are made when they are needed first."""
 
-    def __init__(self, assembler: Assembler) -> None:
-        self._matrix = assembler.matrix()
-        self._ksp = direct(self._matrix, factorisation(assembler))
+    def __init__(self) -> None:
+        self._matrix: PETSc.Mat | None = None
+        self._ksp: PETSc.KSP | None = None
 
     def close(self) -> None:
         """Give back matrix and factors."""
         for one in (self._ksp, self._matrix):
-            one.destroy()
+            if one is not None:
+                one.destroy()
 
     def fill(self, assembler: Assembler, x: PETSc.Vec, factor: float) -> None:
         """Let it be that of a state."""
+        if self._matrix is None:
+            self._matrix = assembler.matrix()
+            self._ksp = direct(self._matrix, factorisation(assembler))
         assembler.tangent(x, factor, self._matrix)
 
     def solved(self, force: PETSc.Vec) -> PETSc.Vec:
         """Return the motion that a force makes."""
+        assert self._ksp is not None
         found = force.duplicate()
         self._ksp.solve(force, found)
         return found
@@ -70,7 +78,7 @@ class _Walk:
     Attributes
     ----------
     x, left
-        The end of the increment, and the share of the forces there that is out of balance.
+        The end of the increment, and what is out of balance there, as a share of the largest forces so far.
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
@@ -78,33 +86,33 @@ class _Walk:
         self.x, self._rest = self.assembler.vector(), self.assembler.vector()
         self._acting = np.empty(0)
         self._past, self._steps = list[Past](), list[Step]()
-        self.left = 0.0
+        self.left = self._most = 0.0
 
-    def balance(self, factor: float, tangent: _Tangent, most: tuple[float, float], other: Callable[[], _Tangent]) -> None:
+    def balance(self, factor: float, near: _Tangent, own: _Tangent, most: tuple[float, float]) -> None:
         """Bring the end of an increment into balance, as far as digits go.
 
         Parameters
         ----------
-        tangent
-            That near the end.
+        near, own
+            A tangent near the end; and one that becomes that of each iterate where more than the first of ``most`` is
+            left of it, as where points yield that do not in the answer.
         most
-            What may be left of it, and of a tangent of its own.
-        other
-            Returns one that may become this where more is left, as where points yield that do not in the answer.
+            What may be left, with both.
         """
-        last, own = np.inf, False
+        last, tangent, fresh = np.inf, near, False
         for _ in range(_MOST):
             self._acting = self.assembler.acting(self.x, factor, self._rest)
-            self.left = self._rest.norm() / (float(np.linalg.norm(self._acting)) or 1.0)
+            self._most = max(self._most, float(np.linalg.norm(self._acting)))
+            self.left = self._rest.norm() / (self._most or 1.0)
             if not self.left < _LEAVES * last:
-                if own or self.left <= most[0] or not np.isfinite(self.left):
+                if fresh or self.left <= most[0] or not np.isfinite(self.left):
                     break
-                tangent, own = other(), True
-            if own:
+                tangent, fresh = own, True
+            if fresh:
                 tangent.fill(self.assembler, self.x, factor)
             last = self.left
             self.x.axpy(-1.0, tangent.solved(self._rest))
-        if not self.left <= most[own]:
+        if not self.left <= most[fresh]:
             raise SolveError(f"no equilibrium at {self.assembler.model.when(factor)}")
         # Displacements are rounded: in stiff directions that is most of what is left.
         self._acting = self._acting - self.assembler.acting_along(self.x, factor, tangent.solved(self._rest))
@@ -140,36 +148,30 @@ class _Way:
     def __init__(self, solution: Any) -> None:
         self.comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
         self.walk, self._solution = _Walk(solution.model.after(()), self.comm), solution
-        self._tangents = [_Tangent(self.walk.assembler)]
+        self._tangents = _Tangent(), _Tangent()
 
     def close(self) -> None:
         """Give back matrices and factors."""
         for one in self._tangents:
             one.close()
 
-    def _own(self) -> _Tangent:
-        return self._tangents[0]
-
-    def _other(self) -> _Tangent:
-        if len(self._tangents) == 1:
-            self._tangents.append(_Tangent(self.walk.assembler))
-        return self._tangents[1]
-
     def go(self, beside: Mapping[str, Sequence[_Walk]]) -> dict[str, str]:
         """Take all increments, and the models beside with it; return why some have not come along, by their names."""
         own, solution, none = self.walk, self._solution, dict[str, str]()
+        tangent, spare = self._tangents
         for end, like in increments(solution):
             factor, before = end.factor, own.x
             # Pressures are not known everywhere on the way.
             pressures = solution.pressures if factor == 1.0 else own.assembler.pressures(before)
             own.x = own.assembler.state(end.displacement, pressures)
-            self._own().fill(own.assembler, own.x, factor)
-            own.balance(factor, self._own(), (_BALANCED, _BALANCED), self._own)
+            tangent.fill(own.assembler, own.x, factor)
+            own.balance(factor, tangent, tangent, (_BALANCED, _BALANCED))
+            rounding = max(own.left, _LEAST)
             for name, several in beside.items():
                 try:
                     for one in several if name not in none else ():
                         one.x.axpy(1.0, own.x - before)
-                        one.balance(factor, self._own(), (_ROUNDED * own.left, _OWN * own.left), self._other)
+                        one.balance(factor, tangent, spare, (_ROUNDED * rounding, _OWN * rounding))
                         one.leave(factor, like)
                 except SolveError as problem:
                     none[name] = f"beside it there is {problem}"
@@ -217,12 +219,14 @@ def derivatives(
     """
     refuse(solution.model)
     beside = Beside(as_solved(make, solution.model.times), at, solution.model)
+    # Points begin to flow: few do between models that are near.  Elsewhere there is less rounding farther off.
+    share = NEAR if any(law.kinks for body in solution.model.bodies for law in body.laws) else BY
     found, none = dict[str, Measured](), dict[str, str]()
     steps, walks = dict[str, Steps](), dict[str, list[_Walk]]()
     with closing(_Way(solution)) as way, silently(), defaults(room(way.comm)):
         for name in at:
             try:
-                steps[name], models = beside.models(name, NEAR)
+                steps[name], models = beside.models(name, share)
                 walks[name] = [_Walk(model, way.comm) for model in models]
             except Kinked as problem:
                 none[name] = str(problem)

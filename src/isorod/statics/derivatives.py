@@ -53,6 +53,9 @@ _ROUGH, _LEAVES = 1e-3, 1e-2
 # More than this share of a derivative between both is warned of.
 HELD, _UNSURE = (10.0, 1e4), 5e-3
 
+# Share of all displacements on which a tangent is held to residuals, and by how much it may be off.
+_SHORT, _INEXACT = 1e-4, 1e-4
+
 # How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
 # them for the whole parameter, or, where there are none, of the model's size.
 _SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5, 1e-6), 1e-13, 1e-6
@@ -145,8 +148,23 @@ class Moving:
             self._ksp = direct(self._tangent, factorisation(self.assembler))
             self.assembler.residual(self.x, 1.0, self._rest)
             self.x.axpy(-1.0, self._solved(self._rest))
+        if solution.model.following and solution.model.has_potential:
+            self._refuse_inexact()
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
+
+    def _refuse_inexact(self) -> None:
+        """Raise `InputError` where the tangent is not the derivative of the residual, as of pressures at free ends."""
+        found, change = (self.assembler.vector() for _ in range(2))
+        for step in (-_SHORT, _SHORT):
+            self.assembler.residual((1.0 + step) * self.x, 1.0, change)
+            found.axpy(0.5 / step, change)
+        self._tangent.mult(self.x, change)
+        if not (found - change).norm() <= _INEXACT * change.norm():
+            raise InputError(
+                "derivatives: not available with contact and pressures that follow a surface to a free end; isorod "
+                "sweep varies the number"
+            )
 
     def _settle(self, solution: Any, times: float) -> None:
         """Let contact be as the solution left it; cells whose gaps multipliers have closed keep these."""
