@@ -72,7 +72,7 @@ class _Tangent:
         return found
 
 
-class _Walk:
+class _Run:
     """A model that takes the increments of a path; its laws know what was before the one that it is in.
 
     Attributes
@@ -136,7 +136,7 @@ class _Walk:
         return replace(found, model=self.assembler.model.after(self._past), path=self._steps, largest=None)
 
 
-class _Way:
+class _Replay:
     """The path of an answer, taken once more with others beside it.
 
     Parameters
@@ -147,7 +147,7 @@ class _Way:
 
     def __init__(self, solution: Any) -> None:
         self.comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
-        self.walk, self._solution = _Walk(solution.model.after(()), self.comm), solution
+        self.run, self._solution = _Run(solution.model.after(()), self.comm), solution
         self._tangents = _Tangent(), _Tangent()
 
     def close(self) -> None:
@@ -155,9 +155,9 @@ class _Way:
         for one in self._tangents:
             one.close()
 
-    def go(self, beside: Mapping[str, Sequence[_Walk]]) -> dict[str, str]:
+    def go(self, beside: Mapping[str, Sequence[_Run]]) -> dict[str, str]:
         """Take all increments, and the models beside with it; return why some have not come along, by their names."""
-        own, solution, none = self.walk, self._solution, dict[str, str]()
+        own, solution, none = self.run, self._solution, dict[str, str]()
         tangent, spare = self._tangents
         for end, like in increments(solution):
             factor, before = end.factor, own.x
@@ -197,7 +197,7 @@ def suits(solution: Any) -> bool:
     model = solution.model
     return bool(
         model.remembers
-        or (model.following and not model.contacts)
+        or (model.following and model.has_potential and not model.contacts)
         or (model.times is not None and not model.contacts and len(increments(solution)) > 1)
     )
 
@@ -219,20 +219,21 @@ def derivatives(
     """
     refuse(solution.model)
     beside = Beside(as_solved(make, solution.model.times), at, solution.model)
-    # Points begin to flow: few do between models that are near.  Elsewhere there is less rounding farther off.
-    share = NEAR if any(law.kinks for body in solution.model.bodies for law in body.laws) else BY
+    # Between models that are near few points begin to flow; where none do there is less rounding farther off.
+    laws = [law for body in solution.model.bodies for law in body.laws]
+    share = NEAR if any(law.kinks or not getattr(law, "stores", True) for law in laws) else BY
     found, none = dict[str, Measured](), dict[str, str]()
-    steps, walks = dict[str, Steps](), dict[str, list[_Walk]]()
-    with closing(_Way(solution)) as way, silently(), defaults(room(way.comm)):
+    steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
+    with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
         for name in at:
             try:
                 steps[name], models = beside.models(name, share)
-                walks[name] = [_Walk(model, way.comm) for model in models]
+                runs[name] = [_Run(model, replay.comm) for model in models]
             except Kinked as problem:
                 none[name] = str(problem)
-        none |= way.go(walks)
-        values = numbers(measure(way.walk.answer(solution)))
-        for name, several in walks.items():
+        none |= replay.go(runs)
+        values = numbers(measure(replay.run.answer(solution)))
+        for name, several in runs.items():
             try:
                 if name not in none:
                     ends = [numbers(measure(one.answer(solution))) for one in several]
