@@ -243,19 +243,21 @@ def on_ranks(launcher, tmp_path_factory) -> Iterator[Callable[..., None]]:
     """Call a function of a test file on several ranks: ``on_ranks(2, "test_matrix.add_up()")``."""
     from waiting_ranks import Ranks
 
-    waiting: list[Ranks] = []
+    waiting: dict[int, Ranks] = {}
+
+    def end(counts: set[int]) -> None:
+        for count in counts & set(waiting):
+            waiting.pop(count).end()
 
     def run(ranks: int, call: str, *arguments: str) -> None:
-        # Only those asked last wait on: each holds the memory of a process.
-        if waiting and (waiting[0].count != ranks or not waiting[0].alive):
-            waiting.pop().end()
-        if not waiting:
-            waiting.append(Ranks(launcher, ranks, tmp_path_factory.mktemp("ranks")))
-        waiting[0](call, *arguments)
+        # Most tests ask for two, which wait on; of others only those asked last: each holds the memory of a process.
+        end({count for count, one in waiting.items() if not one.alive or count not in (2, ranks)})
+        if ranks not in waiting:
+            waiting[ranks] = Ranks(launcher, ranks, tmp_path_factory.mktemp("ranks"))
+        waiting[ranks](call, *arguments)
 
     yield run
-    if waiting:
-        waiting.pop().end()
+    end({*waiting})
 
 
 def as_array(matrix):

@@ -152,7 +152,7 @@ def on_floor(space, *arguments, **named):
 
 test_bad_input = refused(
     (lambda: Contact(0, 1, first_surface="upper"), "got first_surface 'upper', need 'outer' or 'inner'"),
-    (lambda: Contact(0, 1, first_surface="inner", second_surface="inner"), "both surfaces are inner ones"),
+    (lambda: Contact(0, 1, first_surface="inner", second_surface="inner"), "two inner surfaces never touch"),
     (lambda: Contact(0, first_surface="inner"), "first_surface is 'inner', which touches what is in its hole"),
     (lambda: Contact(0, FLOOR, second_surface="inner"), "second_surface is given, but the second partner is rigid"),
     (

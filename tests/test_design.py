@@ -119,7 +119,7 @@ def test_what_cannot_be_met_ends_with_2_and_says_by_how_much(command, beam, caps
     code, out, err = command._run(("design", "beam.toml", *words))
     assert code == 2
     assert "wanted = -0.1" in out
-    assert "what is wanted is not met: deflection = -2.9" in err
+    assert "targets or limits are not met: deflection = -2.9" in err
     assert "rod.beam.section.circle at its upper bound 1.1" in err
 
 
@@ -141,7 +141,7 @@ def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkey
         assert code == 2 and "no end after 2 solves" in err
     monkeypatch.setattr(design, "solve_anew", lambda *given: ({"deflection": -1.1, "mass": 1.0}, None, []))
     code, _, err = command._run(words)
-    assert code == 2 and "what is wanted is not met: deflection = -1.1, wanted = -1" in err
+    assert code == 2 and "targets or limits are not met: deflection = -1.1, wanted = -1" in err
 
 
 def test_a_design_that_folds_is_left_for_one_that_does_not(command, twin):
@@ -181,7 +181,7 @@ def test_a_design_on_too_few_elements_says_how_far_it_is_off(command, beam):
     words = ("few.toml", "--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-20")
     code, _, err = command._run(("design", *words))
     assert code == 0
-    assert "so far off are the numbers found; give the file a finer space" in err
+    assert "the optimal parameters are off by so much; give the file a finer space" in err
 
 
 def test_a_target_that_leaves_no_choice_is_met_at_once(command, beam):
@@ -238,7 +238,7 @@ REFUSED = [
     (("--vary", "rod.beam.section.circle=2:1"), "need a lower bound below the upper one"),
     (("--vary", "rod.beam.section.circle=-1:2"), "bounds on both sides of zero"),
     (("--vary", "rod.beam.section.circle=1"), "need bounds lower:upper"),
-    (("--vary", "rod.beam.section.circle"), "design: say what is wanted"),
+    (("--vary", "rod.beam.section.circle"), "design: no objective or constraint"),
     ((), "--vary: name what may change"),
     (("--vary", "rod.beam.section.circle", "--target", "sag=1"), "--target sag: not measured; there are: volume"),
     (("--vary", "rod.beam.section.circle", "--target", "deflection<1"), "--target deflection<1: need a name, = and"),
@@ -299,7 +299,7 @@ def test_a_fit_on_too_few_elements_says_how_far_it_is_off(command, beam):
     code, out, err = command._run(("identify", "beam.toml", "--table", "beam.csv", "--vary", "rod.beam.section.circle"))
     assert code == 0
     assert "; error about" in out and "+-" not in out
-    assert "so far off are the numbers found" in err
+    assert "the optimal parameters are off by so much" in err
 
 
 TABLES = [
@@ -310,7 +310,7 @@ TABLES = [
     (
         f"torque,{TURN}\n2.0,5.0\n3.0,6.0\n",
         ("rod.bar.density",),
-        "rod.bar.density: the measured values do not tell it",
+        "rod.bar.density: the measured values do not determine it",
     ),
 ]
 

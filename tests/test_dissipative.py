@@ -131,10 +131,10 @@ def _bar() -> Model:
 
 
 test_what_is_lost_is_not_told = refused(
-    (lambda: dynamics.solve(_bar(), 1.0), "material: Dissipative does not tell what it dissipates; use statics"),
+    (lambda: dynamics.solve(_bar(), 1.0), "material: Dissipative does not compute its dissipation; use statics"),
     (
         lambda: statics.solve(_bar(), 2, end_time=1.0).dissipated(0),
-        "dissipated: Dissipative does not tell what it dissipates",
+        "dissipated: Dissipative does not compute its dissipation",
     ),
 )
 

@@ -332,8 +332,9 @@ def test_there_is_none_where_shapes_depend_on_each_other():
     """As those of all modes of few unknowns may on the finer space; one of them alone has one."""
     found = modal.solve(Blade(preset="paper").model(), 1)
     twice = np.repeat(found.eigenvalues, 2), np.repeat(found.vectors, 2, axis=0)
-    assert estimate_of_modes.of_modes(found.model, *twice, directions=["axis"]) is None
-    assert estimate_of_modes.of_modes(found.model, found.eigenvalues, found.vectors, directions=["axis"]) > 0.0
+    assert estimate_of_modes.of_modes(found.model, estimate_of_modes.Spectrum(*twice), ["axis"]) is None
+    spectrum = estimate_of_modes.Spectrum(found.eigenvalues, found.vectors)
+    assert estimate_of_modes.of_modes(found.model, spectrum, ["axis"]) > 0.0
 
 
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):

@@ -144,11 +144,11 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
         (f"{HELD}[measure.a]\nreaction = 'low'\nunit = 1\n", "12: measure.a.unit: got 1"),
         (
             f"analysis = 'modal'\n{ROD}{ENDS}[measure.a]\nreaction = 'low'\n",
-            "11: measure.a.reaction: not told in modal; what is: frequency",
+            "11: measure.a.reaction: not available in modal; available: frequency",
         ),
         (
             f"analysis = 'dynamics'\n{ROD}{ENDS}[measure.a]\nmoment = 'low'\n",
-            "11: measure.a.moment: not told in dynamics; what is: reaction",
+            "11: measure.a.moment: not available in dynamics; available: reaction",
         ),
         # At odds.
         (f"{HELD}[support.more]\nend = 'end'\ndisplacement = [1, 0, 0]\n", "12: support.more"),

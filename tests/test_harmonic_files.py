@@ -112,7 +112,7 @@ def test_loads_that_swing_are_named_and_the_others_are_static(tmp_path, capsys):
         ("base = [0.0, 0.0, 1.0]", 'loads = ["push"]', "'push' is not known"),
         ("base = [0.0, 0.0, 1.0]", "", "nothing swings: give a load, or base"),
         ('component = "along"', 'component = "max_principal"', "turns in a period"),
-        ("[measure.tip]\ndisplacement", "[measure.tip]\nrotation", "not told in harmonic"),
+        ("[measure.tip]\ndisplacement", "[measure.tip]\nrotation", "not available in harmonic"),
     ],
 )
 def test_bad_input_is_one_line(old, new, said, tmp_path, capsys):
@@ -149,7 +149,7 @@ test_what_cannot_be_told_is_refused = refused(
     (lambda: solve(Viscoelastic(E=100.0, nu=0.495, prony=[[0.5, 1.0]])), "viscoelastic in the mixed formulation"),
     (
         lambda: solve(Viscoelastic(E=100.0, nu=0.3, prony=[[0.5, 1.0]]), how=BASE),
-        "body 0 is viscoelastic, whose response is told about the state of rest alone",
+        "body 0 is viscoelastic, whose response is available about the state of rest only",
     ),
     (lambda: solve(frequencies=[-1.0]), "frequencies: got -1"),
     (lambda: solve(frequencies=[]), "frequencies: need one or more"),

@@ -112,20 +112,21 @@ def add_up():
         assert np.abs(dense - expected[first:last]).max(initial=0.0) < 1e-13
 
 
+@pytest.mark.mpi
+def test_entries_of_all_ranks_are_added_up(on_ranks):
+    """Also where some have no rows."""
+    on_ranks(4, "test_matrix.add_up()")
+
+
 def fails_on(rank):
     assert PETSc.COMM_WORLD.getRank() != rank, "as it should"
 
 
 @pytest.mark.mpi
 def test_what_fails_on_a_rank_fails(on_ranks):
+    # It ends them: after what else asks for four.
     with pytest.raises(AssertionError, match=r"(?s)fails_on\(3\) on 4 ranks:.*AssertionError: as it should"):
         on_ranks(4, "test_matrix.fails_on(3)")
-
-
-@pytest.mark.mpi
-def test_entries_of_all_ranks_are_added_up(on_ranks):
-    """Also where some have no rows."""
-    on_ranks(4, "test_matrix.add_up()")
 
 
 def banded(random, layers, size, gaps):

@@ -3,7 +3,22 @@
 import numpy as np
 import pytest
 
-from isorod import Body, Contact, InputError, Model, NeoHookean, Plane, Space, Support, circle, modal, statics, straight
+from isorod import (
+    Body,
+    Contact,
+    InputError,
+    Model,
+    NeoHookean,
+    Plane,
+    Space,
+    Support,
+    Thermal,
+    UserMaterial,
+    circle,
+    modal,
+    statics,
+    straight,
+)
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Viscoelastic
 from isorod.output import checkpoint, vtk
@@ -55,6 +70,35 @@ def test_load_steps_that_were_stopped_go_on_to_the_last_bit(nu, tmp_path, monkey
         statics.solve(asked, 5, end_time=2.0, keep=True, checkpoint=file, resume=True)
     with pytest.raises(InputError, match="belongs to another model"):
         statics.solve(model(quadrature="6x2x5"), 4, end_time=2.0, keep=True, checkpoint=file, resume=True)
+
+
+def _routine(softening=0.4):
+    def damaged(F_old, F, state, dt, constants):
+        growth, inverse = np.log(np.linalg.det(F)), np.linalg.inv(F).T
+        state[0] = max(state[0], np.sum(F * F) - 3 - 2 * growth)
+        return np.exp(-softening * state[0]) * (F - inverse + growth * inverse)
+
+    return UserMaterial(damaged, 1)
+
+
+@pytest.mark.parametrize("law", [_routine, lambda: Thermal(METAL, 1e-5, 50.0)], ids=["routine", "warm"])
+def test_addresses_of_routines_may_be_others(law, tmp_path, monkeypatch) -> None:
+    """As they are in the next process: the law made anew has another routine, or other functions compiled."""
+    file, space = tmp_path / "state", {"quadrature": "12x4x4", "elements": 2}
+
+    whole = statics.solve(model(law(), **space), 2, end_time=2.0)
+    true = checkpoint.write
+
+    def write(*given):
+        true(*given)
+        if float(given[-1]["reached"][0]) > 0.3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(checkpoint, "write", write)
+        statics.solve(model(law(), **space), 2, end_time=2.0, checkpoint=file, every=0.0)
+    again = statics.solve(model(law(), **space), 2, end_time=2.0, checkpoint=file, resume=True)
+    np.testing.assert_array_equal(again.displacement, whole.displacement)
 
 
 def test_without_memory_too(tmp_path) -> None:

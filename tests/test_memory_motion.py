@@ -219,5 +219,5 @@ class Dumb(Plastic):
 
 
 test_what_motions_do_not_take = refused(
-    (lambda: dynamics.solve(bar(Dumb(2.6, 0.3, [[0, 1]])), 1.0), "Dumb does not tell what it dissipates; use statics"),
+    (lambda: dynamics.solve(bar(Dumb(2.6, 0.3, [[0, 1]])), 1.0), "Dumb does not compute its dissipation; use statics"),
 )

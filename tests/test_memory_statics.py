@@ -10,8 +10,10 @@ from isorod import (
     Model,
     Plane,
     SectionLoad,
+    SolveError,
     Space,
     Support,
+    UserMaterial,
     buckling,
     circle,
     statics,
@@ -174,7 +176,8 @@ def _loaded(law):
 PLASTIC = Plastic(E, NU, [[0.0, YIELD]])
 
 test_what_knows_no_memory = refused(
-    (lambda: buckling.solve(_loaded(PLASTIC)), "buckling: not known with laws that have a memory"),
+    (lambda: buckling.solve(_loaded(Creep(E, NU, 1e-9, 3.0))), "buckling: Creep flows with time: the load factor"),
+    (lambda: buckling.solve(_loaded(Plastic(E, NU, [[0.0, YIELD]], 1.0, 1.0))), "buckling: Plastic recovers"),
     (lambda: statics.solve(_loaded(PLASTIC), stable=True), "stability is unknown with laws that have a memory"),
     (lambda: statics.solve(_loaded(Creep(E, NU, 1e-9, 3.0))), "Creep flows with time; give an end_time"),
 )
@@ -197,3 +200,31 @@ def test_layers_that_flow_between_mean_supports_are_warned_of() -> None:
     ends.append(MeanSupport.end(made, "end", displacement=(0.0, 0.0, 0.01), mean="fixed"))
     with pytest.warns(UserWarning, match="gives way where one of them flows"):
         statics.solve(Model([body], ends), 1)
+
+
+def _brittle(F_old, F, state, dt, constants):
+    growth, inverse = np.log(np.linalg.det(F)), np.linalg.inv(F).T
+    return (F - inverse + growth * inverse) / (1.0 if F[2, 2] < 1.5 else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "pull", "said"),
+    [
+        (
+            Plastic(E, NU, [[0.0, 1e5], [5.0, 1e8]]),
+            100.0,
+            r"Plastic: stretches beyond 12 .*u = .*: stretches \S+ to 1\d",
+        ),
+        (
+            UserMaterial(_brittle, 0),
+            4.0,
+            r"UserMaterial: its local solution does not converge .*: stretches \S+ to 1\.",
+        ),
+    ],
+    ids=["stretch", "routine"],
+)
+def test_a_law_without_a_stress_is_named_with_its_place(law, pull, said) -> None:
+    made, body = _bar(law)
+    model = Model([body], [Support.end(made, "start"), Support.end(made, "end", displacement=(0.0, 0.0, pull))])
+    with pytest.raises(SolveError, match=said):
+        statics.solve(model, 4, end_time=1.0)

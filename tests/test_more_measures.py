@@ -223,7 +223,7 @@ def test_the_patch_of_a_cylinder_on_a_plane_is_as_hertz_has_it(measured):
         ({"rotation": "bar", "u": 3.0}, "u: got 3, need numbers from 0 to 1"),
         ({"moment": "foot", "component": "x", "about": "y"}, "about: beside component; need one of the two"),
         ({"moment": "foot", "about": [0.0, 0.0, 0.0]}, "about: got .*, need three numbers that are not all zero"),
-        ({"frequency": "bar", "shape": "torsion"}, "not told in statics; what is: reaction, moment"),
+        ({"frequency": "bar", "shape": "torsion"}, "not available in statics; available: reaction, moment"),
         ({"contact_patch": "bar"}, "'bar' is not known"),
     ],
 )

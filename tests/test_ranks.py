@@ -135,11 +135,11 @@ def equilibria(_):
 
 
 def explicit(_):
-    """10,000 steps of one body, which ranks share; more of one that is closed; activation, added mass, and friction."""
+    """1,000 steps of one body, which ranks share; more of one that is closed; activation, added mass, and friction."""
     model, (closed, away), (rough, thrown) = rod(), ring(), rubbing()
     step = 0.5 * dynamics.solve(model, 1e-9, outputs=1).critical_step
     return {
-        "rod": in_motion(model, 10_000 * step, step, 4, damping=0.05, velocity=swing(model)),
+        "rod": in_motion(model, 1_000 * step, step, 4, damping=0.05, velocity=swing(model)),
         "ring": in_motion(closed, 2.0, outputs=2, velocity=away),
         "muscle": in_motion(rod(law=MUSCLE, held="z"), 0.5, outputs=2, ramp=0.2),
         "biceps": in_motion(SMALL.model(), 4e-3, 2.5e-5, 2, damping=10.0, ramp=2.5e-3),
@@ -157,11 +157,11 @@ def implicit(_):
     loaded = Model(model.bodies, model.supports, loads=[BodyForce((0.1, 0.0, 0.0))])
     given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
     return {
-        "rod": in_motion(loaded, 0.4, 0.1, 2, damping=0.1, velocity=swing(model), **given),
-        "biceps": in_motion(SMALL.model(), 2e-3, 5e-4, 2, damping=1.0, ramp=2.5e-3, **given),
-        "rubbing": in_motion(rough, 0.5, 0.05, 2, velocity=thrown, **given),
-        "incompressible": in_motion(whole, 0.4, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
-        "rubber in layers": in_motion(layers(NeoHookean(100.0, 0.5)), 0.4, 0.1, 2, velocity=swing(layers()), **given),
+        "rod": in_motion(loaded, 0.2, 0.1, 2, damping=0.1, velocity=swing(model), **given),
+        "biceps": in_motion(SMALL.model(), 1e-3, 5e-4, 2, damping=1.0, ramp=2.5e-3, **given),
+        "rubbing": in_motion(rough, 0.2, 0.05, 2, velocity=thrown, **given),
+        "incompressible": in_motion(whole, 0.2, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
+        "rubber in layers": in_motion(layers(NeoHookean(100.0, 0.5)), 0.2, 0.1, 2, velocity=swing(layers()), **given),
         "mixed muscle": in_motion(flexed, 0.4, 0.1, 2, ramp=0.5, velocity=-swing(flexed), **given),
     }
 

@@ -126,6 +126,6 @@ def test_a_file_asks_for_them(tmp_path):
     assert abs(found["pull"][0]) < 1e-5 and found["pull"][-1] < -0.005
     path.write_text(bars("explicit"))
     with pytest.raises(
-        InputError, match=r"^[^\n]*measure.pull.tie_force: explicit steps do not tell what ties carry[^\n]*$"
+        InputError, match=r"^[^\n]*measure.pull.tie_force: tie forces are not available in explicit steps[^\n]*$"
     ):
         FileScene(str(path))

@@ -237,9 +237,9 @@ def test_what_a_routine_does_not_tell_is_refused(built, tmp_path) -> None:
     for call, words in (
         (lambda: library(built / "j2.so", "umat"), "it has no function 'umat'"),
         (lambda: library(SOURCES / "j2.f", "umat_"), "cannot be loaded"),
-        (lambda: modal.solve(model, state=found), "modes, motions"),
-        (lambda: dynamics.solve(model, 1.0), "UserMaterial does not tell what it dissipates"),
-        (lambda: found.energy(0), "does not tell what it stores"),
+        (lambda: modal.solve(model, state=found), "modes and motions do not take routines"),
+        (lambda: dynamics.solve(model, 1.0), "UserMaterial does not compute its dissipation"),
+        (lambda: found.energy(0), "does not compute its stored energy"),
         (lambda: found.state("p", 0, 0.5), "laws here have 'state_1'"),
     ):
         with pytest.raises(InputError, match=words):

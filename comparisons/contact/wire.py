@@ -59,10 +59,10 @@ class Line(NamedTuple):
     exact: hertz.LineContact  # Hertz' at that load
 
 
-def curvature(scene: Strand = SCENE) -> float:
+def curvature() -> float:
     """Return the curvature of the gap across the line between core and wire, 1/length."""
-    axis = np.sin(scene.lay_angle) ** 2 / scene.layer_radius(1)
-    return float(1.0 / scene.core_radius + 1.0 / scene.wire_radius - axis / (1.0 - axis * scene.wire_radius))
+    axis = np.sin(SCENE.lay_angle) ** 2 / SCENE.layer_radius(1)
+    return float(1.0 / SCENE.core_radius + 1.0 / SCENE.wire_radius - axis / (1.0 - axis * SCENE.wire_radius))
 
 
 def exact(load: float) -> hertz.LineContact:
@@ -71,16 +71,16 @@ def exact(load: float) -> hertz.LineContact:
     return hertz.line_contact(load, modulus, (1.0 / curvature(), np.inf))
 
 
-def line_angle(scene: Strand = SCENE) -> float:
+def line_angle() -> float:
     """Return the angle between the lines of contact on the core and its axis [rad]."""
-    return float(np.arctan2(2.0 * np.pi * scene.core_radius, scene.pitch))
+    return float(np.arctan2(2.0 * np.pi * SCENE.core_radius, SCENE.pitch))
 
 
-def line_load(scene: Strand = SCENE) -> float:
+def line_load() -> float:
     """Pull the strand and return the force per length of a line of contact, far from the ends."""
-    (found,) = statics.solve(scene.model()).contacts
-    middle = np.abs(found.positions[:, 2] / scene.length - 0.5) < 0.25
-    length = 6.0 * 0.5 * scene.length / np.cos(line_angle(scene))
+    (found,) = statics.solve(SCENE.model()).contacts
+    middle = np.abs(found.positions[:, 2] / SCENE.length - 0.5) < 0.25
+    length = 6.0 * 0.5 * SCENE.length / np.cos(line_angle())
     return float((found.areas * found.pressure)[middle].sum() / length)
 
 

@@ -91,7 +91,6 @@ def solve(
     steps: int = 1,
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
-    fibres: tuple[Any, ...] = (),
 ) -> Equilibrium:
     """Return the equilibrium under prescribed displacements and dead loads, in equal load steps.
 
@@ -113,8 +112,6 @@ def solve(
         PETSc options; MUMPS where not given.
     flags
         C compiler flags for the forms.
-    fibres
-        Unit vectors in UFL along the law's families of fibres at rest.
 
     Raises
     ------
@@ -128,7 +125,7 @@ def solve(
     faces = [_Face(domain, name, force, rule, flags) for name, force in (loads or {}).items()]
     factor = dolfinx.fem.Constant(mesh, PETSc.ScalarType(0.0))
     u, _ = ufl.split(state)
-    energy = stored(state, law, factor, fibres) * ufl.dx(metadata=quadrature.measure(rule))
+    energy = stored(state, law, factor) * ufl.dx(metadata=quadrature.measure(rule))
     energy -= sum(factor * ufl.inner(ufl.as_vector(one.traction.tolist()), u) * one.ds for one in faces)
     forms = variations(energy, state, flags)
 
@@ -174,7 +171,7 @@ def element(mesh: Any, degree: int) -> Any:
     return compat.mixed_element(parts)
 
 
-def stored(state: Any, law: Material, activation: Any = 1.0, fibres: tuple[Any, ...] = ()) -> Any:
+def stored(state: Any, law: Material, activation: Any = 1.0) -> Any:
     """Return the density whose stationary point is sought, of displacement and pressure."""
     if np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic:
         raise InputError(
@@ -184,7 +181,7 @@ def stored(state: Any, law: Material, activation: Any = 1.0, fibres: tuple[Any, 
     F = ufl.Identity(3) + ufl.grad(u)
     theta = ufl.ln(ufl.det(F)) if law.logarithmic else ufl.tr(F) - 3.0
     p = law.shear.modulus * pressure
-    return energy_of(law.shear, activation, fibres)(F) + p * theta - (0.5 / law.lame) * p**2
+    return energy_of(law.shear, activation)(F) + p * theta - (0.5 / law.lame) * p**2
 
 
 class _Face:

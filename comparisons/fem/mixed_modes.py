@@ -46,7 +46,6 @@ def modes(
     count: int = MODES,
     degree: int = 2,
     about: mixed.Equilibrium | None = None,
-    settings: Settings | None = None,
 ) -> Modes:
     """Return the lowest vibration modes, at rest those of linear elasticity.
 
@@ -69,7 +68,7 @@ def modes(
 
     Others see `comparisons.fem.modal.solve`.
     """
-    begin, settings = perf_counter(), settings or Settings()
+    begin, settings = perf_counter(), Settings()
     if about is None:
         state = dolfinx.fem.Function(compat.function_space(domain.mesh, mixed.element(domain.mesh, degree)))
     else:

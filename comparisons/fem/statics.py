@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import dolfinx.fem
 import numpy as np
@@ -34,6 +34,13 @@ NEWTON = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15}
 
 # Preconditioners that want to know the rigid motions.
 ALGEBRAIC = ("gamg", "ml", "hypre")
+
+
+class Faces(Protocol):
+    """What knows the facets of named faces, as `Domain`."""
+
+    def facets(self, name: str) -> Any:
+        """Return this rank's facets of a face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +226,7 @@ class Support:
         Where the node of each is held, shape ``(m, 3)``; of Lagrange elements.
     """
 
-    def __init__(self, space: Any, domain: Domain, held: Held) -> None:
+    def __init__(self, space: Any, domain: Faces, held: Held) -> None:
         facets = domain.facets(held.face)
         mixed = space.num_sub_spaces == 2
         plain = space.sub(0).collapse()[0] if mixed else space

@@ -60,7 +60,7 @@ def coupled(radius: float, start: float, **space: object) -> Found:
     return Found(np.array(compliances), np.array(shares))
 
 
-def as_one(radius: float, near: float, far: float = 0.6) -> Array:
+def as_one(radius: float, near: float) -> Array:
     """Return the compliances of one solid of curved tetrahedra, of size ``near`` at the joint."""
 
     def make() -> str:
@@ -70,7 +70,7 @@ def as_one(radius: float, near: float, far: float = 0.6) -> Array:
         occ.synchronize()
         volumes({ROD: [tag for _, tag in gmsh.model.getEntities(3)]})
         edge = f"Sqrt((Sqrt(y*y+z*z)-{radius})^2+(Sqrt(x*x+y*y)-1)^2+(x-Abs(x))^2)"
-        return f"Min({far},{near}+0.4*{edge})"
+        return f"Min(0.6,{near}+0.4*{edge})"
 
     mesh, tags = by_gmsh(make, True)
     faces = {

@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 RADIUS, HEIGHT = 4.0, 4.0
 ROD = 8.0
 
+# Poisson's ratio of both.
+_NU = 0.3
+
 # Largest distance of coarse facets from the rod's surface.
 _GAP = 0.5
 
@@ -76,7 +79,7 @@ class Block(NamedTuple):
     joined: NDArray[np.int32]
 
 
-def block(near: float, far: float, hole: bool, outline: bool = True, order: int = 2, grow: float = 0.4) -> Block:
+def block(near: float, far: float, hole: bool, outline: bool = True, order: int = 2) -> Block:
     """Return a mesh of a block ``r < 4``, 4 high, made by gmsh.
 
     Parameters
@@ -89,8 +92,6 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         Whether the mesh has the rod's outline on the upper face.
     order
         Degree of the geometry.
-    grow
-        By how much sizes grow with the distance from the edge.
     """
     gmsh.initialize()
     try:
@@ -121,7 +122,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         edge = f"Sqrt((Sqrt(x*x+y*y)-1)^2+({height})^2)"
         size = gmsh.model.mesh.field
         size.add("MathEval", 1)
-        size.setString(1, "F", f"Min({far},{near}+{grow}*{edge})")
+        size.setString(1, "F", f"Min({far},{near}+0.4*{edge})")
         size.setAsBackgroundMesh(1)
         for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
@@ -178,18 +179,17 @@ def solve(
     E: tuple[float, float],
     hole: bool,
     slave: str = "rod",
-    nu: tuple[float, float] = (0.3, 0.3),
     degree: int = 2,
     loads: tuple[str, ...] = tuple(LOADS),
 ) -> Found:
     """Return the compliances of a rod welded on a block or through a sleeve; rod and block."""
     V = compat.function_space(made.mesh, compat.element(made.mesh, "Lagrange", degree, 3))
     held = fem.dirichletbc(fem.Function(V), fem.locate_dofs_topological(V, 2, made.held))
-    solid = Solid(V, LinearElastic(E[1], nu[1]), conditions=[held])
+    solid = Solid(V, LinearElastic(E[1], _NU), conditions=[held])
     own = LateralSurface(0, (0.0, HEIGHT)) if hole else EndFace(0, "start")
     joined = SolidSurface(0, made.joined)
     tie = Tie(own, joined, _GAP) if slave == "rod" else Tie(joined, own, _GAP)
-    body = Body(space, LinearElastic(E[0], nu[0]))
+    body = Body(space, LinearElastic(E[0], _NU))
     found, equilibria, jump, balance = {}, {}, 0.0, 0.0
     for name in loads:
         load = Traction(EndFace(0, "end"), _scaled(LOADS[name]))

@@ -51,6 +51,10 @@ class Whole:
     tags: Any
     faces: Mapping[str, NDArray[np.int32]]
 
+    def facets(self, name: str) -> NDArray[np.int32]:
+        """Return the facets of a face."""
+        return self.faces[name]
+
 
 class Section(NamedTuple):
     """Quadrilaterals of degree 2: nodes ``(n, 2)`` in the plane, cells ``(q, 9)``, and which are of the circle."""
@@ -230,15 +234,6 @@ class Found:
     seconds: float
 
 
-class _Faces(NamedTuple):
-    """Named facets, as `comparisons.fem.statics.Support` asks for them."""
-
-    faces: Mapping[str, NDArray[np.int32]]
-
-    def facets(self, name: str) -> NDArray[np.int32]:
-        return self.faces[name]
-
-
 def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None = None, degree: int = 2) -> Found:
     """Return the equilibrium, in one load step.
 
@@ -273,7 +268,7 @@ def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None =
         pull = [compat.form(state[a] * ds, FAST) for a in range(3)]
     forms = variations(energy, state, FAST)
     compiled = process_time() - begun
-    supports = [Support(space, _Faces(whole.faces), one) for one in problem.held]  # type: ignore[arg-type]
+    supports = [Support(space, whole, one) for one in problem.held]
     with defaults(NEWTON | dict(DIRECT if options is None else options)):
         newton = Newton(state, *forms, supports, None)
         newton.solve()

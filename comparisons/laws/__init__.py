@@ -65,23 +65,17 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
 def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
     """Return the record of a scene with a law: what both programs find, and how long they take."""
     from comparisons.fem.rods import solve
-    from comparisons.laws import incompressible, scenes
+    from comparisons.laws import scenes
     from isorod import statics
 
     one = scenes.SCENES[scene]
     record: dict[str, Any] = {"law": law, "scene": scene, "title": one.title}
     try:
-        pressures = law.startswith(scenes.INCOMPRESSIBLE)
-        model = one.model(scenes.LAWS[law](), "mixed" if pressures else "displacement")
+        model = one.model(scenes.LAWS[law](), "mixed" if law.startswith(scenes.INCOMPRESSIBLE) else "displacement")
         clock = Clock()
         own = statics.solve(model, load_steps=scenes.STEPS)
         clock.lap("isorod")
-        meshes = [
-            incompressible.solve(model, one.mesh(level))
-            if pressures
-            else solve(model, one.mesh(level), "statics", load_steps=scenes.STEPS)
-            for level in levels
-        ]
+        meshes = [solve(model, one.mesh(level), "statics", load_steps=scenes.STEPS) for level in levels]
     except SolveError as problem:
         return record | {"failure": str(problem)}
     told = [one.measure(solution) for solution in meshes]

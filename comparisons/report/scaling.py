@@ -55,8 +55,8 @@ def summary(records: list[Record]) -> list[str]:
     return lines
 
 
-def _wires(records: list[Record], analysis: str, family: str, ranks: int = 1) -> list[Record]:
-    wanted = (analysis, family, ranks)
+def _wires(records: list[Record], analysis: str, family: str) -> list[Record]:
+    wanted = (analysis, family, 1)
     found = [one for one in part(records, "wire") if (one["analysis"], one["family"], one["ranks"]) == wanted]
     return sorted(found, key=lambda one: int(one["unknowns"]))
 

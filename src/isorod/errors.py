@@ -105,6 +105,12 @@ def representable(name: str, value: float) -> None:
         raise InputError(f"{name}: got {value:g}, need 1e-100 to 1e100; choose other units")
 
 
+def modulus(name: str, value: float, need: str = "a positive stress") -> None:
+    """Raise `InputError` if a constant of a law is not positive, finite and `representable`."""
+    positive(name, value, need)
+    representable(name, value)
+
+
 def within(name: str, value: float, low: float, high: float) -> None:
     """Raise `InputError` if a number is not from ``low`` to ``high``."""
     if not low <= value <= high:

@@ -1,12 +1,11 @@
 """Static equilibrium of rods: load steps, Newton's method by SNES, contacts by their nodal forces."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.continuation import lead
@@ -19,16 +18,15 @@ from comparisons.fem.rods.loads import Following, centrifugal, dead
 from comparisons.fem.rods.means import TIMES, Mean, Moment, means_of, moments_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
+from comparisons.fem.rods.task import Task, typed
 from comparisons.fem.rods.ties import carried
-from comparisons.fem.statics import DIRECT, NEWTON
-from comparisons.measure.timing import Clock, peak_memory
+from comparisons.fem.statics import DIRECT
+from comparisons.measure.timing import Clock
 from isorod.checks.rigid_motions import refuse_free
 from isorod.errors import SolveError
 from isorod.fenics import compat
-from isorod.files.solid import OfBody
-from isorod.model.model import Model
 from isorod.options import defaults
-from meshes.mesh import Array, Mesh
+from meshes.mesh import Array
 
 # A load step is halved at most this many times.
 HALVINGS = 10
@@ -83,6 +81,14 @@ class Loaded(Pressed):
         # With what the supports take: of their size the rest must be small.
         self._carried = out.norm()
 
+    def carried(self, supports: Supports) -> tuple[Array, tuple[Array, Array]]:
+        """Return the displacement of the mesh's nodes, ``(nodes, 3)``, and force and moment of each support."""
+        compat.assemble_vector(self.force, self.residual)
+        self.add_forces(self.force)
+        self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        displacement = self._elements.to_nodes(self.state.array_r).copy()
+        return displacement, supports.forces(self._elements.to_nodes(self.force.array_r), displacement)
+
     def _converged(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> Any:
         norm, reason = norms[2], PETSc.SNES.ConvergedReason
         if not np.isfinite(norm):
@@ -113,31 +119,21 @@ class Loaded(Pressed):
             super().solve(first)
 
 
-def solve(
-    model: Model,
-    mesh: Mesh,
-    rule: int,
-    load_steps: int,
-    options: Mapping[str, object] | None,
-    flags: Sequence[str],
-    bodies: Sequence[OfBody] = (),
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Solution:
+def solve(task: Task, load_steps: int) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
-    clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
-    laws = Laws(elements, model, rule)
-    supports = Supports(elements, model, bodies)
+    clock, model = Clock(), task.model
+    elements = task.elements(with_pressures(model))
+    laws = Laws(elements, model, task.rule)
+    supports = Supports(elements, model, task.bodies)
     refuse_free(model)
-    loads = dead(elements, model, bodies)
+    loads = dead(elements, model, task.bodies)
     contacts, means = Contacts(elements, model), means_of(elements, model, laws.unit)
     acting: list[Mean | Moment] = [*means.values(), *moments_of(elements, model)]
     clock.lap("setup")
-    forms = _forms(elements, laws, model, rule, flags)
+    forms = _forms(elements, laws, task)
     clock.lap("forms")
     symmetric = not model.following
-    direct = DIRECT if symmetric else DIRECT | {"pc_type": "lu"}
-    with defaults(NEWTON | dict(direct if options is None else options)):
+    with defaults(task.newton(DIRECT if symmetric else DIRECT | {"pc_type": "lu"})):
         newton = Loaded(elements, forms, supports, loads, [*contacts.all, *acting], symmetric)
         clock.lap("setup")
 
@@ -155,57 +151,47 @@ def solve(
                     mean.tighten()
                 newton.norms.clear()
                 newton.solve(newton.x.copy())
-            compat.assemble_vector(newton.force, newton.residual)
-            newton.add_forces(newton.force)
-            newton.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            nodal = elements.to_nodes(newton.force.array_r)
-            displacement = elements.to_nodes(newton.state.array_r).copy()
-            pressure = elements.nodal_pressure(laws.unit, flags)
-            reactions, moments = supports.forces(nodal, displacement)
+            displacement, (reactions, moments) = newton.carried(supports)
             for k, mean in means.items():
                 reactions[k], moments[k] = mean.resultant
-            touches = contacts.outcome(newton)
-            typed = dict(PETSc.Options().getAll())
+            more = {
+                "pressure": elements.nodal_pressure(laws.unit, task.flags),
+                "contacts": contacts.outcome(newton),
+                "options": typed(),
+            }
         finally:
             newton.destroy()
         clock.lap("solve")
-    seconds = clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds}
-    if newton.contacts:
-        seconds["contact"] = newton.contact_seconds
-    solution = Solution(
-        model=model,
-        mesh=mesh,
-        analysis="statics",
-        cell_parameters=elements.parameters,
+    solution = task.solved(
+        "statics",
+        elements,
+        supports,
+        newton,
+        clock,
         place=laws.place,
-        seconds=seconds,
-        dofs=elements.dofs,
-        unknowns=supports.free,
-        options=typed,
-        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
         iterations=counts,
         displacement=displacement,
-        pressure=pressure,
         reactions=reactions,
         moments=moments,
-        contacts=touches,
         residual_norms=list(newton.norms),
-        bodies=bodies,
+        **more,
     )
-    return replace(solution, ties=carried(solution, elements, rule, bodies)) if model.ties else solution
+    if newton.contacts:
+        solution.seconds["contact"] = newton.contact_seconds
+    return replace(solution, ties=carried(solution, elements, task.rule, task.bodies)) if model.ties else solution
 
 
-def _forms(elements: Elements, laws: Laws, model: Model, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:
+def _forms(elements: Elements, laws: Laws, task: Task) -> tuple[Any, Any]:
     """Return internal forces, with those of loads that change with the displacement, and their derivative."""
-    state, (u, pressure) = elements.state, elements.split
+    model, state, (u, pressure) = task.model, elements.state, elements.split
     stored = laws.energy()
     if model.spin is not None:
         stored += laws.activation * centrifugal(laws, model.spin, u)
     space = state.function_space
     test = ufl.TestFunction(space)
     residual = ufl.derivative(stored, state, test)
-    pressed = Following(elements, model, rule, u, test if pressure is None else ufl.split(test)[0]).work
+    pressed = Following(elements, model, task.rule, u, test if pressure is None else ufl.split(test)[0]).work
     if pressed is not None:
         residual += laws.activation * pressed
     tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))
-    return compat.form(residual, flags), compat.form(tangent, flags)
+    return compat.form(residual, task.flags), compat.form(tangent, task.flags)

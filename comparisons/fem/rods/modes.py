@@ -1,11 +1,9 @@
 """Vibration modes of rods about their state of rest: `comparisons.fem.modal` with laws and densities by cell."""
 
-from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from comparisons.fem import modal
 from comparisons.fem.known import with_pressures
@@ -15,40 +13,28 @@ from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.means import RIGID, means_of
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
+from comparisons.fem.rods.task import Task
+from isorod.assembly.mass import refuse_massless
 from isorod.checks.rigid_motions import free_motions
-from isorod.errors import InputError
 from isorod.fenics import compat
-from isorod.files.solid import OfBody
 from isorod.model.model import Model
-from meshes.mesh import Array, Mesh
+from meshes.mesh import Array
 
 
-def solve(
-    model: Model,
-    mesh: Mesh,
-    rule: int,
-    modes: int,
-    options: Mapping[str, object] | None,
-    flags: Sequence[str],
-    bodies: Sequence[OfBody] = (),
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Solution:
+def solve(task: Task, modes: int) -> Solution:
     """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
-            )
+    model = task.model
+    refuse_massless(model.bodies, "modes need")
     begin = perf_counter()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], with_pressures(model), comm)
-    laws, supports = Laws(elements, model, rule), Supports(elements, model, bodies)
-    settings = modal.Settings(modal.DIRECT if options is None else options, flags)
+    elements = task.elements(with_pressures(model))
+    laws, supports = Laws(elements, model, task.rule), Supports(elements, model, task.bodies)
+    settings = modal.Settings(modal.DIRECT if task.options is None else task.options, task.flags)
     found = modal.lowest(
         elements, _body(elements, model, laws, supports, settings), modes, len(free_motions(model)), settings, begin
     )
     return Solution(
         model=model,
-        mesh=mesh,
+        mesh=task.mesh,
         analysis="modal",
         cell_parameters=elements.parameters,
         place=laws.place,
@@ -64,7 +50,7 @@ def solve(
         shapes=_shapes(elements, found),
         rigid=found.rigid,
         below=found.below,
-        bodies=bodies,
+        bodies=task.bodies,
     )
 
 
@@ -72,24 +58,23 @@ def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, sett
     free = np.setdiff1d(np.arange(elements.own), supports.held)
     if supports.whole:
         free = free[::3] // 3
-    order, state, (u, pressure) = elements.source.order, elements.state, elements.split
-    stored, bonds = laws.at_rest(), None
+    source, (u, pressure) = elements.source, elements.split
     means = [*means_of(elements, model, laws.unit, RIGID).values()]
+    more: dict[str, Any] = {"whole": supports.whole}
+    if pressure is not None:
+        more = {"whole": False, "pressures": elements.dofs - 3 * len(source.points)}
     if means:
 
         def bonds(matrix: Any) -> None:
-            add_rows(
-                matrix, rows_of([one.stiffness(elements.source.points) for one in means], elements.numbers, matrix)
-            )
+            add_rows(matrix, rows_of([one.stiffness(source.points) for one in means], elements.numbers, matrix))
 
-    if pressure is not None:
-        count = elements.dofs - 3 * len(elements.source.points)
-        more: dict[str, Any] = {"whole": False, "pressures": count, "bonds": bonds}
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, **more)
-    if bonds is not None:
-        return modal.Body(state, u, stored, laws.density, None, free, order, settings, supports.whole, bonds=bonds)
-    scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
-    return modal.Body(state, u, stored, laws.density, scalar, free, order, settings, supports.whole)
+        more["bonds"] = bonds
+    scalar = None
+    if pressure is None and not means:
+        component = compat.element(elements.mesh, "Lagrange", source.order, 1, equispaced=True)
+        scalar = compat.function_space(elements.mesh, component)
+    given = elements.state, u, laws.at_rest(), laws.density, scalar, free, source.order, settings
+    return modal.Body(*given, **more)
 
 
 def _shapes(elements: Elements, found: modal.Modes) -> Array:

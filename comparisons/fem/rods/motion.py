@@ -4,13 +4,12 @@ Steps are those of `isorod.dynamics.implicit.assembler`: energy-momentum conserv
 of `isorod.fenics.forms.between`, and loads in the middle of the step.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import dolfinx.fem
 import numpy as np
 import ufl
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.known import Steps
@@ -20,14 +19,16 @@ from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import Following, nodal
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
-from comparisons.fem.statics import DIRECT, NEWTON
-from comparisons.measure.timing import Clock, peak_memory
-from isorod.errors import InputError, SolveError
+from comparisons.fem.rods.task import Task, typed
+from comparisons.fem.statics import DIRECT
+from comparisons.measure.timing import Clock
+from isorod.assembly.mass import refuse_massless
+from isorod.errors import SolveError
 from isorod.fenics import compat
 from isorod.model.history import rigid_velocity
 from isorod.model.model import Model
 from isorod.options import defaults
-from meshes.mesh import Array, Index, Mesh
+from meshes.mesh import Array, Index
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -105,32 +106,21 @@ class _Step(Loaded):
             matrix.assemble()
 
 
-def solve(
-    model: Model,
-    mesh: Mesh,
-    rule: int,
-    steps: Steps,
-    options: Mapping[str, object] | None,
-    flags: Sequence[str],
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Motion:
+def solve(task: Task, steps: Steps) -> Motion:
     """Return the motion from rest, see `comparisons.fem.rods.solve`."""
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(f"density of body {b}: got {body.densities.min():g}, need a positive mass per volume")
-    clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], comm=comm)
-    laws, supports = Laws(elements, model, rule), Supports(elements, model)
+    model = task.model
+    refuse_massless(model.bodies, "dynamics needs")
+    clock, elements = Clock(), task.elements()
+    laws, supports = Laws(elements, model, task.rule), Supports(elements, model)
     clock.lap("setup")
-    forms = _Forms(elements, laws, model, rule, steps, flags)
+    forms = _Forms(elements, laws, task, steps)
     clock.lap("forms")
     supports.move(1.0)
     counts = {"steps": 0, "newton_iterations": 0}
     found: list[tuple[Array, Array]] = []
-    direct = DIRECT | {"pc_type": "lu"}
-    with defaults(NEWTON | dict(direct if options is None else options)):
+    with defaults(task.newton(DIRECT | {"pc_type": "lu"})):
         dead = [(load, nodal(elements, model, load)) for load in model.loads]
-        nothing = np.zeros_like(mesh.points)
+        nothing = np.zeros_like(task.mesh.points)
 
         def loads(begin: float, end: float) -> Array:
             """Return the means over a time of the forces that do not depend on the state."""
@@ -177,23 +167,13 @@ def solve(
                 counts["steps"] += 1
                 if (k + 1) % steps.count == 0:
                     record(ends[1])
-            typed = dict(PETSc.Options().getAll())
+            options = typed()
         finally:
             newton.destroy()
             forms.destroy()
         clock.lap("solve")
-    last = Solution(
-        model=model,
-        mesh=mesh,
-        analysis="dynamics",
-        cell_parameters=elements.parameters,
-        place=laws.place,
-        seconds=clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds},
-        dofs=elements.dofs,
-        unknowns=supports.free,
-        options=typed,
-        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
-        iterations=counts,
+    last = task.solved(
+        "dynamics", elements, supports, newton, clock, place=laws.place, options=options, iterations=counts
     )
     states = [replace(last, displacement=one, reactions=carried) for one, carried in found]
     times = np.arange(steps.outputs + 1) * steps.end_time / steps.outputs
@@ -226,10 +206,8 @@ class _Forms:
         At the start of a step, a dolfinx function.
     """
 
-    def __init__(
-        self, elements: Elements, laws: Laws, model: Model, rule: int, steps: Steps, flags: Sequence[str]
-    ) -> None:
-        space, u = elements.space, elements.state
+    def __init__(self, elements: Elements, laws: Laws, task: Task, steps: Steps) -> None:
+        space, u, flags = elements.space, elements.state, task.flags
         self.elements, self.laws, self.steps = elements, laws, steps
         self.before, self.velocity, self.moment = (dolfinx.fem.Function(space) for _ in range(3))
         test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -241,8 +219,8 @@ class _Forms:
         self._place, self._share, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
         residual = self._once * push + self._share * laws.between(self.before, self._place, test)
         now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
-        self.pressed = Following(elements, model, rule, 0.5 * (u + self.before), test)
-        self.pressed_now = Following(elements, model, rule, u, test)
+        self.pressed = Following(elements, task.model, task.rule, 0.5 * (u + self.before), test)
+        self.pressed_now = Following(elements, task.model, task.rule, u, test)
         if self.pressed.work is not None:
             residual, now = residual + self._once * self.pressed.work, now + self.pressed_now.work
         self.residual = compat.form(residual, flags)

@@ -3,7 +3,7 @@
 The laws and their states are isorod's; elements, forms, Newton's method and load steps are not.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,7 +11,6 @@ import basix
 import dolfinx.fem
 import numpy as np
 import ufl
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem.continuation import lead
@@ -22,8 +21,9 @@ from comparisons.fem.rods.loads import nodal
 from comparisons.fem.rods.places import on_rod
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
-from comparisons.fem.statics import DIRECT, NEWTON
-from comparisons.measure.timing import Clock, peak_memory
+from comparisons.fem.rods.task import Task, typed
+from comparisons.fem.statics import DIRECT
+from comparisons.measure.timing import Clock
 from isorod.checks.rigid_motions import refuse_free
 from isorod.fenics import compat
 from isorod.material.law import Material
@@ -32,7 +32,7 @@ from isorod.model.past import Past
 from isorod.model.times import until
 from isorod.options import defaults
 from isorod.statics.path import Step
-from meshes.mesh import Array, Index, Mesh
+from meshes.mesh import Array, Index
 from meshes.within import lagrange
 
 # Steps are doubled until the forces change by less than this share, as isorod's by default.
@@ -131,28 +131,18 @@ class _Flowing(Loaded):
         super()._tangent(snes, x, J, P)
 
 
-def solve(
-    model: Model,
-    mesh: Mesh,
-    rule: int,
-    load_steps: int | None,
-    end_time: float | None,
-    options: Mapping[str, object] | None,
-    flags: Sequence[str],
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> Solution:
+def solve(task: Task, load_steps: int | None, end_time: float | None) -> Solution:
     """Return the equilibrium at full load, or at the end of a time, see `comparisons.fem.rods.solve`.
 
     Where no number of steps from one kink of tables to the next is given, they double as isorod's do, until forces and
     moments of supports change by less than `CHANGE` of the largest on the way.
     """
-    model = model if end_time is None else until(model, end_time)
-    given = options, flags, comm
+    task = task if end_time is None else replace(task, model=until(task.model, end_time))
     if load_steps is not None:
-        return _in_steps(model, mesh, rule, load_steps, *given)
+        return _in_steps(task, load_steps)
     before, seconds = None, dict[str, float]()
     for steps in MANY:
-        found = _in_steps(model, mesh, rule, steps, *given)
+        found = _in_steps(task, steps)
         seconds = {name: seconds.get(name, 0.0) + value for name, value in found.seconds.items()}
         if before is not None and _apart(before, found) < CHANGE:
             break
@@ -171,42 +161,29 @@ def _apart(before: Solution, after: Solution) -> float:
     return float(max(changes))
 
 
-def _in_steps(
-    model: Model,
-    mesh: Mesh,
-    rule: int,
-    load_steps: int,
-    options: Mapping[str, object] | None,
-    flags: Sequence[str],
-    comm: MPI.Comm,
-) -> Solution:
+def _in_steps(task: Task, load_steps: int) -> Solution:
     """Return the equilibrium that so many steps from each kink of a table to the next lead to."""
-    clock = Clock()
-    elements = Elements(mesh, [body.space.rod for body in model.bodies], comm=comm)
+    clock, model, elements = Clock(), task.model, task.elements()
     supports = Supports(elements, model)
     refuse_free(model)
     clock.lap("setup")
-    laws = Remembered(elements, model, rule, flags)
+    laws = Remembered(elements, model, task.rule, task.flags)
     clock.lap("forms")
     dead = [nodal(elements, model, load) for load in model.loads]
     past, path = list[Past](), list[Step]()
-    with defaults(NEWTON | dict(DIRECT if options is None else options)):
+    with defaults(task.newton(DIRECT)):
         newton = _Flowing(elements, laws, supports)
         clock.lap("setup")
 
         def load(factor: float) -> None:
             newton.time = factor
             shares = [model.share(one.history, factor) for one in model.loads]
-            newton.carry(sum((a * b for a, b in zip(shares, dead, strict=True)), np.zeros_like(mesh.points)))
+            newton.carry(sum((a * b for a, b in zip(shares, dead, strict=True)), np.zeros_like(task.mesh.points)))
             supports.move(factor)
 
         def reached(factor: float) -> None:
             """Note an equilibrium, and go on from it."""
-            compat.assemble_vector(newton.force, newton.residual)
-            newton.add_forces(newton.force)
-            newton.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            displacement = elements.to_nodes(newton.state.array_r).copy()
-            reactions, moments = supports.forces(elements.to_nodes(newton.force.array_r), displacement)
+            displacement, (reactions, moments) = newton.carried(supports)
             past.append(Past(factor, displacement))
             path.append(Step(factor, reactions, moments=moments))
             if factor < 1.0:
@@ -217,21 +194,18 @@ def _in_steps(
             for begin, end in pairwise([0.0, *model.stages]):
                 each = lead(newton, load, end, (end - begin) / load_steps, "load factor", HALVINGS, begin, reached)
                 counts = {name: counts.get(name, 0) + count for name, count in each.items()}
-            typed = dict(PETSc.Options().getAll())
+            options = typed()
         finally:
             newton.destroy()
         clock.lap("solve")
-    return Solution(
-        model=model,
-        mesh=mesh,
-        analysis="statics",
-        cell_parameters=elements.parameters,
+    return task.solved(
+        "statics",
+        elements,
+        supports,
+        newton,
+        clock,
         place=laws.place,
-        seconds=clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds},
-        dofs=elements.dofs,
-        unknowns=supports.free,
-        options=typed,
-        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
+        options=options,
         iterations=counts,
         displacement=past[-1].displacement,
         reactions=path[-1].reactions,

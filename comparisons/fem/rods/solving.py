@@ -8,6 +8,7 @@ from mpi4py import MPI
 from comparisons.fem.known import Steps, refuse
 from comparisons.fem.rods import equilibrium, motion, remembered
 from comparisons.fem.rods import modes as modes_of_rods
+from comparisons.fem.rods.task import Task
 from comparisons.fem.statics import Element
 from isorod.errors import InputError
 from isorod.fenics.flags import FAST
@@ -70,12 +71,13 @@ def solve(
         raise InputError("ties and finite element bodies: need a mesh of all as one solid, and got each rod for itself")
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
+    task = Task(model, mesh, rule, options, flags, bodies, comm)
     if analysis == "statics" and model.remembers:
-        return remembered.solve(model, mesh, rule, load_steps, end_time, options, flags, comm)
+        return remembered.solve(task, load_steps, end_time)
     if analysis == "statics":
-        return equilibrium.solve(model, mesh, rule, load_steps or 1, options, flags, bodies, comm)
+        return equilibrium.solve(task, load_steps or 1)
     if analysis == "modal":
-        return modes_of_rods.solve(model, mesh, rule, modes, options, flags, bodies, comm)
+        return modes_of_rods.solve(task, modes)
     if analysis == "dynamics" and steps is not None:
-        return motion.solve(model, mesh, rule, steps, options, flags, comm)
+        return motion.solve(task, steps)
     raise InputError(f"analysis {analysis}: the finite element side has statics, modes and dynamics only")

@@ -13,6 +13,7 @@ from isorod.assembly.loaded import Loaded
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add
 from isorod.geometry.quadrature import Rule
+from isorod.material.along_rod import Laws
 from isorod.model.model import Model
 from isorod.petsc.matrix import fits, keep_symmetric, preallocate, set_values, zeros
 
@@ -152,6 +153,17 @@ class Assembler(Loaded):
             local = self._state(x, factor)
             for part in self.parts:
                 part.advance(local, factor)
+
+    @property
+    def laws(self) -> list[Laws]:
+        """Those of this rank's parts, with their state."""
+        return [part.laws for part in self.parts]
+
+    def obey(self, laws: Sequence[Laws]) -> None:
+        """Go on with laws with memory in another state (`laws`)."""
+        for part, own in zip(self.parts, laws, strict=True):
+            if own.remember:
+                part.obey(own)
 
     def extrapolate(self) -> None:
         """Let the next tangent be exact; those of slender bodies then extrapolate (`isorod.assembly.extrapolation`)."""

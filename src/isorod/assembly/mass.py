@@ -9,6 +9,8 @@ from petsc4py import PETSc
 from isorod.arrays import Array, Index
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add, joined
+from isorod.errors import InputError
+from isorod.model.body import Body
 
 
 class Masses(NamedTuple):
@@ -59,3 +61,10 @@ def masses(
     for part, blocks in zip(parts, pattern.blocks, strict=True):
         add(part.mass, blocks, entries)
     return Masses(entries, lambda: [pattern.indices(number) for number in numbers], pattern if alone else None)
+
+
+def refuse_massless(bodies: Sequence[Body], what: str) -> None:
+    """Raise `InputError` for a body without mass, which ``what`` needs, as ``"modes need"``."""
+    for b, body in enumerate(bodies):
+        if not body.densities.min() > 0.0:
+            raise InputError(f"density of body {b}: got {body.densities.min():g}, {what} a positive mass per volume")

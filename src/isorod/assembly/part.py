@@ -15,6 +15,7 @@ from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
 from isorod.assembly.split import Share
 from isorod.geometry.quadrature import Rule
+from isorod.material.along_rod import Laws
 from isorod.model.load import Spin
 
 
@@ -80,9 +81,13 @@ class Part:
     def advance(self, local: Array, factor: float) -> None:
         """Let laws with memory go on to the state at the end of a step, which ends here."""
         if self.laws.remember:
-            self.laws = self.laws.advanced(self.gradients(local), factor)
-            for region, piece in zip(self.regions, self.laws.pieces, strict=True):
-                region.obey(piece.law)
+            self.obey(self.laws.advanced(self.gradients(local), factor))
+
+    def obey(self, laws: Laws) -> None:
+        """Go on with the laws in another state."""
+        self.laws = laws
+        for region, piece in zip(self.regions, laws.pieces, strict=True):
+            region.obey(piece.law)
 
     @property
     def of_dofs(self) -> Layers:

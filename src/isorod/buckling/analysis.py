@@ -20,7 +20,7 @@ from isorod.checks import rigid_motions
 from isorod.checks.estimate_of_modes import Softening
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.material.law import Material
-from isorod.material.thermal import Thermal
+from isorod.material.thermal import Thermal, bare
 from isorod.modal import loaded
 from isorod.model.model import Model, unmoved
 from isorod.output.progress import Teller
@@ -55,8 +55,8 @@ def solve(
     modes
         Number of load factors, the lowest above zero.
     linear_at
-        Take the factors that are told at the equilibrium of this load factor, by its tangent and how that changes, and
-        follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
+        Take the factors of the linearisation at the equilibrium of this load factor, by its tangent and how that
+        changes, and follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
     petsc
         PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
     progress
@@ -87,13 +87,19 @@ def refuse(model: Model) -> None:
         ("contact", model.contacts),
         ("a spin, whose forces depend on velocities", loaded.spins(model)),
         ("finite element bodies", model.solids),
-        ("laws that have a memory", model.remembers),
         ("active muscles", "muscles" in loaded.burdens(model)),
         ("a stiffness that depends on the temperature", any(_softens(law) for law in laws)),
         ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),
     ):
         if there:
             raise InputError(f"buckling: not known with {what}; statics counts negative eigenvalues, and follows paths")
+    for law in map(bare, laws):
+        if law.timed or getattr(law, "recovery", False):
+            why = "flows with time" if law.timed else "recovers, and has no symmetric tangent"
+            raise InputError(
+                f"buckling: {type(law).__name__} {why}: the load factor depends on the way there; follow a rod with a "
+                "slight bend by statics over time, or take Plastic, or NeoHookean for what comes at once"
+            )
     model.refuse_hold("buckling")
     loaded.refuse(model, "or leave that load out")
     if not loaded.burdens(model):
@@ -151,7 +157,8 @@ def _solve(
             softening=[
                 Softening(state(*softer[:2]), moves([softer[2]])[0], *softer[3:])
                 for softer in (one.softer for one in points)
-                if softer is not None
+                # On finer spaces other points would flow.
+                if softer is not None and not model.remembers
             ],
             linear_at=linear_at,
             equilibria=seeker.looks,
@@ -195,7 +202,7 @@ def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Poin
         except SolveError as problem:
             if not points:
                 raise
-            warnings.warn(f"{k} of {modes} buckling modes found: {problem}", stacklevel=5)
+            warnings.warn(f"{k} of {modes} buckling modes computed: {problem}", stacklevel=5)
             break
         path.critical.append(points[-1].factor)
     return points

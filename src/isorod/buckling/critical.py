@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
-from isorod.buckling.path import PathEnds, Primary
+from isorod.buckling.path import Known, PathEnds, Primary
 from isorod.buckling.tangents import Tangents
 from isorod.errors import SolveError
 from isorod.modal.pencil import Found, Pencil
@@ -25,6 +25,9 @@ _SHORT = 0.05
 
 # Equilibria from which a factor is sought at most.
 _MOST = 15
+
+# So many of what yields, whose stiffness falls at once: then the factor lies between two that differ by this share.
+_MOST_FLOWING, _AT_ONCE = 40, 1e-4
 
 # Where no factor is in sight it is looked for up to so many times the first load factor.
 _FARTHEST = 8.0
@@ -141,9 +144,9 @@ class Seeker:
         """Return the lowest vibration modes about the equilibrium at which the tangents are."""
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 
-    def look(self, x: PETSc.Vec, factor: float, wanted: int) -> Look:
-        """Return what is known at an equilibrium of the factors around it, that of the ``wanted`` number among them."""
-        self._tangents.fill(x, factor)
+    def look(self, place: Known, wanted: int) -> Look:
+        """Return what is known at an equilibrium of the factors around it, that of the number ``wanted`` among them."""
+        self._tangents.fill(place)
         below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
         modes = self.modes(max(below, wanted + 1) + _SPARE)
         pushed = [self._tangents.derivative * one for one in modes.vectors]
@@ -155,31 +158,37 @@ class Seeker:
         ways, shapes = 1.0 / rates[real].real, shapes[:, real].real
         order = np.argsort(ways)
         self._reach = 0.0
-        self._last = Look(factor, x, below, ways[order], shapes[:, order], modes, np.diag(slopes))
+        self._last = Look(place.factor, place.x, below, ways[order], shapes[:, order], modes, np.diag(slopes))
         return self._last
 
     def seek(self, number: int, guess: float | None = None) -> Point:
         """Return the load factor of a number, from 0 and in the order of their size.
 
-        Where there is no guess it is sought from the last equilibrium, from which another one was told.
+        Where there is no guess it is sought from the last equilibrium, from which another factor was computed.
         """
         low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
         factor, farthest = np.nan, 0.0
         ended: PathEnds | None = None
-        for _ in range(_MOST):
+        flows = self._assembler.model.remembers
+        for _ in range(_MOST_FLOWING if flows else _MOST):
             if guess is not None:
                 try:
-                    self.look(self._path.at(guess), guess, number)
+                    self.look(self._path.at(guess), number)
                 except PathEnds as problem:
                     # What lies before its end may have passed a factor all the same.
                     ended = problem
                     if not ended.reached > low:
                         raise SolveError(_END.format(ended.reached, ended)) from None
-                    self.look(self._path.at(ended.reached), ended.reached, number)
+                    self.look(self._path.at(ended.reached), number)
             last = self._last
             assert last is not None
             guess = last.factor
             low, high = (guess, high) if last.below <= number else (low, guess)
+            if flows and high < np.inf and high - low <= _AT_ONCE * high:
+                raise SolveError(
+                    f"buckling: factor {number + 1} is none: it buckles as it yields, at load factor {high:.5g}, where "
+                    "the tangent stiffness falls at once"
+                )
             found = last.way(number)
             if found is None:
                 farthest = farthest or _FARTHEST * guess
@@ -192,11 +201,11 @@ class Seeker:
             way, shape = found
             factor = guess + way
             told = factor if told is None else told
-            bends += last.below == number and way > abs(before[1])
+            bends += not flows and last.below == number and way > abs(before[1])
             if bends > 1 or (0.0 < way < _BEND_NEAR * guess and self._moves_along(shape)):
                 raise SolveError(
-                    f"buckling: the path bends before factor {number + 1}, first told as {told:.6g}: it has a limit "
-                    f"point, or goes aside as an imperfect column does; {_CURE}"
+                    f"buckling: the path bends before factor {number + 1}, first estimated at {told:.6g}: it has a "
+                    f"limit point, or goes aside as an imperfect column does; {_CURE}"
                 )
             # Errors fall with the square of the way.
             if way > 0.3 * _APART * factor:
@@ -219,18 +228,18 @@ class Seeker:
         raise SolveError(f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path bends; {_CURE}")
 
     def told_at(self, factor: float, modes: int, more: int) -> list[Point]:
-        """Return the factors that the tangent and its derivative tell at an equilibrium of a lower load.
+        """Return the factors by the tangent and its derivative at an equilibrium of a lower load.
 
         Raises
         ------
         SolveError
-            If there is no such equilibrium, it is not stable, or tells of no factor.
+            If there is no such equilibrium, it is not stable, or has no factor.
         """
         try:
-            x = self._path.at(factor)
+            place = self._path.at(factor)
         except PathEnds as problem:
             raise SolveError(_END.format(problem.reached, problem)) from None
-        look = self.look(x, factor, modes - 1 + more)
+        look = self.look(place, modes - 1 + more)
         if look.below:
             raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
         points = [one for one in (self._point(look, k) for k in range(modes)) if one is not None]

@@ -60,18 +60,18 @@ class BucklingModes:
         Of the vibration mode that becomes each shape, next to its factor, ``|K x - lambda M x| / (lambda_0 |M x|)``
         with the first ``lambda_0`` of the state of rest, shape ``(modes,)``; at rest ``|K x + f K' x| / |f K' x|``.
     settled
-        Relative change of the factors that their iteration leaves; None where they are told at one equilibrium.
+        Relative change of the factors that their iteration leaves; None where all are computed at one equilibrium.
     below
         Of each the number of factors below, by the inertia of the tangent near it (Sturm count).
     states
-        The equilibrium at each, or a straight way to it from the one at which they are told.
+        The equilibrium at each, or a straight way to it from the one at which they are computed.
     losses
         By how much the stiffness ``x^T K x`` of each shape falls with the load factor, shape ``(modes,)``.
     softening
-        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of those told
-        at rest.
+        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of
+        those computed at rest.
     linear_at
-        The load factor of the equilibrium at which they are told; None where each is told at its own.
+        The load factor of the equilibrium at which they are computed; None where each is computed at its own.
     equilibria, newton_iterations
         How many equilibria were looked at, and linear solves on the way to these.
     seconds
@@ -159,8 +159,8 @@ class BucklingModes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the factors' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none, as of those told at rest.  It takes about as long as the factors.  It is the sum of
-        those across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
+        None where there is none, as of those computed at rest.  It takes about as long as the factors.  It is the sum
+        of those across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
         """
         from isorod.checks import embedded
 

@@ -6,6 +6,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
+from isorod.material.along_rod import Laws
 from isorod.statics.newton import Newton
 from isorod.statics.steps import Diverged
 
@@ -21,11 +22,23 @@ _APART = 5e-3
 
 
 class Known(NamedTuple):
-    """An equilibrium: its load factor and unknowns, and how fast these have changed before; infinity at rest."""
+    """An equilibrium.
+
+    Attributes
+    ----------
+    factor, x
+        Its load factor and unknowns.
+    speed, rate
+        How fast these have changed on the way to it, the size of that infinite at rest.
+    laws
+        Those of this rank's parts, with the state there.
+    """
 
     factor: float
     x: PETSc.Vec
     speed: float
+    rate: PETSc.Vec
+    laws: list[Laws]
 
 
 class PathEnds(Exception):
@@ -50,13 +63,14 @@ class Primary:
     def __init__(self, assembler: Assembler) -> None:
         self.solver = Newton(assembler, [])
         self.critical: list[float] = []
-        self._known = [Known(0.0, assembler.vector(), np.inf)]
+        self._known = [Known(0.0, assembler.vector(), np.inf, assembler.vector(), assembler.laws)]
 
-    def at(self, factor: float) -> PETSc.Vec:
-        """Return the unknowns at a load factor; raises `PathEnds` where there is no equilibrium."""
-        solver = self.solver
+    def at(self, factor: float) -> Known:
+        """Return the equilibrium at a load factor; raises `PathEnds` where there is none."""
+        solver, assembler = self.solver, self.solver.assembler
         begin = max((one for one in self._known if self._starts(one, factor)), key=lambda one: one.factor)
         begin.x.copy(solver.x)
+        assembler.obey(begin.laws)
         solver.forget_path()
         reached, step, speed = begin.factor, factor - begin.factor, begin.speed
         # The speed of supports that turn is the same beyond load factor 1.
@@ -72,7 +86,8 @@ class Primary:
             except Diverged as problem:
                 why = str(problem)
             newer = (solver.x - before).norm() / (target - reached)
-            if why is None and newer > _FASTER * speed:
+            # What yields goes on faster.
+            if why is None and newer > _FASTER * speed and not assembler.model.remembers:
                 why = "the path goes on elsewhere"
             if why is not None:
                 before.copy(solver.x)
@@ -81,9 +96,11 @@ class Primary:
                 if step < shortest:
                     raise PathEnds(reached, why)
                 continue
+            rate = (solver.x - before) / (target - reached)
             reached, speed, step = target, newer, 2.0 * step
-            self._known.append(Known(reached, solver.x.copy(), speed))
-        return next(one.x for one in self._known if one.factor == factor)
+            assembler.advance(solver.x, reached)
+            self._known.append(Known(reached, solver.x.copy(), speed, rate, assembler.laws))
+        return next(one for one in self._known if one.factor == factor)
 
     def _starts(self, one: Known, factor: float) -> bool:
         """Return whether a step to a load factor may begin at an equilibrium."""
@@ -94,3 +111,4 @@ class Primary:
         self.solver.destroy()
         for one in self._known:
             one.x.destroy()
+            one.rate.destroy()

@@ -8,6 +8,7 @@ sections of degree 8.  Those of modes: `isorod.checks.estimate_of_modes`.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -49,35 +50,17 @@ class Error(NamedTuple):
     stress: float | None
 
 
-def of_equilibrium(
-    model: Model,
-    displacement: Array,
-    work: float,
-    pressures: Sequence[Array | None] = (),
-    directions: Sequence[str] = (),
-    ranks: int = 1,
-    contacts: "Sequence[ContactResult]" = (),
-    carried: tuple[Array, Array] | None = None,
-    solids: Sequence[Array] = (),
-) -> Error:
-    """Return estimates of the errors of an equilibrium.
+class Reached(NamedTuple):
+    """What is known of an equilibrium.
 
-    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): what sticks and slips goes on to.
-
-    Parameters
+    Attributes
     ----------
-    model
-        What was solved.
     displacement
         All degrees of freedom, shape ``(dofs,)``.
     work
         Of the supports' forces on the displacements, and of their moments on the turns, that they prescribe.
     pressures
         Coefficients of mixed bodies.
-    directions
-        Which of `isorod.checks.finer.DIRECTIONS` count, all if empty.
-    ranks
-        Number of those that solved it: this one alone, or all, which then call this together.
     contacts
         Their outcome.
     carried
@@ -86,10 +69,29 @@ def of_equilibrium(
         Displacements of finite element bodies, on this rank, whose meshes stay.
     """
 
-    def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        return _equilibrium(finer, comm, displacement, work, pressures, contacts, carried, solids)
+    displacement: Array
+    work: float
+    pressures: Sequence[Array | None] = ()
+    contacts: "Sequence[ContactResult]" = ()
+    carried: tuple[Array, Array] | None = None
+    solids: Sequence[Array] = ()
 
-    return Error(*correction.total(model, directions, ranks, change, 2))
+
+def of_equilibrium(model: Model, reached: Reached, directions: Sequence[str] = (), ranks: int = 1) -> Error:
+    """Return estimates of the errors of an equilibrium.
+
+    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): what sticks and slips goes on to.
+
+    Parameters
+    ----------
+    model
+        What was solved.
+    directions
+        Which of `isorod.checks.finer.DIRECTIONS` count, all if empty.
+    ranks
+        Number of those that solved it: this one alone, or all, which then call this together.
+    """
+    return Error(*correction.total(model, directions, ranks, partial(_equilibrium, reached), 2))
 
 
 def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tuple[Error, Array | None]:
@@ -116,17 +118,9 @@ def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tu
     return Error(work / (2.0 * stored), None), max(known, key=lambda one: one.work).place
 
 
-def _equilibrium(
-    finer: Finer,
-    comm: PETSc.Comm,
-    displacement: Array,
-    work: float,
-    pressures: Sequence[Array | None],
-    contacts: "Sequence[ContactResult]",
-    supported: tuple[Array, Array] | None,
-    solids: Sequence[Array],
-) -> Array:
+def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
     """Return the errors of work and stress that a finer space sees, NaN where there is none."""
+    displacement, work, pressures, contacts, supported, solids = reached
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
     touching = correction.touching(finer, contacts, state, comm)

@@ -30,24 +30,10 @@ _TINY = 1e-7
 _SLIGHT = 1e-6
 
 
-def of_modes(
-    model: Model,
-    eigenvalues: Array,
-    vectors: Array,
-    free: bool = False,
-    lumped: bool = False,
-    directions: Sequence[str] = (),
-    about: State | None = None,
-    quarter: Array | None = None,
-    ranks: int = 1,
-    solids: Sequence[Array] = (),
-    counted: Array | None = None,
-) -> float | None:
-    """Return the largest relative change of the frequencies of flexible modes; None where there is none.
+class Spectrum(NamedTuple):
+    """Modes whose frequencies are estimated.
 
-    About an equilibrium its own change is in it: on finer spaces that is corrected first.
-
-    Parameters
+    Attributes
     ----------
     eigenvalues, vectors
         ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of the modes above the rigid ones.
@@ -55,8 +41,6 @@ def of_modes(
         Whether there are rigid ones.
     lumped
         Whether with the lumped mass matrix.
-    directions, ranks
-        As for `isorod.checks.estimate.of_equilibrium`.
     about
         The equilibrium about which they are; None for the state of rest.
     quarter
@@ -66,11 +50,32 @@ def of_modes(
     counted
         Which of the modes count, shape ``(m,)``; all where not given.
     """
-    if not eigenvalues.size:
+
+    eigenvalues: Array
+    vectors: Array
+    free: bool = False
+    lumped: bool = False
+    about: State | None = None
+    quarter: Array | None = None
+    solids: Sequence[Array] = ()
+    counted: Array | None = None
+
+
+def of_modes(model: Model, modes: Spectrum, directions: Sequence[str] = (), ranks: int = 1) -> float | None:
+    """Return the largest relative change of the frequencies of flexible modes; None where there is none.
+
+    About an equilibrium its own change is in it: on finer spaces that is corrected first.
+
+    Parameters
+    ----------
+    directions, ranks
+        As for `isorod.checks.estimate.of_equilibrium`.
+    """
+    if not modes.eigenvalues.size:
         return None
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter, solids, counted)
+        found = _modes(finer, comm, modes)
         return np.array([np.nan if found is None else found])
 
     return correction.total(model, directions, ranks, change, 1)[0]
@@ -146,19 +151,9 @@ def of_solids(
     return (error, place) if np.isfinite(error) else (None, None)
 
 
-def _modes(
-    finer: Finer,
-    comm: PETSc.Comm,
-    eigenvalues: Array,
-    vectors: Array,
-    free: bool,
-    lumped: bool,
-    about: State | None,
-    quarter: Array | None,
-    solids: Sequence[Array],
-    counted: Array | None,
-) -> float | None:
+def _modes(finer: Finer, comm: PETSc.Comm, modes: Spectrum) -> float | None:
     """Return the change on finer spaces."""
+    eigenvalues, vectors, free, lumped, about, quarter, solids, counted = modes
     assembler = assembler_for(finer.model, comm)
     if about is not None:
         state = finer.displacement(about.displacement)

@@ -186,7 +186,16 @@ def support_forces(model: Model, forces: Array) -> Array:
 
 def support_displacements(model: Model, displacement: Array) -> Array:
     """Return the mean displacement of each support's nodes, those that move with their rods, ``(supports, 3)``."""
-    nodal = displacement.reshape(-1, 3)
+    return _means(model, displacement.reshape(-1, 3))
+
+
+def support_places(model: Model, displacement: Array) -> Array:
+    """Return the points about which moments of `support_moments` and `carried` are, ``(supports, 3)``."""
+    return _means(model, _places(model, displacement))
+
+
+def _means(model: Model, nodal: Array) -> Array:
+    """Return the mean of nodal values ``(nodes, 3)`` over each support's nodes, ``(supports, 3)``; zero without."""
     nodes = model.bound // 3
     result = np.zeros((len(model.supports), 3))
     for k in range(len(model.supports)):
@@ -195,19 +204,6 @@ def support_displacements(model: Model, displacement: Array) -> Array:
         result[k] = nodal[carriers].mean(axis=0) if carriers.size else 0.0
     for k, one in model.means.items():
         result[k] = averages.shares(model, one) @ nodal
-    return result
-
-
-def support_places(model: Model, displacement: Array) -> Array:
-    """Return the points about which `support_moments` and `carried` tell moments, ``(supports, 3)``."""
-    places, nodes = _places(model, displacement), model.bound // 3
-    result = np.zeros((len(model.supports), 3))
-    for k in range(len(model.supports)):
-        mine = np.unique(nodes[model.support_of == k])
-        carriers = mine[model.is_carrier[mine]]
-        result[k] = places[carriers].mean(axis=0) if carriers.size else 0.0
-    for k, one in model.means.items():
-        result[k] = averages.shares(model, one) @ places
     return result
 
 

@@ -63,7 +63,7 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
     """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``.
 
     They are those about a ``displacement`` ``(dofs,)``, or at rest.  What ties weld together moves as one; its motions
-    are told by those of its first rod.
+    are described by those of its first rod.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Supports that turn: how far in a step, and whether the rod between them has followed every whole turn.
 
-A support turned by a whole turn more has its nodes in the same places, so that balance alone does not tell how often a
-rod is wound.  What tells is its path: from one equilibrium to the next no section may turn by half a turn.  Of a
+A support turned by a whole turn more has its nodes in the same places, so that balance alone does not determine
+how often a rod is wound.  Its path does: from one equilibrium to the next no section may turn by half a turn.  Of a
 state that comes without its path, the rotation of the sections is followed from one end of the rod to the other.
 """
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from isorod import options
 from isorod.command import ending, notes
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 
 # What solves a scene, and what keeps its results.
 Solve = Callable[[Any, Sequence[str], Namespace], tuple[dict[str, Any], Any]]
@@ -46,33 +46,28 @@ def _one(
     number: int, name: str, scene: Any, theirs: Sequence[str], found: Namespace, solve: Solve, keep: Keep
 ) -> dict[str, Any]:
     """Solve a case, keep its results and print its record if that is wanted; return its row of the table."""
-    from isorod.command import printing
+    from isorod.command import printing, sheet
     from isorod.output import results
 
-    about: dict[str, Any] = {"point": number, "values": {"case": name}, "units": scene.units, "status": "solved"}
+    about: dict[str, Any] = {"point": number, "values": {"case": name}, "units": scene.units}
     about["estimated"] = scene.analysis != "dynamics" and not getattr(found, "no_estimate", True)
     own = Namespace(**{**vars(found), "case": name})
     record: dict[str, Any] = {}
-    with warnings.catch_warnings(record=True) as warned, np.errstate(all="ignore"):
-        warnings.simplefilter("always")
-        try:
-            with printing.apart() if found.json else nullcontext(), options.petsc_errors():
-                record, solution = solve(scene, theirs, own)
-            if "short" in record:
-                about["status"] = record["short"]
-            if ending.rank() == 0:
+    with sheet.attempted(about, scene.named) as warned, np.errstate(all="ignore"):
+        with printing.apart() if found.json else nullcontext(), options.petsc_errors():
+            record, solution = solve(scene, theirs, own)
+        if "short" in record:
+            about["status"] = record["short"]
+        if ending.rank() == 0:
+            line = results.line(record)
+            if found.output is not None:
+                own.output = str(Path(found.output) / name)
+                results.check_folder(own.output)
+                record = keep(record, solution, own, scene)
                 line = results.line(record)
-                if found.output is not None:
-                    own.output = str(Path(found.output) / name)
-                    results.check_folder(own.output)
-                    record = keep(record, solution, own, scene)
-                    line = results.line(record)
-                if found.json:
-                    print(line, flush=True)
-        except (InputError, SolveError) as problem:
-            kind = "refused" if isinstance(problem, InputError) else "failed"
-            about["status"] = f"{kind}: {scene.named(' '.join(str(problem).split()))}"
-    for text in dict.fromkeys(" ".join(str(one.message).split()) for one in warned):
+            if found.json:
+                print(line, flush=True)
+    for text in warned:
         warnings.warn(f"case {name}: {scene.named(text)}", stacklevel=2)
     return {**record, "sweep": about}
 

@@ -118,7 +118,7 @@ def with_analysis(parser: Parser, scene: Any) -> None:
             "--linear-at",
             type=float,
             metavar="float",
-            help="load factors told at the equilibrium of this one; 0: of the undeformed state, classical",
+            help="load factors by linearisation at the equilibrium of this one; 0: at the undeformed state, classical",
         )
     if "modal" in analyses:
         parser.add_argument(

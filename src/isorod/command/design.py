@@ -26,11 +26,11 @@ SAME = 1e-3
 
 # What refines a run, and a design.
 _FINER = re.compile(r"--tolerance \S+ refines until it is met.*")
-_CURE = "so far off are the numbers found; give the file a finer space, or none, and begin again"
+_CURE = "the optimal parameters are off by so much; give the file a finer space, or none, and begin again"
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
-    """Design a scene with our options and PETSc's; return the exit code: 2 where what is wanted is not met."""
+    """Design a scene with our options and PETSc's; return the exit code: 2 where targets or limits are not met."""
     from isorod.command import printing
 
     if chosen.usage("design", ours, theirs):
@@ -57,10 +57,10 @@ def more(parser: Parser, scene: Any) -> None:
     least = parser.add_mutually_exclusive_group()
     least.add_argument("--minimise", "--minimize", metavar="NAME", help="mass, volume, or what is measured")
     least.add_argument("--maximise", "--maximize", metavar="NAME", help="the same, to be the largest")
-    add("--table", metavar="FILE.csv", help="a curve that is wanted: columns of numbers of the scene, and of answers")
+    add("--table", metavar="FILE.csv", help="target curve: columns of parameters of the scene and of results")
     add("--json", action="store_true", help="print the result as one line of JSON")
-    add("--png", metavar="FILE", help="draw the curve that is wanted, before and after")
-    add("--output", metavar="FILE.toml", help="write the file with the numbers found")
+    add("--png", metavar="FILE", help="plot the target curve with the results before and after")
+    add("--output", metavar="FILE.toml", help="write the scene file with the optimal parameters")
 
 
 def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         (name,) = known.named(option, found.minimise or found.maximise)
         objective = name, 1.0 if found.minimise else -1.0
     if not asked and objective is None:
-        raise InputError("design: say what is wanted: --target, --limit, --minimise, --maximise or --table")
+        raise InputError("design: no objective or constraint; give --target, --limit, --minimise, --maximise, --table")
     problem = optimise.Problem(own, varied, asked, objective, tell)
     with scene.locating():
         best, after, error = _found(problem, own, x, before, _concerned(asked, objective, table))
@@ -103,7 +103,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         best = best._replace(missed=anew)
     if best.trouble and best.missed[0] <= optimise.MET:
         warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
-    missed = f"what is wanted is not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
+    missed = f"targets or limits are not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
     held = [name for name in best.prices if " bound " in name]
     if missed and held:
         missed += f", with {' and '.join(held)}"
@@ -242,7 +242,7 @@ def _typed(scene: Any) -> dict[str, float]:
 
 
 def again(scene: Any, values: Mapping[str, float]) -> str:
-    """Return the command that runs a scene with numbers that were found."""
+    """Return the command that runs a scene with the optimal parameters."""
     numbers = {name: f"{value:.9g}" for name, value in values.items()}
     if scene.content is None:
         words = [word for name, value in numbers.items() for word in (f"--{name.replace('_', '-')}", value)]

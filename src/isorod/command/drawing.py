@@ -4,10 +4,24 @@ import argparse
 import os
 from pathlib import Path
 
+from isorod.command import pages
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import picture
 from isorod.output.results import check_folder
+
+
+def of_results(command: str, files: str) -> Parser:
+    """Return the parser of a command that draws what a run has left, with the names of its ``files``."""
+    result = Parser(
+        prog=f"isorod {command}",
+        description=pages.PAGES[command],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    result.add_argument("place", metavar="DIR", help=f"a results folder, or a {files} file of it")
+    result.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    return result
 
 
 def add_options(parser: Parser) -> None:

@@ -40,7 +40,7 @@ class Terminated(KeyboardInterrupt):
 
 
 def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool = False) -> int:
-    """Run a command and return its exit code, having said in one line what stopped it.
+    """Run a command and return its exit code, having printed in one line what stopped it.
 
     Parameters
     ----------

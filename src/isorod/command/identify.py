@@ -41,7 +41,7 @@ def more(parser: Parser, scene: Any) -> None:
     chosen.with_analysis(parser, scene)
     add = parser.add_argument
     add("--table", metavar="FILE.csv", help="measured values: a column each of numbers of the scene, and of answers")
-    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="numbers to be found, with bounds")
+    add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="parameters to identify, with bounds")
     add("--json", action="store_true", help="print the result as one line of JSON")
     add("--png", metavar="FILE", help="draw the curves measured and answered")
 
@@ -96,7 +96,7 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
 
 
 def lines(record: Mapping[str, Any]) -> list[str]:
-    """Return what was found in words: numbers with their standard errors, curves beside what was measured."""
+    """Return the result in words: numbers with their standard errors, curves beside what was measured."""
     from isorod.command.design import curve_lines
 
     text, width = [], max(len(name) for name in record["parameters"])

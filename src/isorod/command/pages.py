@@ -58,7 +58,7 @@ example  isorod sweep spring --travel 0:10:21 --nu 0.3,0.4 --output force.csv --
 Changes numbers of a scene, within bounds, until what is measured meets targets and limits, with the least, or the
 largest, of something: mass, volume, or what is measured.
 reads    the scene, and the data files that its file names
-writes   with --output FILE.toml: the file with the numbers found; else nothing
+writes   with --output FILE.toml: the scene file with the optimal parameters; else nothing
 example  isorod design spring --vary wire_radius=0.6:1.5,coils=2:6 --target force=8 --minimise volume
          isorod design my.toml --vary rod.beam.section.circle=2:8 --limit "deflection>-1" --minimise volume
 more     isorod run SCENE --derivatives: the numbers that may vary, and the derivatives by them""",

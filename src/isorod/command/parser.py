@@ -1,4 +1,4 @@
-"""The command line: our options and PETSc's told apart, scenes' fields as options."""
+"""The command line: our options and PETSc's separated, scenes' fields as options."""
 
 import argparse
 import difflib
@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
 
     @property
     def options(self) -> list[str]:
-        """All options that the help tells, with two dashes."""
+        """All options of the help, with two dashes."""
         told = (action for action in self._actions if action.help is not argparse.SUPPRESS)
         return [name for action in told for name in action.option_strings if name.startswith("--")]
 

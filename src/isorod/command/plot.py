@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from isorod.command import drawing, pages
+from isorod.command import drawing
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import animation, picture, reading
@@ -52,14 +52,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
 
 def parser() -> Parser:
     """Return the parser of the command's options."""
-    result = Parser(
-        prog="isorod plot",
-        description=pages.PAGES["plot"],
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    result.add_argument("place", metavar="DIR", help="a results folder, or a .vtu, .pvd or .csv file of it")
-    result.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    result = drawing.of_results("plot", ".vtu, .pvd or .csv")
     result.add_argument("--colour", metavar="FIELD", help="field of the files, such as displacement (von_mises)")
     result.add_argument("--scale", metavar="float", help="deformation scale factor, or auto (1, of modes auto)")
     result.add_argument("--mode", type=int, metavar="int", help="which mode, from 1 (the first)")

@@ -118,7 +118,7 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
         alone = "compare with finer meshes and more elements" if record.get("solids") else ""
         alone = "linear factors of the state of rest have none" if record.get("equilibria") == 0 else alone
-        yield "error", f"no estimate: {alone or 'interior supports, or no finer space available'}"
+        yield "error", f"no estimate: {alone or 'interior supports, laws that flow, or no finer space available'}"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
         how = "by a finer space"

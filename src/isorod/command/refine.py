@@ -59,7 +59,7 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
     adapt.check(tolerance)
     model = scene.model()
     if model.solids:
-        raise InputError("--tolerance: the meshes of finite element bodies are not refined; compare with finer ones")
+        raise InputError("--tolerance: the meshes of finite element bodies are not refined; compare with finer meshes")
     spaces = [body.space for body in model.bodies]
     for space in spaces:
         if "quadrature" not in space.chosen and space.quadrature not in ("auto", "full"):

@@ -1,13 +1,15 @@
 """The files of a sweep: the records of its points, one line of JSON each, and the table that is made of them."""
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.output import results
 
 # Digits of numbers in a table: Newton's iterations end with forces that balance to 1e-9.
@@ -60,6 +62,24 @@ def table(records: Records, notes: Sequence[str]) -> bytes:
     head = "".join(f"# {one}\n" for one in notes) + f"# varied: {varied}"
     lines = [names, *([row.get(name, "") for name in names] for row in rows)]
     return head.encode() + b"".join(map(results.row, lines))
+
+
+@contextmanager
+def attempted(about: dict[str, Any], named: Callable[[str], str] = str) -> Iterator[list[str]]:
+    """Solve a point or a load case within: ``about["status"]`` becomes its outcome, of errors ``named``, in one line.
+
+    The list that is given has the warnings in the end, each once and on one line.
+    """
+    texts: list[str] = []
+    about["status"] = SOLVED
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            yield texts
+        except (InputError, SolveError) as problem:
+            kind = "refused" if isinstance(problem, InputError) else "failed"
+            about["status"] = f"{kind}: {named(' '.join(str(problem).split()))}"
+    texts += dict.fromkeys(" ".join(str(one.message).split()) for one in warned)
 
 
 def records_of(path: str) -> Path:

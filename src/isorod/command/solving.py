@@ -176,7 +176,7 @@ def warn_of_embedded(scene: Any, solution: Any) -> None:
 
 
 def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
-    """Return what a record says of a solution's errors, the time alone where none can be told; warn of large ones.
+    """Return what a record says of a solution's errors, the time alone where none is available; warn of large ones.
 
     Parameters
     ----------

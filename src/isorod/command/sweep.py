@@ -16,7 +16,7 @@ from typing import Any
 from isorod import options, scenes
 from isorod.command import chosen, ending, grid, notes, pages
 from isorod.command.parser import Parser
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.output.words import duration, percent
 
 _HOW = (
@@ -189,24 +189,17 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
     from isorod.output import results
 
     about: dict[str, Any] = {"point": number, "values": point.values}
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        try:
-            with options.petsc_errors():
-                scene, found, _ = chosen.choose("sweep", point.words, theirs, more)
-                estimated = scene.analysis != "dynamics" and not found.no_estimate
-                about |= {"units": dict(scene.units), "estimated": estimated, "status": sheet.SOLVED}
-                settings = chosen.settings(scene, found)
-                solution, seconds = solving.solve(scene, settings)
-                record = solving.record(scene, solution, seconds, settings, theirs)
-                solving.warn_of_embedded(scene, solution)
-                if estimated:
-                    record |= solving.estimate(solution, bool(scene.stresses))
-        except (InputError, SolveError) as problem:
-            kind = "refused" if isinstance(problem, InputError) else "failed"
-            about["status"] = f"{kind}: {' '.join(str(problem).split())}"
-            record = {**results.provenance(), "petsc_options": " ".join(theirs)}
-    about["warnings"] = list(dict.fromkeys(" ".join(str(one.message).split()) for one in warned))
+    record: dict[str, Any] = {**results.provenance(), "petsc_options": " ".join(theirs)}
+    with sheet.attempted(about) as warned, options.petsc_errors():
+        scene, found, _ = chosen.choose("sweep", point.words, theirs, more)
+        estimated = scene.analysis != "dynamics" and not found.no_estimate
+        about |= {"units": dict(scene.units), "estimated": estimated}
+        settings = chosen.settings(scene, found)
+        solution, seconds = solving.solve(scene, settings)
+        solved = solving.record(scene, solution, seconds, settings, theirs)
+        solving.warn_of_embedded(scene, solution)
+        record = solved | (solving.estimate(solution, bool(scene.stresses)) if estimated else {})
+    about["warnings"] = warned
     return record | {"sweep": about}
 
 

@@ -1,6 +1,5 @@
 """``isorod view``: results to turn, step through and read off, in a browser on this machine."""
 
-import argparse
 import os
 import secrets
 import sys
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from isorod.command import pages
+from isorod.command import drawing
 from isorod.command.parser import Parser
 from isorod.command.viewed import Place, View
 from isorod.errors import InputError
@@ -59,14 +58,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
 
 def parser() -> Parser:
     """Return the parser of the command's options."""
-    result = Parser(
-        prog="isorod view",
-        description=pages.PAGES["view"],
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    result.add_argument("place", metavar="DIR", help="a results folder, or a .vtu or .pvd file of it")
-    result.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    result = drawing.of_results("view", ".vtu or .pvd")
     result.add_argument("--port", type=int, default=0, metavar="int", help="port of this machine (a free one)")
     result.add_argument("--no-browser", action="store_false", dest="browser", help="print the address alone")
     return result

@@ -70,7 +70,7 @@ class View:
     states
         All that can be shown, in order.
     place
-        Where numbers are told; None at first.
+        Where numbers are read off; None at first.
     """
 
     def __init__(self, result: reading.Result, plotter: Any) -> None:

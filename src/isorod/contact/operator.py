@@ -224,7 +224,7 @@ class ContactOperator:
         return loads_of(self.model, self.packed, self._friction, self.ranks)
 
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
-        """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
+        """Return the outcome of each contact at a displacement ``(dofs,)``; ``check``: with the error of points."""
         others = self._otherwise(displacement) if check else ()
         uneven = self._unevenness(displacement) if check else ()
         self.packed.look_everywhere()

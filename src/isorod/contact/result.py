@@ -51,7 +51,7 @@ class ContactResult:
         where nothing touches, or all does.
     force_error
         Relative change of the force when other points look at the same displacements, which is more than the error of
-        these points; None where that cannot be told, as in motions.  What a surface cannot follow it does not see.
+        these points; None where that is not available, as in motions.  What a surface cannot follow it does not see.
     peak_error
         Relative error of the largest pressure, the largest of three: by how much it is above the largest mean over a
         cell (`isorod.contact.cells`), by how much other points change it, and what was measured of patches as many

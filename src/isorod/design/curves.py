@@ -1,4 +1,4 @@
-"""Curves that are wanted, or were measured: a table of points, each a scene with numbers of its own."""
+"""Target curves, or measured ones: a table of points, each a scene with numbers of its own."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple

@@ -25,7 +25,7 @@ _UNTOLD = 1e-7
 
 
 class Identified(NamedTuple):
-    """What was found.
+    """The identified parameters.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def identify(
     Raises
     ------
     InputError
-        If the curves do not tell a number.
+        If the curves do not determine a parameter.
     """
     start = np.array([one.start for one in several])
     size = np.abs(start)
@@ -83,7 +83,7 @@ def identify(
     _, sizes, directions = np.linalg.svd(found.jac, full_matrices=False)
     if not sizes[-1] > _UNTOLD * max(sizes[0], 1.0):
         worst = several[int(np.argmax(np.abs(directions[-1])))].name
-        raise InputError(f"{worst}: the measured values do not tell it; leave it out, or measure what depends on it")
+        raise InputError(f"{worst}: the measured values do not determine it; fix it, or measure what depends on it")
     free = found.fun.size - start.size
     variance = float(found.fun @ found.fun) / free if free else 0.0
     covariance = variance * (directions.T / sizes**2) @ directions

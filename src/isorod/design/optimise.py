@@ -45,7 +45,7 @@ class _Enough(Exception):
 
 
 class Design(NamedTuple):
-    """The best that was found.
+    """The optimum.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Design(NamedTuple):
     answer
         What is measured there.
     missed
-        By how much what is wanted is missed at most, as a share of it, and what it is.
+        The largest relative violation of targets and limits, and of which.
     prices
         Of what is active, in words, by how much what is least would change, as a share, if it gave way by 1 %.
     trouble
@@ -69,7 +69,7 @@ class Design(NamedTuple):
 
 
 class Problem:
-    """What is to be least, and what is wanted, of numbers that vary.
+    """The objective, targets and limits, of parameters that vary.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class Problem:
 
 
 def missed_by(values: Mapping[str, float], wanted: Sequence[Wanted]) -> tuple[float, str]:
-    """Return the largest share by which values miss what is wanted, and which that is."""
+    """Return the largest relative violation of targets and limits, and of which."""
     found = [(0.0, "")]
     for one in wanted:
         value = values[one.name]

@@ -88,7 +88,7 @@ class Known(NamedTuple):
 
 
 def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Wanted]:
-    """Return what is wanted of numbers that are measured; raises `InputError`."""
+    """Return targets or limits of measured numbers; raises `InputError`."""
     found = []
     for text in _words(texts):
         match = _RELATION.fullmatch(text)

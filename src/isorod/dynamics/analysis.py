@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import overlap, small
 from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
@@ -278,13 +279,7 @@ class _Checkpoint:
     def keep(self) -> str:
         """Keep the state of a run that is interrupted; return where it is, in words."""
         reached = f"time {self._run.time:.6g} of {self._run.settings.end_time:.6g}"
-        if self._file.path is None:
-            return f"{reached} is lost: it had no --checkpoint"
-        try:
-            self.write()
-        except InputError as problem:
-            return str(problem)
-        return f"checkpoint {self._file.path} has {reached}, --resume goes on from there"
+        return self._file.keep(self._run.state, reached)
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:
@@ -325,11 +320,7 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(f"support {k}: tied components are not supported in dynamics")
     if not model.unknowns:
         raise InputError("supports: all degrees of freedom are constrained; leave one free")
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, dynamics needs a positive mass per volume"
-            )
+    refuse_massless(model.bodies, "dynamics needs")
     for k, solid in enumerate(model.solids):
         if not 0.0 < solid.density < np.inf:
             raise InputError(f"solid {k} has density {solid.density:g}, dynamics needs a positive mass per volume")

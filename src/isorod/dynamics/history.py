@@ -71,7 +71,7 @@ class History(Animated):
         Force of each support on the model, shape ``(o, supports, 3)``.
     tie_forces, tie_moments
         Force of each tie on its slave, and its moment about the middle of the slave's surface at rest, shape ``(o,
-        ties, 3)``; explicit steps tell of none, ``(o, 0, 3)``.
+        ties, 3)``; not available in explicit steps, ``(o, 0, 3)``.
     obstacle_forces, obstacle_moments
         Force of the rigid obstacle of each contact on the rods, friction included, and its moment about the point that
         it turns about, or its own, shape ``(o, contacts, 3)``; zeros where there is none.

@@ -26,7 +26,7 @@ _MOST = 1e12
 
 @dataclass(frozen=True)
 class Settings:
-    """What a run is told; see `isorod.dynamics.solve`."""
+    """Parameters of a run; see `isorod.dynamics.solve`."""
 
     end_time: float
     outputs: int
@@ -122,7 +122,7 @@ class Run(ABC):
 
     @property
     def time_error(self) -> float | None:
-        """The error of the steps, relative to the largest displacement; None where it cannot be told."""
+        """The error of the steps, relative to the largest displacement; None where it is not available."""
         return None
 
     def met(self, index: int) -> Array:

@@ -159,8 +159,8 @@ def _patch(model: "Model", number: int, result: "ContactResult", component: str)
 def _warn(error: float, what: str) -> None:
     if error > _LARGE:
         warnings.warn(
-            f"{what} of the patch is known to about {100.0 * error:.2g} %, as its points tell; shorter "
-            "elements and more section points there tell more",
+            f"{what} of the patch is known to about {100.0 * error:.2g} %, the spacing of its "
+            "points; use shorter elements and more section points there",
             stacklevel=5,
         )
 

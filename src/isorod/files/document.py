@@ -91,7 +91,7 @@ class Document:
         return Place(self, ())
 
     def moved(self, path: lines.Path, other: lines.Path) -> None:
-        """Let what is at a path be said to stand where another is."""
+        """Report what is at a path as standing where another is."""
         if other in self._lines:
             self._lines[path] = self._lines[other]
 

@@ -1,4 +1,4 @@
-"""The line on which each key of a TOML text stands, which `tomllib` does not tell."""
+"""The line on which each key of a TOML text stands, which `tomllib` does not report."""
 
 import re
 from collections.abc import Iterator

@@ -160,9 +160,9 @@ def stress(
         ``"xx"`` ... ``"yz"``, a component in space; ``"along"``, normal to the section in its present place, or
         ``"shear"``, the size of the shear stress in the section.
     u
-        Axis parameter of the point; where not given the largest along the rod is told.
+        Axis parameter of the point; where not given the largest along the rod.
     xi
-        Its point of the unit disk, ``[1, 0]`` on the surface; where not given the largest of the section is told.  Of
+        Its point of the unit disk, ``[1, 0]`` on the surface; where not given the largest of the section.  Of
         ``"min_principal"`` the largest is the lowest value, of components that have two signs the largest in size.
     away
         Look for the largest no nearer to held faces and patches than this length along the centre line: at their edges
@@ -297,7 +297,7 @@ def tie_moment(
 ) -> Any:
     """Return the moment that a tie exerts on its slave about the middle of its surface at rest, or a point.
 
-    Explicit steps do not tell it.
+    Not available in explicit steps.
 
     Parameters
     ----------
@@ -346,9 +346,9 @@ def _mostly(found: "Like", what: str) -> float:
 
 
 def refuse_others(solution: Any, key: str) -> None:
-    """Raise `InputError` where a solution is one of finite elements, which do not tell what a key asks for."""
+    """Raise `InputError` where a solution is one of finite elements, which have no counterpart of a key."""
     if not hasattr(solution, "built"):
-        raise InputError(f"{key}: finite elements do not tell it; leave it out of what is compared")
+        raise InputError(f"{key}: not available from finite elements; leave it out of what is compared")
 
 
 def _carried(solution: Any, name: str) -> float:

@@ -63,7 +63,7 @@ class Names:
         return {name: k for k, name in enumerate(self.numbered[kind])}
 
     def check(self, top: Place) -> None:
-        """Raise `InputError` if something is named that is not there, or which is not said."""
+        """Raise `InputError` if something is named that is not there, or not specified."""
         for group in (self.supports, self.loads, self.contacts, self.ties):
             for one in group.values():
                 self.of(one)

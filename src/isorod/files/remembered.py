@@ -35,9 +35,9 @@ def state(
         Of strains ``"equivalent"``, ``sqrt(2/3 e:e)``, where not given, or a component in space at rest, ``"xx"`` ...
         ``"yz"``.
     u
-        Axis parameter of the point; where not given the largest along the rod is told, in size.
+        Axis parameter of the point; where not given the largest along the rod, in size.
     xi
-        Its point of the unit disk, ``[1, 0]`` on the surface; where not given the largest of the section is told.
+        Its point of the unit disk, ``[1, 0]`` on the surface; where not given the largest of the section.
     branch
         Of several viscous strains which, from 1 on.
     """

@@ -53,11 +53,11 @@ class Use(NamedTuple):
     surface
         Whether section functions have to be those of control points on the surface.
     stressed
-        Whether stresses are wanted.
+        Whether stresses are requested.
     explicit
         Whether steps in time are explicit, so that the shortest element sets their length.
     buckles
-        Whether load factors of buckling are wanted.
+        Whether load factors of buckling are requested.
     loaded
         Axis parameters of sections on which loads act.
     tied

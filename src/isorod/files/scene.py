@@ -74,7 +74,7 @@ class FileScene(Scene):
     units
         Of each number that is the answer, in words.
     stresses
-        The names of those that are stresses, of which an estimate of the error of works tells nothing.
+        The names of those that are stresses, to which an estimate of the error of works does not apply.
 
     Raises
     ------
@@ -232,7 +232,7 @@ class FileScene(Scene):
                 raise (place / name).error("a result has something else of this name; choose another")
             self.units[name] = asked.arguments.pop("unit", "")
             if self._explicit and asked.form in (schema.MEASURES["tie_force"], schema.MEASURES["tie_moment"]):
-                raise asked.place.error('explicit steps do not tell what ties carry; integrator = "implicit" does')
+                raise asked.place.error('tie forces are not available in explicit steps; use integrator = "implicit"')
             if asked.form is schema.MEASURES["stress"]:
                 self.stresses.append(name)
             if asked.form in (schema.MEASURES[word] for word in schema.ALONG):

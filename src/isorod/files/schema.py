@@ -218,10 +218,10 @@ ALONG = (
 
 
 def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, told: Mapping[str, Form]) -> None:
-    """Raise `InputError` where a table asks for what an analysis does not tell, but others do."""
+    """Raise `InputError` where a table asks for what is not available in an analysis, but in others."""
     words = [word for word in table if word in MEASURES]
     if words and not told.keys() & {*words}:
-        raise (place / words[0]).error(f"not told in {analysis}; what is: {', '.join(told)}")
+        raise (place / words[0]).error(f"not available in {analysis}; available: {', '.join(told)}")
 
 
 # What a record has besides what is measured.

@@ -209,7 +209,7 @@ class SolidPlan:
         return {"group": said.name}
 
     def of_body(self, name: str) -> OfBody:
-        """Return what is said of the body of that name."""
+        """Return the table of the body of that name."""
         held = [one.make(**self._group(one)) for one in self._held]
         loads = [one.make(**self._group(one)) for one in self._loads]
         if self.gravity is not None:

@@ -177,7 +177,7 @@ def _parsed(content: bytes, name: Path) -> File:
             formats.add(form)
             tags[said] = own is not None
     if len(formats) > 1:
-        raise InputError("some numbers are in it and others in the .h5 file; write it in one way")
+        raise InputError("some numbers are in it and others in the .h5 file; use one format")
     return File(name, formats == {"HDF"}, cells, tags)
 
 

@@ -11,16 +11,17 @@ from isorod.arrays import Array, Numbers
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
-from isorod.harmonic.basis import Basis, Softer
+from isorod.harmonic.basis import Basis, Softer, System
 from isorod.harmonic.damping import Damping
-from isorod.harmonic.drive import Drive, driven, relaxing, shear_stiffness
+from isorod.harmonic.drive import Drive, driven, shear_stiffness
 from isorod.harmonic.frequencies import Span, checked
 from isorod.harmonic.response import Response, Ritz
 from isorod.modal import loaded
-from isorod.modal.modes import Modes
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.analysis import modes_of
+from isorod.modal.pencil import Pencil
 from isorod.model.model import Model, unmoved
 from isorod.options import defaults
 from isorod.output.progress import Teller
@@ -77,39 +78,38 @@ def solve(
     Raises
     ------
     InputError
-        If nothing swings, an argument cannot be used, or the response cannot be told: with contact, of bodies of finite
-        elements, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
+        If nothing swings, an argument cannot be used, or the response is not available: with contact, finite element
+        bodies, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
     SolveError
-        If the equilibrium is not found or unstable, or modes are missed.
+        If the equilibrium does not converge or is unstable, or modes are missed.
     """
     unmoved(model, "harmonic response")
     expect("damping", damping, Damping | None)
     expect("load steps", load_steps, int)
     asked = checked(frequencies)
     drive = driven(model, base, base_displacement, loads)
-    soft = relaxing(model)
-    if damping is None and not soft:
+    if damping is None and not drive.soft:
         raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
     with in_force(petsc), closing(Teller()) as told:
-        loaded.refuse_massless(model)
+        model.refuse_hold("modes")
+        refuse_massless(model.bodies, "modes need")
         began = perf_counter()
         if loaded.burdens(drive.still):
             loaded.refuse(drive.still, "or leave out what is static")
-            if soft:
+            if drive.soft:
                 raise InputError(
-                    f"equilibrium: body {min(soft)} is viscoelastic, whose response is told about the state of rest "
-                    "alone; leave out what is static"
+                    f"equilibrium: body {min(drive.soft)} is viscoelastic, whose response is available about the state "
+                    "of rest only; leave out what is static"
                 )
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}
-        return _solve(drive, asked, damping, soft, state, comm, taken, told if progress else None)
+        return _solve(drive, asked, damping, state, comm, taken, told if progress else None)
 
 
 def _solve(
     drive: Drive,
     asked: "Span | Array",
     damping: Damping | None,
-    soft: Mapping[int, Array],
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
@@ -151,7 +151,9 @@ def _solve(
     found = pencil.solve(max(wanted, 1) + pencil.rigid, shift)
     if found.eigenvalues[pencil.rigid] <= 0.0:
         raise SolveError("harmonic: the equilibrium is unstable, motions about it grow; check it with modes")
-    modes = _modes(assembler, pencil, found, state)
+    # Coriolis forces are not in the modes of which responses are made.
+    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
+    modes = modes_of(assembler, found, vectors, pencil.rigid, state, {})
     if rules := hourglass.better_rules(model):
         flexible = slice(pencil.rigid, None)
         hourglass.check_modes(assembler, rules, modes.eigenvalues[flexible], modes.vectors[flexible], modes.state)
@@ -159,8 +161,8 @@ def _solve(
     ksp = direct(shifted, factorisation(assembler, _PREFIX), _PREFIX)
     force = drive.forces(assembler, x, factor)
     coriolis = _coriolis(assembler) if loaded.spins(model) else None
-    softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in soft.items()]
-    basis = Basis(matrix, mass, ksp, force, damping, drive.by_square, shift, coriolis, softer)
+    softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in drive.soft.items()]
+    basis = Basis(System(matrix, mass, damping, coriolis, softer), force, drive.by_square, ksp, shift)
     with defaults(room(assembler.comm, _PREFIX)):
         basis.grow([one.array_r.copy() for one in found.vectors])
         left = _complete(basis, force, asked, top)
@@ -178,7 +180,7 @@ def _solve(
         ratios=ratios[kept],
         truncation=left,
         modes=modes,
-        soft=soft,
+        soft=drive.soft,
         basis=basis,
         seconds={
             **taken,
@@ -202,28 +204,6 @@ def _shapes(assembler: Assembler, vectors: Array) -> list[Ritz]:
         found.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
     x.destroy()
     return found
-
-
-def _modes(assembler: Assembler, pencil: Pencil, found: Found, state: Equilibrium | None) -> Modes:
-    """Return the modes of which responses are made: Coriolis forces are not in them."""
-    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
-    return Modes(
-        model=assembler.model,
-        frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
-        eigenvalues=found.eigenvalues,
-        vectors=vectors,
-        residuals=found.residuals,
-        rigid=pencil.rigid,
-        below=found.below or 0,
-        shift=found.shift,
-        iterations=found.iterations,
-        seconds={},
-        built=assembler.built,
-        solver=found.solver,
-        ranks=assembler.comm.getSize(),
-        equilibrium=state,
-        about=loaded.state_of(assembler.model, state),
-    )
 
 
 def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float) -> float:

@@ -1,6 +1,7 @@
 """The space of shapes that responses are sought in: modes, and what residuals say is left out (Ritz vectors)."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -28,8 +29,27 @@ class Softer:
         return np.asarray((shares / (1.0 + 1j * omega[:, None] * times)).sum(axis=1))
 
 
+class System(NamedTuple):
+    """What swings: stiffness, mass, and what is beside them: damping, Coriolis forces, stiffnesses that relax."""
+
+    stiffness: PETSc.Mat
+    mass: PETSc.Mat
+    damping: Damping | None = None
+    coriolis: PETSc.Mat | None = None
+    softer: Sequence[Softer] = ()
+
+
 class Basis:
     """Shapes of unit mass in which the stiffness is diagonal, and the response in their coordinates.
+
+    Parameters
+    ----------
+    system
+        What swings.
+    force, by_square
+        The excitation, and whether it grows with the square of the frequency.
+    ksp, shift
+        Solver with the stiffness, shifted by so many times the mass.
 
     Attributes
     ----------
@@ -39,21 +59,10 @@ class Basis:
         ``lambda`` of each, shape ``(m,)``.
     """
 
-    def __init__(
-        self,
-        stiffness: PETSc.Mat,
-        mass: PETSc.Mat,
-        ksp: PETSc.KSP,
-        force: PETSc.Vec,
-        damping: Damping | None,
-        by_square: bool,
-        shift: float = 0.0,
-        coriolis: PETSc.Mat | None = None,
-        softer: Sequence[Softer] = (),
-    ) -> None:
-        self._stiffness, self._mass, self._ksp, self._coriolis, self._softer = stiffness, mass, ksp, coriolis, softer
-        self._force, self._damping, self.by_square, self._shift = force, damping, by_square, abs(shift)
-        self._comm = stiffness.getComm().tompi4py()
+    def __init__(self, system: System, force: PETSc.Vec, by_square: bool, ksp: PETSc.KSP, shift: float) -> None:
+        self._stiffness, self._mass, self._damping, self._coriolis, self._softer = system
+        self._force, self.by_square, self._ksp, self._shift = force, by_square, ksp, abs(shift)
+        self._comm = force.getComm().tompi4py()
         self.vectors = np.zeros((force.getLocalSize(), 0))
         self.squares = np.zeros(0)
 

@@ -1,7 +1,7 @@
 """What swings, and what stays still: loads or shaken supports, and the model about whose state responses are."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,12 +33,15 @@ class Drive:
         The same with those that swing instead: of shaken supports inertia in the frame that moves with them.
     base
         Amplitude of the supports' acceleration or, where ``by_square``, their displacement, shape ``(3,)``; else zeros.
+    soft
+        Prony series of bodies that are viscoelastic, by their number (`relaxing`).
     """
 
     still: Model
     swinging: Model
     base: Array
     by_square: bool
+    soft: Mapping[int, Array]
 
     def forces(self, assembler: Assembler, x: PETSc.Vec, factor: float) -> PETSc.Vec:
         """Return the forces that swing, on the unknowns of a state."""
@@ -56,11 +59,11 @@ def driven(
     base_displacement: tuple[float, float, float] | None,
     loads: Sequence[int] | None,
 ) -> Drive:
-    """Return what swings of a model, as `isorod.harmonic.solve` is told it; raises `InputError`."""
+    """Return what swings of a model, by the arguments of `isorod.harmonic.solve`; raises `InputError`."""
     if model.contacts:
         raise InputError("contact 0: a response is linear, and contact opens and closes; leave it out, or use dynamics")
     if model.solids:
-        raise InputError("solid 0: responses with finite element bodies are not told; use dynamics")
+        raise InputError("solid 0: harmonic response is not available with finite element bodies; use dynamics")
     shaken = base_displacement if base is None else base
     name = "base" if base is not None else "base_displacement"
     if base is not None and base_displacement is not None:
@@ -93,7 +96,7 @@ def driven(
         still = replace(model, loads=[one for k, one in enumerate(model.loads) if k not in swing]) if swing else model
         swinging = replace(model, loads=forces)
     moved = np.zeros(3) if shaken is None else np.array(shaken, dtype=float)
-    return Drive(still, swinging, moved, base is None and shaken is not None)
+    return Drive(still, swinging, moved, base is None and shaken is not None, relaxing(model))
 
 
 def relaxing(model: Model) -> dict[int, Array]:
@@ -109,15 +112,15 @@ def relaxing(model: Model) -> dict[int, Array]:
         other = next((law for law in body.laws if law.remembers and not isinstance(law, Viscoelastic)), None)
         if other is not None:
             raise InputError(
-                f"body {b}: {type(other).__name__} is not linear for small stresses; responses are told of elastic "
-                "laws and Viscoelastic"
+                f"body {b}: {type(other).__name__} is not linear for small stresses; harmonic response is "
+                "available for elastic laws and Viscoelastic"
             )
         series = {np.asarray(law.prony, dtype=float).tobytes() for law in body.laws if isinstance(law, Viscoelastic)}
         if not series:
             continue
         if len(series) > 1 or not all(isinstance(law, Viscoelastic) for law in body.laws):
             raise InputError(
-                f"body {b}: its laws relax each in another way; responses are told where all have one series"
+                f"body {b}: its laws have different Prony series; harmonic response needs the same series for all"
             )
         if body.formulation != "displacement":
             raise InputError(f"body {b}: viscoelastic in the mixed formulation; take nu up to 0.48, or use dynamics")

@@ -1,4 +1,4 @@
-"""At which frequencies a response is told."""
+"""Frequencies of a response."""
 
 from dataclasses import dataclass
 

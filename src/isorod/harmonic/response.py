@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.checks.estimate import Error
-from isorod.checks.estimate_of_modes import of_modes, of_stress
+from isorod.checks.estimate_of_modes import Spectrum, of_modes, of_stress
 from isorod.errors import InputError
 from isorod.harmonic.frequencies import Span, checked
 from isorod.modal.modes import Modes
@@ -256,8 +256,8 @@ class Response:
         # Below all resonances it is that of the first.
         counted[rigid] |= not counted[rigid:].any()
         own = slice(rigid, int(np.flatnonzero(counted)[-1]) + 1)
-        given = modes.eigenvalues[own], modes.vectors[own], rigid > 0, modes.lumped, directions, modes.equilibrium
-        return of_modes(self.model, *given, ranks=self.ranks, counted=counted[own])
+        given = modes.eigenvalues[own], modes.vectors[own], rigid > 0, modes.lumped, modes.equilibrium
+        return of_modes(self.model, Spectrum(*given, counted=counted[own]), directions, self.ranks)
 
     def errors(self, *directions: str) -> Error:
         """Return that, and an estimate of the error of stresses: of the worst of the modes that swing nearly alone."""

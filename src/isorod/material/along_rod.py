@@ -12,7 +12,7 @@ from isorod.compiled import flat
 from isorod.errors import InputError
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.law import Material
-from isorod.material.memory import Memory
+from isorod.material.memory import has_memory
 from isorod.material.places import Places
 from isorod.tensors import inverse
 
@@ -97,7 +97,7 @@ class Laws:
 
     def lasting(self, step: float) -> "Laws":
         """Return the laws in a step of a motion that takes so long, where they have a memory."""
-        given = [piece.law.lasting(step) if isinstance(piece.law, Memory) else piece.law for piece in self.pieces]
+        given = [piece.law.lasting(step) if has_memory(piece.law) else piece.law for piece in self.pieces]
         return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
 
     def knowing(self, states: Array) -> "Laws":
@@ -105,15 +105,15 @@ class Laws:
         found = []
         for piece in self.pieces:
             law = piece.law
-            if isinstance(law, Memory):
-                law = law._with(state=np.ascontiguousarray(states[piece.at(3)][..., : law.width]))
+            if has_memory(law):
+                law = law.knowing(states[piece.at(3)])
             found.append(piece._replace(law=law))
         return Laws(found)
 
     @property
     def frozen(self) -> "Laws":
         """The laws where nothing flows."""
-        given = [piece.law.frozen if isinstance(piece.law, Memory) else piece.law for piece in self.pieces]
+        given = [piece.law.frozen if has_memory(piece.law) else piece.law for piece in self.pieces]
         return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
 
     def told(self, name: str, shape: tuple[int, ...]) -> Array:

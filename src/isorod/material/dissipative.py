@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.material.isochoric import Isochoric
+from isorod.material.isochoric import Isochoric, check_written
 from isorod.material.law import Material, plane_waves
 from isorod.material.memory import Timed
 from isorod.material.points import STATES, Compiled
@@ -78,11 +78,7 @@ class Dissipative(Timed, Isochoric):
     clock: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
-        for name, value in self.parameters.items():
-            if not np.isfinite(value):
-                raise InputError(f"constant {name}: got {value:g}, need a finite number")
-        if self.bulk is not None and not self.bulk > 0.0:
-            raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
+        check_written(self.parameters, self.bulk)
         check_variables(self.variables)
         Material.__post_init__(self)
         self._prove()
@@ -159,7 +155,7 @@ class Dissipative(Timed, Isochoric):
     @property
     def identity(self) -> str:
         """Its name and potentials."""
-        return f"{type(self).__name__} {self.definition} {self.dissipation} {self.variables}"
+        return f"{type(self).__name__} {self.definition} {self.dissipation} {self.variables} {self.constants.tolist()}"
 
     def _prove(self) -> None:
         """Check the potentials at rest, at random rates, and in random steps.

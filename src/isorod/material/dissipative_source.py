@@ -24,8 +24,9 @@ from math import erf
 from isorod.compiled import FAST, njit
 from isorod.material.dissipative_kernel import condensed, factor, solved, squared, told, written
 from isorod.material.functions import exp, expm1, log, power
-from isorod.material.logarithm_kernel import LOGARITHM, STRAIN, TENSION, add_moduli, at, put_stress, strains
+from isorod.material.logarithm_kernel import STRAIN, TENSION, add_moduli, put_stress, strains
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, POINTS, ROWS, TANGENT
+from isorod.material.six_kernel import at
 
 COUNT = {count}
 PLACES = np.array({places})
@@ -81,36 +82,36 @@ def update(work, constants, activation, wanted):
 @njit(**FAST)
 def _go(work, constants, wanted, goes_on):
     """Fill in the stress, and if wanted the energy; or let the state go on."""
-    rows, e, stress = np.empty(LOGARITHM * POINTS), np.empty(6), np.empty(6)
+    e, stress = np.empty(6), np.empty(6)
     a, old = np.empty(COUNT), np.empty(COUNT)
     room, slopes, bends = np.empty((2, COUNT)), np.empty(COUNT), np.empty((COUNT, COUNT))
-    strains(work, rows)
+    strains(work)
     for k in range(np.uint64(POINTS)):
         for m in range(6):
-            e[m] = rows[at(STRAIN + m) + k]
+            e[m] = work[at(STRAIN + m) + k]
         told(work, k, PLACES, old)
         settled = _settle(e, old, constants, a, room, slopes, bends)
         _stress(e, a, constants, stress)
         for m in range(6):
-            rows[at(TENSION + m) + k] = stress[m] if settled else np.nan
+            work[at(TENSION + m) + k] = stress[m] if settled else np.nan
         if wanted:
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = _stored(e, a, constants), 0.0
         if goes_on:
             written(work, k, PLACES, TRACES, a)
-    put_stress(work, rows)
+    put_stress(work)
 
 
 @njit(TANGENT, **FAST)
 def tangent(work, constants, activation):
     """Add the moduli."""
-    rows, moduli, e, stress = np.empty(LOGARITHM * POINTS), np.empty(36 * POINTS), np.empty(6), np.empty(6)
+    moduli, e, stress = np.empty(36 * POINTS), np.empty(6), np.empty(6)
     a, old = np.empty(COUNT), np.empty(COUNT)
     room, slopes, bends = np.empty((2, COUNT)), np.empty(COUNT), np.empty((COUNT, COUNT))
     stiff, crossed = np.empty((6, 6)), np.empty((6, COUNT))
-    rule = strains(work, rows)
+    rule = strains(work)
     for k in range(np.uint64(POINTS)):
         for m in range(6):
-            e[m] = rows[at(STRAIN + m) + k]
+            e[m] = work[at(STRAIN + m) + k]
         told(work, k, PLACES, old)
         settled = _settle(e, old, constants, a, room, slopes, bends)
         _stress(e, a, constants, stress)
@@ -120,11 +121,11 @@ def tangent(work, constants, activation):
             settled = factor(bends) and settled
             condensed(stiff, crossed, bends)
         for m in range(6):
-            rows[at(TENSION + m) + k] = stress[m] if settled else np.nan
+            work[at(TENSION + m) + k] = stress[m] if settled else np.nan
         for m in range(6):
             for n in range(6):
                 moduli[at(6 * m + n) + k] = stiff[m, n]
-    add_moduli(work, rows, rule, moduli)
+    add_moduli(work, rule, moduli)
 '''
 
 

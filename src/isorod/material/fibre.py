@@ -122,7 +122,7 @@ def vectors(fibre: Fibre, shape: tuple[int, ...], name: str = "fibre direction")
     Raises
     ------
     InputError
-        If they depend on a rod's places, which nobody has told (`placed`).
+        If they depend on a rod's places, which are not set (`placed`).
     """
     if follows(fibre):
         what = repr(fibre) if isinstance(fibre, str) else "a function of places"

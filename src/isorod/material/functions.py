@@ -34,17 +34,17 @@ def _of_bits(typing: Any, x: Any) -> Any:
 
 
 # In compiled code they take one argument.
-_bits: Any = _to_bits
-_number: Any = _of_bits
+bits: Any = _to_bits
+number: Any = _of_bits
 
 
 @njit(f8(f8), **FAST)
 def log(x: float) -> float:
     """Return the natural logarithm; NaN where ``x`` is not positive or not finite."""
-    moved = _bits(x) - _ROOT_HALF + _BIAS
+    moved = bits(x) - _ROOT_HALF + _BIAS
     exponent = moved >> _SHIFT
     # 2^e m = x with m from the root of 1/2 to that of 2.
-    m = _number(_bits(x) - (exponent << _SHIFT) + _BIAS)
+    m = number(bits(x) - (exponent << _SHIFT) + _BIAS)
     # Four bytes: processors convert as many at once as they take doubles.
     e = float(np.int32(exponent) - np.int32(1023))
     z = (m - 1.0) / (m + 1.0)
@@ -66,7 +66,7 @@ def _grown(x: float) -> tuple[float, float]:
     y = 1.0 / 40320.0 + r * (1.0 / 362880.0 + r * (1.0 / 3628800.0 + r * y))
     y = 1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0 + r * y))
     grown = r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * y))))
-    return grown, _number(np.uint64(np.int32(n) + np.int32(1023)) << _SHIFT)
+    return grown, number(np.uint64(np.int32(n) + np.int32(1023)) << _SHIFT)
 
 
 @njit(f8(f8), **FAST)
@@ -89,6 +89,22 @@ def expm1(x: float) -> float:
 def power(x: float, exponent: float) -> float:
     """Return ``x**exponent`` of a positive ``x``."""
     return exp(exponent * log(x))
+
+
+# Below which digits cancel in `shares`.
+_SHORT = 1e-3
+
+
+@njit(**FAST)
+def shares(x: float, gone: float) -> tuple[float, float]:
+    """Return by how much a strain adds in a time ``x``, in times of relaxation, and a share lost.
+
+    ``gone`` is ``1 - exp(-x)``: what goes of what was there.
+    """
+    short, over = x < _SHORT, max(x, _SHORT)
+    share = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) if short else gone / over
+    rest = x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)) if short else (1.0 - share) / over - 0.5 * share**2
+    return share, rest
 
 
 # Of a block's symmetric tensors: 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from isorod.material.isochoric import Isochoric, positive, with_volume
+from isorod.errors import modulus
+from isorod.material.isochoric import Isochoric, with_volume
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -49,8 +50,8 @@ class Gent(Isochoric):
     recipe = (_energy,)
 
     def _check(self) -> None:
-        positive("mu", self.mu)
-        positive("limit", self.limit, "a positive number that I1bar - 3 does not reach")
+        modulus("mu", self.mu)
+        modulus("limit", self.limit, "a positive number that I1bar - 3 does not reach")
 
     @property
     def values(self) -> tuple[float, ...]:

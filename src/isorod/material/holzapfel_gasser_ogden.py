@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from isorod.errors import InputError
+from isorod.errors import InputError, modulus
 from isorod.material.fibre import Fibre
-from isorod.material.isochoric import Isochoric, positive, with_volume
+from isorod.material.isochoric import Isochoric, with_volume
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -65,9 +65,9 @@ class HolzapfelGasserOgden(Isochoric):
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
     def _check(self) -> None:
-        positive("c", self.c)
-        positive("k1", self.k1)
-        positive("k2", self.k2, "a positive exponent")
+        modulus("c", self.c)
+        modulus("k1", self.k1)
+        modulus("k2", self.k2, "a positive exponent")
         if not 0.0 <= self.dispersion <= 1.0 / 3.0:
             raise InputError(f"dispersion: got {self.dispersion:g}, need 0 (parallel fibres) to 1/3 (isotropic)")
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import InputError
 from isorod.material.fibre import Fibre
-from isorod.material.isochoric import Isochoric
+from isorod.material.isochoric import Isochoric, check_written
 from isorod.material.law import Material
 from isorod.material.points import Compiled
 
@@ -54,11 +53,7 @@ class Hyperelastic(Isochoric):
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
     def __post_init__(self) -> None:
-        for name, value in self.parameters.items():
-            if not np.isfinite(value):
-                raise InputError(f"constant {name}: got {value:g}, need a finite number")
-        if self.bulk is not None and not self.bulk > 0.0:
-            raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
+        check_written(self.parameters, self.bulk)
         from isorod.material.proof import prove
 
         Material.__post_init__(self)
@@ -101,7 +96,7 @@ class Hyperelastic(Isochoric):
     @property
     def identity(self) -> str:
         """Its name and energy."""
-        return f"{type(self).__name__} {self.stored}"
+        return f"{type(self).__name__} {self.stored} {self.constants.tolist()}"
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
         """Return the volumetric energy's Legendre transform and its derivatives (`isorod.material.law.Material`)."""

@@ -1,11 +1,11 @@
 """What laws have in common that store what changes shape in invariants free of volume, and ``bulk/2 (ln J)^2``."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from isorod.errors import InputError, representable
+from isorod.errors import InputError, finite, representable
 from isorod.material.law import Material
 
 if TYPE_CHECKING:
@@ -21,8 +21,7 @@ class Isochoric(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.bulk > 0.0:
-            raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
+        check_bulk(self.bulk)
         if math.isfinite(self.bulk):
             representable("bulk", self.bulk)
 
@@ -38,22 +37,23 @@ class Isochoric(Material):
         return 0.5 * (1.0 - 2.0 * ratio) / (1.0 - ratio)
 
 
+def check_bulk(bulk: float) -> None:
+    """Raise `InputError` if a bulk modulus is not positive."""
+    if not bulk > 0.0:
+        raise InputError(f"bulk: got {bulk:g}, need a positive stress, infinite for an incompressible law")
+
+
+def check_written(parameters: Mapping[Any, float], bulk: float | None) -> None:
+    """Raise `InputError` if a constant of a law that its user writes down is not finite, or `bulk` not positive."""
+    for name, value in parameters.items():
+        finite(f"constant {name}", value, "a finite number")
+    if bulk is not None:
+        check_bulk(bulk)
+
+
 def with_volume(shape: "sp.Expr", constants: Sequence["sp.Symbol"]) -> "Energy":
     """Return the energy with ``bulk/2 (ln J)^2`` besides what it stores otherwise."""
     from isorod.material.energy import LOGARITHMIC, Energy
     from isorod.material.symbols import bulk
 
     return Energy(shape, (*constants, bulk), LOGARITHMIC)
-
-
-def positive(name: str, value: float, what: str = "a positive stress") -> None:
-    """Raise `InputError` if a constant is not positive and finite."""
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{name}: got {value:g}, need {what}")
-    representable(name, value)
-
-
-def finite(name: str, value: float, what: str = "a finite stress") -> None:
-    """Raise `InputError` if a constant is not finite."""
-    if not math.isfinite(value):
-        raise InputError(f"{name}: got {value:g}, need {what}")

@@ -16,7 +16,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
-from isorod.errors import Checked, InputError, representable
+from isorod.errors import Checked, InputError, modulus
 from isorod.material import fibre as directions
 from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.fibre import Fibre
@@ -126,8 +126,8 @@ class Material(Checked, ABC):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__}{self.recipe[1:]}"
+        """Identifies the law, in any process."""
+        return f"{type(self).__name__}{self.recipe[1:]} {self.constants.tolist()}"
 
     @property
     def shear(self) -> Self:
@@ -206,7 +206,7 @@ class Material(Checked, ABC):
 
     @property
     def follows(self) -> bool:
-        """Whether the law depends on the rod's places and has not been told them (`placed`)."""
+        """Whether the law depends on the rod's places and has not been given them (`placed`)."""
         return any(directions.follows(one) for one in self._fibres())
 
     def placed(self, places: Places) -> Self:
@@ -217,7 +217,7 @@ class Material(Checked, ABC):
         return self._directed([directions.checked(*one) for one in found])
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places, along the first axis, that it was told (`placed`)."""
+        """Return the law at some of the places, along the first axis, that it was given (`placed`)."""
         return self._directed([directions.some(one, places) for one in self._fibres()]) if self.families else self
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
@@ -360,9 +360,7 @@ class Isotropic(Material):
     nu: float
 
     def _check(self) -> None:
-        if not (np.isfinite(self.E) and self.E > 0.0):
-            raise InputError(f"Young's modulus E: got {self.E:g}, need a positive stress")
-        representable("Young's modulus E", self.E)
+        modulus("Young's modulus E", self.E)
         if not -1.0 < self.nu <= 0.5:
             raise InputError(f"Poisson's ratio nu: got {self.nu:g}, need -1 < nu <= 0.5")
 

@@ -10,8 +10,6 @@ where ``T`` is the stress that the small-strain law has for ``E`` (C. Miehe, N. 
 5383-5425).  No principal direction is asked for, nor whether principal values meet: all points of a block go the same
 way.  ``A`` is a polynomial in ``X``, by Cayley and Hamilton.  Stretches beyond 16, or 1/16, have no stress, NaN:
 beyond 12 where the others are not equal.
-
-Symmetric tensors are six numbers: 00, 01, 02, 11, 12, 22.
 """
 
 from typing import Any
@@ -20,19 +18,30 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.points import DETERMINANT, GRADIENT, MODULI, POINTS, ROWS, SQUARES
-
-# Where the components of a symmetric tensor are, and how often each is in a sum over all nine.
-PLACE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-FIRST, SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
-TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+from isorod.material.points import DETERMINANT, GRADIENT, MODULI, OWN, POINTS, ROWS, SQUARES
+from isorod.material.six_kernel import (
+    FIRST,
+    PLACE,
+    SECOND,
+    Six,
+    at,
+    combined,
+    double,
+    gradient,
+    largest,
+    product,
+    put_first,
+    put_six,
+    six,
+    squares,
+    symmetric,
+)
 
 # Rows of a block, ``POINTS`` numbers each, that laws have before their own: X, X^2, the invariants of X, the largest
 # principal value of C or of its inverse, sums over Gauss points, the strain and its trace, the stress that belongs to
 # it, which laws fill in, and the second Piola-Kirchhoff stress.
-_X, _SQUARE, _INVARIANTS, _LARGEST, _FIRST, _TWO = 0, 6, 12, 15, 16, 19
-STRAIN, TRACE, TENSION, _STRESS = 24, 30, 31, 37
-LOGARITHM = 43
+_X, _SQUARE, _INVARIANTS, _LARGEST, _FIRST, _TWO = (OWN + m for m in (0, 6, 12, 15, 16, 19))
+STRAIN, TRACE, TENSION, _STRESS, LOGARITHM = (OWN + m for m in (22, 28, 29, 35, 41))
 
 _W = np.uint64(POINTS)
 
@@ -44,112 +53,33 @@ _SHARES = np.concatenate([0.5 * shares for _, shares in _RULES])
 _BEGIN = np.cumsum([0, *_COUNTS])
 _REACH = np.array([((1.0 + r) / (1.0 - r)) ** 2 for r in (_RIGHT ** (0.5 / count) for count in _COUNTS)])
 _FARTHEST = float(_REACH[-1])
-
-Six = tuple[float, float, float, float, float, float]
-
-
-@njit(**FAST)
-def at(row: int) -> Any:
-    """Return where a row begins: a constant, which tells the compiler that rows lie apart."""
-    return np.uint64(POINTS * row)
+# The rule up to which all of a block is taken to be as large as a bound of it.
+_SIMPLE = 2
 
 
 @njit(**FAST)
-def six(rows: Array, row: int, k: Any) -> Six:
-    """Return a symmetric tensor at a point, whose rows begin at one."""
-    n = at(row) + k
-    return (
-        rows[n],
-        rows[n + ROWS[1]],
-        rows[n + ROWS[2]],
-        rows[n + ROWS[3]],
-        rows[n + ROWS[4]],
-        rows[n + ROWS[5]],
-    )
-
-
-@njit(**FAST)
-def put_six(rows: Array, row: int, k: Any, a: Six) -> None:
-    """Fill in a symmetric tensor at a point."""
-    n = at(row) + k
-    rows[n], rows[n + ROWS[1]], rows[n + ROWS[2]] = a[0], a[1], a[2]
-    rows[n + ROWS[3]], rows[n + ROWS[4]], rows[n + ROWS[5]] = a[3], a[4], a[5]
-
-
-@njit(**FAST)
-def gradient(work: Array, k: Any) -> tuple[float, ...]:
-    """Return the nine components of ``F`` at a point."""
-    return (
-        work[ROWS[GRADIENT] + k],
-        work[ROWS[GRADIENT + 1] + k],
-        work[ROWS[GRADIENT + 2] + k],
-        work[ROWS[GRADIENT + 3] + k],
-        work[ROWS[GRADIENT + 4] + k],
-        work[ROWS[GRADIENT + 5] + k],
-        work[ROWS[GRADIENT + 6] + k],
-        work[ROWS[GRADIENT + 7] + k],
-        work[ROWS[GRADIENT + 8] + k],
-    )
-
-
-@njit(**FAST)
-def squares(f: tuple[float, ...]) -> Six:
-    """Return ``F^T F``."""
-    return (
-        f[0] * f[0] + f[3] * f[3] + f[6] * f[6],
-        f[0] * f[1] + f[3] * f[4] + f[6] * f[7],
-        f[0] * f[2] + f[3] * f[5] + f[6] * f[8],
-        f[1] * f[1] + f[4] * f[4] + f[7] * f[7],
-        f[1] * f[2] + f[4] * f[5] + f[7] * f[8],
-        f[2] * f[2] + f[5] * f[5] + f[8] * f[8],
-    )
-
-
-@njit(**FAST)
-def combined(x: float, a: Six, y: float, b: Six, z: float, c: Six) -> Six:
-    """Return ``x a + y b + z c``."""
-    return (
-        x * a[0] + y * b[0] + z * c[0],
-        x * a[1] + y * b[1] + z * c[1],
-        x * a[2] + y * b[2] + z * c[2],
-        x * a[3] + y * b[3] + z * c[3],
-        x * a[4] + y * b[4] + z * c[4],
-        x * a[5] + y * b[5] + z * c[5],
-    )
-
-
-@njit(**FAST)
-def product(a: Six, b: Six) -> tuple[float, ...]:
-    """Return the nine components of ``a b``."""
-    return (
-        a[0] * b[0] + a[1] * b[1] + a[2] * b[2],
-        a[0] * b[1] + a[1] * b[3] + a[2] * b[4],
-        a[0] * b[2] + a[1] * b[4] + a[2] * b[5],
-        a[1] * b[0] + a[3] * b[1] + a[4] * b[2],
-        a[1] * b[1] + a[3] * b[3] + a[4] * b[4],
-        a[1] * b[2] + a[3] * b[4] + a[4] * b[5],
-        a[2] * b[0] + a[4] * b[1] + a[5] * b[2],
-        a[2] * b[1] + a[4] * b[3] + a[5] * b[4],
-        a[2] * b[2] + a[4] * b[4] + a[5] * b[5],
-    )
-
-
-@njit(**FAST)
-def symmetric(a: Six, u: tuple[float, ...]) -> Six:
-    """Return ``a u`` of which it is known that it is symmetric."""
-    return (
-        a[0] * u[0] + a[1] * u[3] + a[2] * u[6],
-        a[0] * u[1] + a[1] * u[4] + a[2] * u[7],
-        a[0] * u[2] + a[1] * u[5] + a[2] * u[8],
-        a[1] * u[1] + a[3] * u[4] + a[4] * u[7],
-        a[1] * u[2] + a[3] * u[5] + a[4] * u[8],
-        a[2] * u[2] + a[4] * u[5] + a[5] * u[8],
-    )
-
-
-@njit(**FAST)
-def strains(work: Array, rows: Array) -> int:
+def strains(work: Array) -> int:
     """Fill in the strains of a block and their traces, and what goes with them; return the rule of its Gauss points."""
+    rule = sums(work)
+    for k in range(_W):
+        e = strain(work, k)
+        put_six(work, STRAIN, k, e)
+        work[at(TRACE) + k] = e[0] + e[3] + e[5]
+    return rule
+
+
+@njit(**FAST)
+def strain(work: Array, k: Any) -> Six:
+    """Return the strain at a point, from the sums."""
+    p1, whole = work[at(_FIRST + 1) + k], 0.5 * work[at(_FIRST + 2) + k] * work[at(_INVARIANTS + 2) + k]
+    half = 0.5 * (work[at(_FIRST) + k] + p1 * work[at(_INVARIANTS) + k])
+    one = whole, 0.0, 0.0, whole, 0.0, whole
+    return combined(1.0, one, half, six(work, _X, k), -0.5 * p1, six(work, _SQUARE, k))
+
+
+@njit(**FAST)
+def sums(work: Array) -> int:
+    """Fill in what strains of a block are made of; return the rule of its Gauss points."""
     for k in range(_W):
         c = squares(gradient(work, k))
         x = c[0] - 1.0, c[1], c[2], c[3] - 1.0, c[4], c[5] - 1.0
@@ -157,130 +87,118 @@ def strains(work: Array, rows: Array) -> int:
         first = x[3] * x[5] - x[4] * x[4]
         i1, i2 = x[0] + x[3] + x[5], first + x[0] * x[3] - x[1] * x[1] + x[0] * x[5] - x[2] * x[2]
         i3 = x[0] * first - x[1] * (x[1] * x[5] - x[2] * x[4]) + x[2] * (x[1] * x[4] - x[2] * x[3])
+        put_six(work, _X, k, x)
+        put_six(work, _SQUARE, k, y)
+        work[at(_INVARIANTS) + k], work[at(_INVARIANTS + 1) + k], work[at(_INVARIANTS + 2) + k] = i1, i2, i3
+        work[at(_FIRST) + k], work[at(_TWO) + k] = i1 * i1, max(i1 * i1 - 3.0 * i2, 0.0)
+    # No principal value is farther from 1 than this of the largest mean and the largest deviator.
+    spread = (np.sqrt(largest(work, _FIRST)) + 2.0 * np.sqrt(largest(work, _TWO))) / 3.0
+    reach, rule = 1.0 / (1.0 - spread) if spread < 1.0 else np.inf, 0
+    for k in range(_W):
+        work[at(_LARGEST) + k] = reach
+    if not reach <= _REACH[_SIMPLE]:
+        _find_largest(work)
+        reach = largest(work, _LARGEST)
+    while rule + 1 < _REACH.size and reach > _REACH[rule]:
+        rule += 1
+    if rule == 0:
+        _add_sums(work, 0, 2, True)
+    elif rule == 1:
+        _add_sums(work, 2, 3, True)
+    else:
+        for m in range(6):
+            for k in range(_W):
+                work[at(_FIRST + m) + k] = 0.0
+        for q in range(_BEGIN[rule], _BEGIN[rule + 1], 2):
+            _add_sums(work, q, 2, False)
+    return rule
+
+
+@njit(**FAST)
+def _find_largest(work: Array) -> None:
+    """Fill in bounds of the largest principal value of C or of its inverse."""
+    for k in range(_W):
+        i1, i2, i3 = work[at(_INVARIANTS) + k], work[at(_INVARIANTS + 1) + k], work[at(_INVARIANTS + 2) + k]
         # No principal value is larger than this of the mean and the deviator's size, nor any of the inverse.
         i3c = 1.0 + i1 + i2 + i3
         j1, j2 = (3.0 + 2.0 * i1 + i2) / i3c, (3.0 + i1) / i3c
         large = 1.0 + i1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(i1 * i1 - 3.0 * i2, 0.0))
         small = j1 / 3.0 + 2.0 / 3.0 * np.sqrt(max(j1 * j1 - 3.0 * j2, 0.0))
-        put_six(rows, _X, k, x)
-        put_six(rows, _SQUARE, k, y)
-        rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k] = i1, i2, i3
-        rows[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
-    largest, rule = 1.0, 0
-    for k in range(_W):
-        largest = max(largest, rows[at(_LARGEST) + k])
-    while rule + 1 < _REACH.size and largest > _REACH[rule]:
-        rule += 1
-    for m in range(8):
-        for k in range(_W):
-            rows[at(_FIRST + m) + k] = 0.0
-    for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
-        s, w = _PLACES[q], _SHARES[q]
-        for k in range(_W):
-            one = 1.0 / (
-                1.0
-                + s
-                * (rows[at(_INVARIANTS) + k] + s * (rows[at(_INVARIANTS + 1) + k] + s * rows[at(_INVARIANTS + 2) + k]))
-            )
-            p, t = w * one, w * one * one
-            rows[at(_FIRST) + k] += p
-            rows[at(_FIRST + 1) + k] += s * p
-            rows[at(_FIRST + 2) + k] += s * s * p
-            rows[at(_TWO) + k] += t
-            rows[at(_TWO + 1) + k] += s * t
-            rows[at(_TWO + 2) + k] += s * s * t
-            rows[at(_TWO + 3) + k] += s * s * s * t
-            rows[at(_TWO + 4) + k] += s * s * s * s * t
-    for k in range(_W):
-        i1, p1 = rows[at(_INVARIANTS) + k], rows[at(_FIRST + 1) + k]
-        whole = 0.5 * rows[at(_FIRST + 2) + k] * rows[at(_INVARIANTS + 2) + k]
-        one = whole, 0.0, 0.0, whole, 0.0, whole
-        half = 0.5 * (rows[at(_FIRST) + k] + p1 * i1)
-        e = combined(1.0, one, half, six(rows, _X, k), -0.5 * p1, six(rows, _SQUARE, k))
-        put_six(rows, STRAIN, k, e)
-        rows[at(TRACE) + k] = e[0] + e[3] + e[5]
-    return rule
+        work[at(_LARGEST) + k] = max(large, small) if work[ROWS[DETERMINANT] + k] > 0.0 else 1.0
 
 
 @njit(**FAST)
-def _second_stress(rows: Array) -> None:
-    """Fill in the second Piola-Kirchhoff stress of a block from what belongs to ``E``."""
+def _add_sums(work: Array, begin: int, count: int, first: bool) -> None:
+    """Add to the sums those of some Gauss points, or begin with these."""
     for k in range(_W):
-        x, y, t = six(rows, _X, k), six(rows, _SQUARE, k), six(rows, TENSION, k)
-        i1, i2 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k]
-        q1, q2, q3, q4 = rows[at(_TWO + 1) + k], rows[at(_TWO + 2) + k], rows[at(_TWO + 3) + k], rows[at(_TWO + 4) + k]
-        # S is the sum of b_ij X^i T X^j.
-        b00 = rows[at(_TWO) + k] + 2.0 * i1 * q1 + (i1 * i1 + 2.0 * i2) * q2 + 2.0 * i1 * i2 * q3 + i2 * i2 * q4
-        b01 = -(q1 + 2.0 * i1 * q2 + (i1 * i1 + i2) * q3 + i1 * i2 * q4)
-        b02, b11, b12 = q2 + i1 * q3 + i2 * q4, q2 + 2.0 * i1 * q3 + i1 * i1 * q4, -(q3 + i1 * q4)
-        u, v = product(t, x), product(t, y)
-        a = b01 * u[0] + b02 * v[0], b01 * u[1] + b02 * v[1], b01 * u[2] + b02 * v[2]
-        b = b01 * u[3] + b02 * v[3], b01 * u[4] + b02 * v[4], b01 * u[5] + b02 * v[5]
-        c = b01 * u[6] + b02 * v[6], b01 * u[7] + b02 * v[7], b01 * u[8] + b02 * v[8]
-        both = 2.0 * a[0], a[1] + b[0], a[2] + c[0], 2.0 * b[1], b[2] + c[1], 2.0 * c[2]
-        one = symmetric(x, _both(b11, u, b12, v))
-        two = symmetric(y, _both(b12, u, q4, v))
-        put_six(rows, _STRESS, k, combined(1.0, combined(b00, t, 1.0, both, 1.0, one), 1.0, two, 0.0, two))
+        i1, i2, i3 = work[at(_INVARIANTS) + k], work[at(_INVARIANTS + 1) + k], work[at(_INVARIANTS + 2) + k]
+        p0 = p1 = p2 = q3 = q4 = q5 = 0.0
+        for q in range(begin, begin + count):
+            s, w = _PLACES[q], _SHARES[q]
+            one = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
+            p = w * one
+            t = (s * s * s) * p * one
+            p0, p1, p2 = p0 + p, p1 + s * p, p2 + s * s * p
+            q3, q4, q5 = q3 + t, q4 + s * t, q5 + s * s * t
+        if not first:
+            p0, p1, p2 = work[at(_FIRST) + k] + p0, work[at(_FIRST + 1) + k] + p1, work[at(_FIRST + 2) + k] + p2
+            q3, q4, q5 = work[at(_TWO) + k] + q3, work[at(_TWO + 1) + k] + q4, work[at(_TWO + 2) + k] + q5
+        work[at(_FIRST) + k], work[at(_FIRST + 1) + k], work[at(_FIRST + 2) + k] = p0, p1, p2
+        work[at(_TWO) + k], work[at(_TWO + 1) + k], work[at(_TWO + 2) + k] = q3, q4, q5
 
 
 @njit(**FAST)
-def _both(x: float, u: tuple[float, ...], y: float, v: tuple[float, ...]) -> tuple[float, ...]:
-    """Return ``x u + y v`` of nine components."""
+def second_stress(work: Array, k: Any, t: Six) -> Six:
+    """Return the second Piola-Kirchhoff stress at a point from what belongs to ``E``."""
+    x, y = six(work, _X, k), six(work, _SQUARE, k)
+    i1, i2, i3 = work[at(_INVARIANTS) + k], work[at(_INVARIANTS + 1) + k], work[at(_INVARIANTS + 2) + k]
+    p0, p1, p2 = work[at(_FIRST) + k], work[at(_FIRST + 1) + k], work[at(_FIRST + 2) + k]
+    q3, q4, q5 = work[at(_TWO) + k], work[at(_TWO + 1) + k], work[at(_TWO + 2) + k]
+    # E is a0 + a1 X + a2 X^2: of the slopes of these by the invariants of X, times T : 1, T : X and T : X^2.
+    t0, t1, t2 = t[0] + t[3] + t[5], double(t, x), double(t, y)
+    last = p2 - i2 * q4 - i3 * q5
+    c1 = t1 * (i2 * q3 + i3 * q4) - t0 * i3 * q3 + t2 * (last - i1 * q3)
+    c2 = t2 * q3 - t1 * last - t0 * i3 * q4
+    c3 = t2 * q4 - t1 * (q3 + i1 * q4) + t0 * (p2 - i3 * q5)
+    u = product(t, x)
+    both = 2.0 * u[0], u[1] + u[3], u[2] + u[6], 2.0 * u[4], u[5] + u[7], 2.0 * u[8]
+    one, way = c1 + i1 * c2 + i2 * c3, -(c2 + i1 * c3)
+    s = combined(p0 + i1 * p1, t, -p1, both, way, x)
     return (
-        x * u[0] + y * v[0],
-        x * u[1] + y * v[1],
-        x * u[2] + y * v[2],
-        x * u[3] + y * v[3],
-        x * u[4] + y * v[4],
-        x * u[5] + y * v[5],
-        x * u[6] + y * v[6],
-        x * u[7] + y * v[7],
-        x * u[8] + y * v[8],
+        s[0] + one + c3 * y[0],
+        s[1] + c3 * y[1],
+        s[2] + c3 * y[2],
+        s[3] + one + c3 * y[3],
+        s[4] + c3 * y[4],
+        s[5] + one + c3 * y[5],
     )
 
 
 @njit(**FAST)
-def put_stress(work: Array, rows: Array) -> None:
+def put_stress(work: Array) -> None:
     """Fill the rows of ``P`` of a block from the stress that belongs to ``E``."""
-    _second_stress(rows)
     for k in range(_W):
-        fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (rows[at(_LARGEST) + k] <= _FARTHEST)
-        put_first(work, k, six(rows, _STRESS, k), 1.0 if fits else np.nan)
+        fits = (work[ROWS[DETERMINANT] + k] > 0.0) & (work[at(_LARGEST) + k] <= _FARTHEST)
+        put_first(work, k, second_stress(work, k, six(work, TENSION, k)), 1.0 if fits else np.nan)
 
 
 @njit(**FAST)
-def put_first(work: Array, k: Any, s: Six, valid: float) -> None:
-    """Fill the rows of ``P`` at a point from the second Piola-Kirchhoff stress, times a number."""
-    f = gradient(work, k)
-    _put_row(work, 0, k, f[0], f[1], f[2], s, valid)
-    _put_row(work, 3, k, f[3], f[4], f[5], s, valid)
-    _put_row(work, 6, k, f[6], f[7], f[8], s, valid)
-
-
-@njit(**FAST)
-def _put_row(work: Array, row: int, k: Any, x: float, y: float, z: float, s: Six, valid: float) -> None:
-    """Fill in a row of ``P`` at a point from that of ``F``."""
-    work[ROWS[row] + k] = valid * (x * s[0] + y * s[1] + z * s[2])
-    work[ROWS[row + 1] + k] = valid * (x * s[1] + y * s[3] + z * s[4])
-    work[ROWS[row + 2] + k] = valid * (x * s[2] + y * s[4] + z * s[5])
-
-
-@njit(**FAST)
-def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
+def add_moduli(work: Array, rule: int, moduli: Array) -> None:
     """Add to the moduli of a block from stress and moduli ``dT/dE`` ``(36, POINTS)``, not to be used again."""
     near, bent, found = np.zeros(36 * POINTS), np.zeros(36 * POINTS), np.empty(12 * POINTS)
-    _second_stress(rows)
+    for k in range(_W):
+        put_six(work, _STRESS, k, second_stress(work, k, six(work, TENSION, k)))
     for q in range(_BEGIN[rule], _BEGIN[rule + 1]):
         s, w = _PLACES[q], _SHARES[q]
         for k in range(_W):
-            i1, i2, i3 = rows[at(_INVARIANTS) + k], rows[at(_INVARIANTS + 1) + k], rows[at(_INVARIANTS + 2) + k]
+            i1, i2, i3 = work[at(_INVARIANTS) + k], work[at(_INVARIANTS + 1) + k], work[at(_INVARIANTS + 2) + k]
             share = 1.0 / (1.0 + s * (i1 + s * (i2 + s * i3)))
             whole = share * (1.0 + s * (i1 + s * i2))
             one = whole, 0.0, 0.0, whole, 0.0, whole
-            x, y = six(rows, _X, k), six(rows, _SQUARE, k)
+            x, y = six(work, _X, k), six(work, _SQUARE, k)
             a = combined(1.0, one, -share * s * (1.0 + s * i1), x, share * s * s, y)
             put_six(found, 0, k, a)
-            put_six(found, 6, k, symmetric(a, product(six(rows, TENSION, k), a)))
+            put_six(found, 6, k, symmetric(a, product(six(work, TENSION, k), a)))
         for m in range(6):
             i, j = FIRST[m], SECOND[m]
             for n in range(m, 6):
@@ -305,7 +223,7 @@ def add_moduli(work: Array, rows: Array, rule: int, moduli: Array) -> None:
     for m in range(36):
         for k in range(_W):
             moduli[at(m) + k] += bent[at(m) + k]
-    add_second(work, rows, _STRESS, moduli)
+    add_second(work, _STRESS, moduli)
 
 
 @njit(**FAST)
@@ -334,7 +252,7 @@ def _multiply(one: Array, other: Array, products: Array) -> None:
 
 
 @njit(**FAST)
-def add_second(work: Array, rows: Array, stress: int, moduli: Array) -> None:
+def add_second(work: Array, stress: int, moduli: Array) -> None:
     """Add to the moduli of a block from ``S``, whose rows begin at one, and symmetric ``dS/dG`` ``(36, POINTS)``."""
     turned = np.empty(18 * POINTS)
     for a in range(3):
@@ -363,4 +281,4 @@ def add_second(work: Array, rows: Array, stress: int, moduli: Array) -> None:
                         )
                     if a == b:
                         for k in range(_W):
-                            work[row + k] += rows[at(own) + k]
+                            work[row + k] += work[at(own) + k]

@@ -6,7 +6,7 @@ nothing.  Where the step has been accepted, `Memory.advanced` returns the law wi
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeGuard
 
 import numpy as np
 
@@ -49,8 +49,8 @@ class Memory(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return type(self).__name__
+        """Identifies the law, in any process."""
+        return f"{type(self).__name__} {self.constants.tolist()}"
 
     @property
     def compiled(self) -> Compiled:
@@ -77,14 +77,16 @@ class Memory(Material):
         factor
             The load factor there.
         """
-        states = self._flat_known(F.shape[:-2])
-        next_states(self.compiled.update, flat(F), self.reached(factor).constants, states)
-        return self._with(state=states.reshape(*F.shape[:-2], -1))
+        return self.knowing(states_after(self, F, factor), factor)
+
+    def knowing(self, states: Array, factor: float | None = None) -> Self:
+        """Return the law with states ``(..., m)``, or more than its own behind them, of a load factor."""
+        return self._with(state=np.ascontiguousarray(states[..., : self.width]))
 
     @property
     def frozen(self) -> Self:
         """The law where nothing flows: raises where it does not say."""
-        raise InputError(f"{type(self).__name__}: modes, motions and checkpoints do not take this law; leave them out")
+        raise InputError(f"{type(self).__name__}: modes and motions do not take this law; leave them out")
 
     def lasting(self, step: float) -> Self:
         """Return the law in a step of a motion that takes so long: itself where no time counts."""
@@ -123,7 +125,19 @@ class Timed(Memory):
         """Return the law as one that knows the time at a load factor."""
         return self._with(grows=over(((0.0, 0.0), (_EVER, _EVER))))
 
-    def advanced(self, F: Array, factor: float) -> Self:
-        """Return the law with the state at the end of a step, and its time."""
-        law = super().advanced(F, factor)
-        return law._with(since=self.since + self.reached(factor).step)
+    def knowing(self, states: Array, factor: float | None = None) -> Self:
+        """Return the law with states, and their time."""
+        law = super().knowing(states)
+        return law if factor is None else law._with(since=self.since + self.reached(factor).step)
+
+
+def states_after(law: Material, F: Array, factor: float) -> Array:
+    """Return the states of a law at the end of a step (`Memory.advanced`), and what else it knows behind them."""
+    states, now = law._flat_known(F.shape[:-2]), law.reached(factor)
+    next_states(now.compiled.update, flat(F), now.constants, states)
+    return states.reshape(*F.shape[:-2], -1)
+
+
+def has_memory(law: Material) -> TypeGuard[Memory]:
+    """Return whether a law has a memory: it does what `Memory` does."""
+    return law.remembers

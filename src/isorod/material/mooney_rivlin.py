@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from isorod.material.isochoric import Isochoric, finite, positive, with_volume
+from isorod.errors import finite, modulus
+from isorod.material.isochoric import Isochoric, with_volume
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -44,9 +45,9 @@ class MooneyRivlin(Isochoric):
     recipe = (_energy,)
 
     def _check(self) -> None:
-        finite("c10", self.c10)
-        finite("c01", self.c01)
-        positive("c10 + c01", self.c10 + self.c01)
+        finite("c10", self.c10, "a finite stress")
+        finite("c01", self.c01, "a finite stress")
+        modulus("c10 + c01", self.c10 + self.c01)
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from isorod.errors import InputError
-from isorod.material.isochoric import Isochoric, finite, positive, with_volume
+from isorod.errors import InputError, finite, modulus
+from isorod.material.isochoric import Isochoric, with_volume
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -57,11 +57,11 @@ class Ogden(Isochoric):
         if len(self.mu) != len(self.alpha) or not self.mu:
             raise InputError(f"alpha: got {len(self.alpha)} exponents for {len(self.mu)} factors mu, need one for each")
         for k, (mu, alpha) in enumerate(zip(self.mu, self.alpha, strict=True)):
-            finite(f"mu[{k}]", mu)
+            finite(f"mu[{k}]", mu, "a finite stress")
             finite(f"alpha[{k}]", alpha, "a finite exponent")
             if alpha == 0.0:
                 raise InputError(f"alpha[{k}]: got 0, need an exponent that is not zero")
-        positive("sum of mu alpha / 2", 0.5 * sum(m * a for m, a in zip(self.mu, self.alpha, strict=True)))
+        modulus("sum of mu alpha / 2", 0.5 * sum(m * a for m, a in zip(self.mu, self.alpha, strict=True)))
 
     @property
     def recipe(self) -> tuple[Any, ...]:  # type: ignore[override]

@@ -1,5 +1,6 @@
 """Linear elasticity in small strains of material with directions: of wood, of laminates, of fibres in a matrix."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import InputError, representable
+from isorod.errors import InputError, modulus
 from isorod.material.fibre import Fibre
 from isorod.material.law import Material
 
@@ -51,8 +52,30 @@ def quadratic(small: bool, free: tuple["sp.Expr", ...] = (0, 0, 0)) -> "Energy":
     return Energy(whole, c, small=small)
 
 
+class Directed(Material):
+    """Linear elasticity in small strains along axes 1 and 2 of the material and what is at right angles to both."""
+
+    objective: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+    splits: ClassVar[bool] = False
+    families: ClassVar[int] = 2
+    recipe = (quadratic, True)
+
+    @property
+    @abstractmethod
+    def engineering(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+        """``E_1, E_2, E_3``, ``nu_12, nu_13, nu_23`` and ``G_12, G_13, G_23``."""
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """``C_11, C_12, C_13, C_22, C_23, C_33`` and ``G_12, G_13, G_23`` along the axes, force / area."""
+        E, nu, G = self.engineering
+        along = np.linalg.inv(_compliance(E, nu))
+        return *along[np.triu_indices(3)].tolist(), *G
+
+
 @dataclass(frozen=True, eq=False)
-class Orthotropic(Material):
+class Orthotropic(Directed):
     """Linear elasticity in small strains with three axes: ``W = e:C e / 2``, ``e = sym(F) - 1``.
 
     Parameters
@@ -75,11 +98,6 @@ class Orthotropic(Material):
         If a value is out of its range or not finite, or some strain would store negative energy.
     """
 
-    objective: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
-    splits: ClassVar[bool] = False
-    families: ClassVar[int] = 2
-    recipe = (quadratic, True)
     _NAMES = ("axis 1", "axis 2")
 
     E: tuple[float, float, float]
@@ -104,11 +122,6 @@ class Orthotropic(Material):
         """``E_1, E_2, E_3``, ``nu_12, nu_13, nu_23`` and ``G_12, G_13, G_23``."""
         return self.E, self.nu, self.G
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """``C_11, C_12, C_13, C_22, C_23, C_33`` and ``G_12, G_13, G_23`` along the axes, force / area."""
-        return _stiffness(self.engineering)
-
     def _fibres(self) -> tuple[Fibre, ...]:
         return tuple(self.axes)
 
@@ -122,7 +135,7 @@ class Orthotropic(Material):
 
 
 @dataclass(frozen=True, eq=False)
-class TransverselyIsotropic(Material):
+class TransverselyIsotropic(Directed):
     """Linear elasticity in small strains, the same in all directions across a fibre: ``W = e:C e / 2``.
 
     Parameters
@@ -145,12 +158,6 @@ class TransverselyIsotropic(Material):
         If a value is out of its range or not finite, or some strain would store negative energy.
     """
 
-    objective: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
-    splits: ClassVar[bool] = False
-    families: ClassVar[int] = 2
-    recipe = (quadratic, True)
-
     E: float
     E_across: float
     nu: float
@@ -170,11 +177,6 @@ class TransverselyIsotropic(Material):
         shear = across / (2.0 * (1.0 + self.nu_across))
         return (E, across, across), (self.nu, self.nu, self.nu_across), (self.G, self.G, shear)
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Those of `Orthotropic`."""
-        return _stiffness(self.engineering)
-
     def _fibres(self) -> tuple[Fibre, ...]:
         return (self.fibre,)
 
@@ -184,12 +186,6 @@ class TransverselyIsotropic(Material):
         # The axis that it is farthest from.
         far = np.eye(3)[np.argmin(np.abs(along), axis=-1)]
         return np.concatenate([along, _second(along, far)], axis=-1)
-
-
-def _stiffness(engineering: tuple[Sequence[float], Sequence[float], Sequence[float]]) -> tuple[float, ...]:
-    """Return the stiffness of three axes, the upper triangle row by row, and the shear moduli."""
-    along = np.linalg.inv(_compliance(*engineering[:2]))
-    return *along[np.triu_indices(3)].tolist(), *engineering[2]
 
 
 def _compliance(E: Sequence[float], nu: Sequence[float]) -> Array:
@@ -210,9 +206,7 @@ def _check(
 ) -> None:
     """Raise `InputError` if a modulus is not positive, or if a strain would store negative energy."""
     for name, value in zip((*names, *shears), (*E, *G), strict=True):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{name}: got {value:g}, need a positive stress")
-        representable(name, value)
+        modulus(name, value)
     for name, value, (i, j) in zip(ratios, nu, ((0, 1), (0, 2), (1, 2)), strict=True):
         most = np.sqrt(E[i] / E[j])
         if not abs(value) < most:

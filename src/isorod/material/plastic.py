@@ -49,7 +49,6 @@ class Plastic(Memory, Isotropic):
     recovery: float = 0.0
 
     kinks: ClassVar[bool] = True
-    states: ClassVar = {"plastic_strain": 6, "p": 1, "back_stress": 6, "dissipated": 1}
 
     def _check(self) -> None:
         super()._check()
@@ -71,6 +70,12 @@ class Plastic(Memory, Isotropic):
             raise InputError(f"recovery: got {self.recovery:g}, need a number, not negative")
         if self.recovery > 0.0 and self.kinematic == 0.0:
             raise InputError("recovery: there is no back stress to recover from; give a modulus kinematic")
+
+    @property
+    def states(self) -> dict[str, int]:  # type: ignore[override]
+        """What its state is: no back stress where there is never any."""
+        back = {"back_stress": 6} if self.kinematic > 0.0 else {}
+        return {"plastic_strain": 6, "p": 1, **back, "dissipated": 1}
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -115,11 +120,16 @@ class Viscoplastic(Timed, Plastic):
 
     def _check(self) -> None:
         super()._check()
-        positive("A", self.A, "a positive rate")
-        if not 1.0 <= self.n <= 50.0:
-            raise InputError(f"n: got {self.n:g}, need an exponent from 1 to 50")
+        check_rate(self.A, self.n)
 
     @property
     def _rate(self) -> tuple[float, float, float]:
         """Time of the step, rate ``A``, and ``1/n``."""
         return self.step, self.A, 1.0 / self.n
+
+
+def check_rate(A: float, n: float) -> None:
+    """Raise `InputError` if a rate of strain ``A`` and its exponent are none of a law."""
+    positive("A", A, "a positive rate")
+    if not 1.0 <= n <= 50.0:
+        raise InputError(f"n: got {n:g}, need an exponent from 1 to 50")

@@ -8,7 +8,7 @@ symmetric part.  With time the yield stress is ``1 + (d / (A t))^(1/n)`` times i
 
 Constants: shear modulus, kinematic modulus ``H``, ``gamma``, time ``t`` of the step, ``A`` (0 without such), ``1/n``,
 number of points of the table, its plastic strains and yield stresses in turn, Lame's first parameter.  State: plastic
-strain, six numbers, accumulated plastic strain, back stress, six numbers, and what was dissipated.
+strain, six numbers, accumulated plastic strain, the back stress where ``H`` is not 0, and what was dissipated.
 """
 
 from typing import Any
@@ -17,307 +17,382 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import expm1
-from isorod.material.logarithm_kernel import (
-    FIRST,
-    LOGARITHM,
-    SECOND,
-    STRAIN,
-    TENSION,
-    TRACE,
-    TWICE,
-    add_moduli,
-    at,
-    put_stress,
-    strains,
-)
+from isorod.material.functions import expm1, power, shares
+from isorod.material.logarithm_kernel import LOGARITHM, TENSION, TRACE, add_moduli, put_stress, strain, sums
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
-from isorod.material.relaxing_kernel import shares
+from isorod.material.six_kernel import FIRST, SECOND, TWICE, at, combined, double, largest, least, put_six, six
 
 _W = np.uint64(POINTS)
 
 # Rows of a block: the direction of flow, or before that is known the deviator that returns; its norm; accumulated
 # plastic strain of the step, and the slope of `_excess` at its end; what the step dissipates; which share of the back
 # stress goes, and that over ``gamma``.
-_WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(7))
+_WAY, _SIZE, _FLOWN, _SLOPE, _LOSS, _GONE, _GROWN = LOGARITHM, *(LOGARITHM + 6 + m for m in range(6))
+# Of the return: the unknown, and between which two it lies; von Mises' stress, yield stress and its slope by plastic
+# strain; ``s : s``, ``s : a`` and ``a : a`` of deviator and back stress before the return; the excess.
+_ROOT, _HIGH, _LOW, _MISES, _YIELD, _HARD, _SS, _SA, _AA, _VALUE, _PAST, _ROWS = (_GROWN + 1 + m for m in range(12))
 
-# Where the table stands, and in the state the back stress and what was dissipated.
-_COUNT, _BACK, _DISSIPATED = 6, 7, 13
+# Where the table stands, and in the state accumulated plastic strain and the back stress.
+_COUNT, _PLASTIC, _BACK = 6, 6, 7
 
 # Of the yield stress, above which a stress has to be to flow: the rest is rounding.
 _ROUNDING = 1e-12
 
 # Newton's steps to the root, or halvings of where it lies, at most, and by which share of it the last one may move: the
 # square of that is rounding.
-_STEPS, _NEAR = 100, 1e-9
+_STEPS, _NEAR, _SMALL = 100, 1e-9, 1e-17
 
 
 @njit(**FAST)
-def _yield_stress(p: float, constants: Array) -> tuple[float, float]:
-    """Return yield stress and slope at an accumulated plastic strain: behind the last point its stress, and 0."""
-    count = int(constants[_COUNT])
-    for k in range(1, count):
-        i = _COUNT - 1 + 2 * k
-        p0, s0, p1, s1 = constants[i], constants[i + 1], constants[i + 2], constants[i + 3]
-        if p < p1:
-            slope = (s1 - s0) / (p1 - p0)
-            return s0 + (p - p0) * slope, slope
-    return constants[_COUNT + 2 * count], 0.0
+def _pieces(low: float, high: float, constants: Array) -> tuple[int, int]:
+    """Return the first piece of the table between two plastic strains, and that behind the last."""
+    begin, count = 1, int(constants[_COUNT])
+    while begin < count and not low < constants[_COUNT + 1 + 2 * begin]:
+        begin += 1
+    end = begin
+    while end < count and constants[_COUNT - 1 + 2 * end] <= high:
+        end += 1
+    return begin, end
 
 
 @njit(**FAST)
-def _flow(q: float, p: float, stiffness: float, constants: Array) -> tuple[float, float]:
-    """Return the plastic strain of a step and the slope of the yield stress at its end.
-
-    It is the root ``d`` of ``q - stiffness d - yield_stress(p + d)``, piece by piece of the table.
-    """
-    count = int(constants[_COUNT])
-    for k in range(1, count):
-        i = _COUNT - 1 + 2 * k
-        p0, s0, p1, s1 = constants[i], constants[i + 1], constants[i + 2], constants[i + 3]
-        if p < p1 and q - stiffness * (p1 - p) < s1:
-            slope = (s1 - s0) / (p1 - p0)
-            return (q - s0 - (p - p0) * slope) / (stiffness + slope), slope
-    return (q - constants[_COUNT + 2 * count]) / stiffness, 0.0
+def _piece(i: int, constants: Array) -> tuple[float, float, float, float]:
+    """Return where a piece of the table begins, with which yield stress and slope, and where it ends."""
+    i = _COUNT - 1 + 2 * i
+    p0, s0, p1, s1 = constants[i], constants[i + 1], constants[i + 2], constants[i + 3]
+    return p0, s0, (s1 - s0) / (p1 - p0), p1
 
 
 @njit(**FAST)
-def _excess(d: float, p: float, squares: tuple[float, float, float], constants: Array) -> tuple[float, float]:
-    """Return by how much von Mises' stress exceeds the yield stress after a plastic strain, and its slope: negative.
+def _harden(work: Array, constants: Array, begin: int, end: int) -> None:
+    """Fill in yield stresses and slopes at the end of the step, of plastic strains in some pieces or behind them."""
+    last = constants[_COUNT + 2 * int(constants[_COUNT])]
+    plastic = at(FIBRE + _PLASTIC)
+    for k in range(_W):
+        work[at(_YIELD) + k], work[at(_HARD) + k] = last, 0.0
+    for i in range(end - 1, begin - 1, -1):
+        p0, s0, slope, p1 = _piece(i, constants)
+        for k in range(_W):
+            p = work[plastic + k] + work[at(_FLOWN) + k]
+            work[at(_YIELD) + k] = s0 + (p - p0) * slope if p < p1 else work[at(_YIELD) + k]
+            work[at(_HARD) + k] = slope if p < p1 else work[at(_HARD) + k]
 
-    ``squares`` are ``s : s``, ``s : a`` and ``a : a`` of the deviator and the back stress before the return.
+
+@njit(**FAST)
+def _excess(work: Array, constants: Array, begin: int, end: int) -> None:
+    """Fill in by how much von Mises' stress exceeds the yield stress, and its slope by plastic strain: negative.
+
+    The unknown is plastic strain, or with time by which share the yield stress is exceeded.
     """
     mu, kinematic, recovery = constants[0], constants[1], constants[2]
-    ss, sa, aa = squares
-    kept = np.exp(-recovery * d)
-    grown = -np.expm1(-recovery * d) / recovery if recovery > 0.0 else d
-    size = np.sqrt(max(ss - 2.0 * kept * sa + kept * kept * aa, 1e-300))
-    stress, slope = _yield_stress(p + d, constants)
-    if constants[4] > 0.0:
-        over = (d / (constants[4] * constants[3])) ** constants[5]
-        slope = slope * (1.0 + over) + (stress * constants[5] * over / d if d > 0.0 else 0.0)
-        stress *= 1.0 + over
-    value = np.sqrt(1.5) * size - 3.0 * mu * d - kinematic * grown - stress
-    return value, np.sqrt(1.5) * recovery * kept * (sa - kept * aa) / size - 3.0 * mu - kinematic * kept - slope
-
-
-@njit(**FAST)
-def _root(q: float, p: float, squares: tuple[float, float, float], constants: Array) -> tuple[float, float]:
-    """Return the plastic strain of a step, and the slope of `_excess` there."""
-    if constants[2] == 0.0 and constants[4] == 0.0:
-        stiffness = 3.0 * constants[0] + constants[1]
-        step, slope = _flow(q, p, stiffness, constants)
-        return step, -stiffness - slope
-    # No back stress is larger than what it saturates at, so that the slope is below -3 mu.
-    low, high = 0.0, q / (3.0 * constants[0])
-    d = 0.5 * high
-    for _ in range(_STEPS):
-        value, slope = _excess(d, p, squares, constants)
-        low, high = (d, high) if value > 0.0 else (low, d)
-        new = d - value / slope
-        if abs(new - d) <= _NEAR * d:
-            d = new
-            break
-        d = new if low < new < high else 0.5 * (low + high)
-    return d, _excess(d, p, squares, constants)[1]
-
-
-@njit(**FAST)
-def _work(p: float, constants: Array) -> float:
-    """Return the work of the yield stress up to an accumulated plastic strain."""
-    count, work = int(constants[_COUNT]), 0.0
-    for k in range(1, count):
-        i = _COUNT - 1 + 2 * k
-        p0, s0, p1, s1 = constants[i], constants[i + 1], constants[i + 2], constants[i + 3]
-        along = min(max(p - p0, 0.0), p1 - p0)
-        work += along * (s0 + 0.5 * along * (s1 - s0) / (p1 - p0))
-    return work + max(p - constants[_COUNT - 1 + 2 * count], 0.0) * constants[_COUNT + 2 * count]
-
-
-@njit(**FAST)
-def _lost(d: float, p: float, forth: float, aa: float, constants: Array) -> float:
-    """Return what a step of plastic strain ``d`` dissipates: work of the yield stress, and what the back stress loses.
-
-    That is the integral of ``3 gamma/(2 H) a : a``; ``forth`` is ``n : a``, and ``aa`` is ``a : a``, before the return.
-    """
-    kinematic, recovery = constants[1], constants[2]
-    lost = _work(p + d, constants) - _work(p, constants)
-    if constants[4] > 0.0:
-        lost *= 1.0 + (d / (constants[4] * constants[3])) ** constants[5]
+    pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
+    for k in range(_W):
+        work[at(_FLOWN) + k] = work[at(_ROOT) + k]
+    if pace > 0.0:
+        for k in range(_W):
+            flown = pace * power(max(work[at(_ROOT) + k], 1e-300), exponent)
+            work[at(_FLOWN) + k] = flown if work[at(_ROOT) + k] > 0.0 else 0.0
+    _harden(work, constants, begin, end)
     if recovery > 0.0:
-        kept, share, rest = shares(recovery * d)
-        back = 0.5 * (1.0 - kept * kept) * aa + np.sqrt(2.0 / 3.0) * kinematic * recovery * (share * d) ** 2 * forth
-        lost += 1.5 / kinematic * (back + 2.0 / 3.0 * (kinematic * d) ** 2 * rest)
-    return lost
+        for k in range(_W):
+            gone = -expm1(-recovery * work[at(_FLOWN) + k])
+            kept, ss, sa, aa = 1.0 - gone, work[at(_SS) + k], work[at(_SA) + k], work[at(_AA) + k]
+            size = np.sqrt(max(ss - 2.0 * kept * sa + kept * kept * aa, 1e-300))
+            work[at(_GONE) + k] = gone
+            work[at(_VALUE) + k] = np.sqrt(1.5) * size - kinematic / recovery * gone
+            work[at(_SLOPE) + k] = np.sqrt(1.5) * recovery * kept * (sa - kept * aa) / size - kinematic * kept
+    else:
+        for k in range(_W):
+            work[at(_VALUE) + k] = work[at(_MISES) + k] - kinematic * work[at(_FLOWN) + k]
+            work[at(_SLOPE) + k] = -kinematic
+    if pace > 0.0:
+        for k in range(_W):
+            root, flown, limit = work[at(_ROOT) + k], work[at(_FLOWN) + k], work[at(_YIELD) + k]
+            work[at(_YIELD) + k] = limit * (1.0 + root)
+            more = limit * root / (exponent * flown) if flown > 0.0 else 0.0
+            work[at(_HARD) + k] = work[at(_HARD) + k] * (1.0 + root) + more
+    for k in range(_W):
+        work[at(_VALUE) + k] -= 3.0 * mu * work[at(_FLOWN) + k] + work[at(_YIELD) + k]
+        work[at(_SLOPE) + k] -= 3.0 * mu + work[at(_HARD) + k]
 
 
 @njit(**FAST)
-def _try(work: Array, constants: Array, rows: Array) -> None:
-    """Fill in the stress of a step without flow, and its deviator about the back stress with its norm."""
-    mu, lame = constants[0], constants[constants.size - 1]
-    for k in range(_W):
-        rows[at(_SIZE) + k] = 0.0
-    # Short loops: the compiler sees which rows lie apart.
-    for m in range(6):
-        row, square = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
-        back = np.uint64(POINTS * (FIBRE + _BACK + m))
+def _begin(work: Array, constants: Array) -> float:
+    """Fill in where roots lie and what they are about, and bounds of plastic strain; return how many points flow."""
+    mu, kinematic, recovery = constants[0], constants[1], constants[2]
+    pace, flowing = constants[4] * constants[3], 0.0
+    if recovery > 0.0:
         for k in range(_W):
-            deviator = 2.0 * mu * (rows[at(STRAIN + m) + k] - work[row + k])
-            rows[at(TENSION + m) + k] = deviator + square * lame * rows[at(TRACE) + k]
-            rows[at(_WAY + m) + k] = deviator - work[back + k] - 2.0 / 3.0 * square * mu * rows[at(TRACE) + k]
-        for k in range(_W):
-            rows[at(_SIZE) + k] += TWICE[m] * rows[at(_WAY + m) + k] * rows[at(_WAY + m) + k]
+            way, back = six(work, _WAY, k), six(work, FIBRE + _BACK, k)
+            sa, aa = double(way, back), double(back, back)
+            work[at(_SS) + k], work[at(_SA) + k], work[at(_AA) + k] = (
+                work[at(_SIZE) + k] ** 2 + 2.0 * sa + aa,
+                sa + aa,
+                aa,
+            )
     for k in range(_W):
-        rows[at(_SIZE) + k] = np.sqrt(rows[at(_SIZE) + k])
+        q, limit, stiff = work[at(_MISES) + k], work[at(_YIELD) + k], 3.0 * mu + kinematic + work[at(_HARD) + k]
+        flows = q > limit * (1.0 + _ROUNDING)
+        work[at(_ROOT) + k] = (q - limit) / stiff if flows else 0.0
+        # No back stress is larger than what it saturates at, so that the slope is below -3 mu.
+        high = (q - limit) / (3.0 * mu) if flows else 0.0
+        work[at(_HIGH) + k], work[at(_LOW) + k], work[at(_PAST) + k] = high, 0.0, work[at(_ROOT) + k]
+        work[at(_VALUE) + k] += high
+        flowing += 1.0 if flows else 0.0
+    if pace > 0.0:
+        for k in range(_W):
+            # What bounds the root from above, near it where either part of the stress is small.
+            whole = power(max(work[at(_HIGH) + k] / pace, 1e-300), constants[5])
+            high = min(whole, work[at(_MISES) + k] / work[at(_YIELD) + k] - 1.0) if work[at(_HIGH) + k] > 0.0 else 0.0
+            work[at(_HIGH) + k], work[at(_ROOT) + k], work[at(_PAST) + k] = high, high, 0.0
+    return flowing
 
 
 @njit(**FAST)
-def _step(work: Array, k: Any, constants: Array, rows: Array) -> bool:
-    """Fill in the plastic strain of a step at a point, and what comes with it; return whether it flows."""
-    p, q = work[ROWS[FIBRE + 6] + k], np.sqrt(1.5) * rows[at(_SIZE) + k]
-    if not q > _yield_stress(p, constants)[0] * (1.0 + _ROUNDING):
+def _return(work: Array, constants: Array) -> bool:
+    """Fill in plastic strains of the step, which share of back stress goes, and slopes; return whether any flow."""
+    recovery, plastic = constants[2], at(FIBRE + _PLASTIC)
+    pace, exponent = constants[4] * constants[3], 1.0 / constants[5]
+    for k in range(_W):
+        work[at(_FLOWN) + k], work[at(_MISES) + k] = 0.0, np.sqrt(1.5) * work[at(_SIZE) + k]
+        work[at(_VALUE) + k] = work[plastic + k]
+    low, high = least(work, _VALUE), largest(work, _VALUE)
+    begin, end = _pieces(low, high, constants)
+    _harden(work, constants, begin, end)
+    if _begin(work, constants) == 0.0:
         return False
-    aa, sa, ss = 0.0, 0.0, rows[at(_SIZE) + k] ** 2
-    if constants[2] > 0.0:
-        for m in range(6):
-            back = work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-            sa, aa = sa + TWICE[m] * rows[at(_WAY + m) + k] * back, aa + TWICE[m] * back * back
-        ss, sa = ss + 2.0 * sa + aa, sa + aa
-    step, slope = _root(q, p, (ss, sa, aa), constants)
-    # The deviator that returns is s - kept a, and this of it along a.
-    kept = np.exp(-constants[2] * step) if constants[2] > 0.0 else 1.0
-    forth = (sa - kept * aa) / np.sqrt(max(ss - 2.0 * kept * sa + kept * kept * aa, 1e-300))
-    rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = step, slope, _lost(step, p, forth, aa, constants)
+    high = largest(work, _VALUE)
+    begin, end = _pieces(low, high, constants)
+    smooth = end == begin or (end == begin + 1 and high <= constants[_COUNT + 1 + 2 * begin])
+    if smooth and recovery == 0.0 and pace == 0.0:
+        # What it begins with is the root.
+        for k in range(_W):
+            work[at(_FLOWN) + k] = work[at(_ROOT) + k]
+            work[at(_SLOPE) + k] = -3.0 * constants[0] - constants[1] - work[at(_HARD) + k]
+        return True
+    for _ in range(_STEPS):
+        _excess(work, constants, begin, end)
+        moved = 0.0
+        for k in range(_W):
+            root, value = work[at(_ROOT) + k], work[at(_VALUE) + k]
+            slope, past = work[at(_SLOPE) + k], work[at(_PAST) + k]
+            by_root = 1.0
+            if pace > 0.0:
+                by_root = exponent * work[at(_FLOWN) + k] / max(root, 1e-300)
+                slope *= by_root
+                # The power bends most: with what it does the steps are of third order but for the rest (Halley).
+                bent = (slope + work[at(_YIELD) + k] / (1.0 + root)) * (exponent - 1.0) / max(root, 1e-300)
+                slope -= 0.5 * value * bent / slope
+            change = -value / slope if root > 0.0 else 0.0
+            near = abs(change) <= _NEAR * root
+            if smooth:
+                # By how much the next step would move follows from this and from that before.
+                near = near | (abs(change) ** 3 <= _SMALL * root * past * past)
+            low = root if value > 0.0 else work[at(_LOW) + k]
+            high = work[at(_HIGH) + k] if value > 0.0 else root
+            new = root + change
+            new = new if near | ((low < new) & (new < high)) else 0.5 * (low + high)
+            moved += 0.0 if near else 1.0
+            work[at(_ROOT) + k], work[at(_LOW) + k], work[at(_HIGH) + k] = new, low, high
+            work[at(_PAST) + k] = abs(new - root)
+            # Of a step that small the square is rounding.
+            work[at(_FLOWN) + k] += by_root * (new - root)
+            work[at(_GONE) + k] += recovery * (1.0 - work[at(_GONE) + k]) * by_root * (new - root)
+        if moved == 0.0:
+            break
     return True
 
 
 @njit(**FAST)
-def _respond(work: Array, constants: Array, rows: Array) -> int:
-    """Fill in stress, direction of flow and what else there is at the end of the step; return the Gauss points' rule.
+def _lose(work: Array, constants: Array) -> None:
+    """Fill in what the step dissipates: work of the yield stress, and what the back stress loses.
 
-    Where nothing flows the direction is not of length 1 (`_try`).
+    That is the integral of ``3 gamma/(2 H) a : a``.
     """
-    mu, recovery = constants[0], constants[2]
-    rule, beyond, flows = strains(work, rows), 0.0, False
-    _try(work, constants, rows)
+    kinematic, recovery, pace = constants[1], constants[2], constants[4] * constants[3]
+    plastic, count = at(FIBRE + _PLASTIC), int(constants[_COUNT])
     for k in range(_W):
-        rows[at(_FLOWN) + k], rows[at(_SLOPE) + k], rows[at(_LOSS) + k] = 0.0, -1.0, 0.0
-        rows[at(_GONE) + k], rows[at(_GROWN) + k] = 0.0, 0.0
-        # Tables do not fall: most points are done with their first stress.
-        beyond += 1.0 if np.sqrt(1.5) * rows[at(_SIZE) + k] > constants[_COUNT + 2] else 0.0
-    if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0):
-        return rule
-    for k in range(_W):
-        flows = _step(work, k, constants, rows) or flows
-    if not flows:
-        return rule
-    for k in range(_W):
-        gone = -expm1(-recovery * rows[at(_FLOWN) + k])
-        rows[at(_GONE) + k] = gone
-        rows[at(_GROWN) + k] = gone / recovery if recovery > 0.0 else rows[at(_FLOWN) + k]
-        rows[at(_SIZE) + k] = 0.0
-    for m in range(6):
-        way, back = at(_WAY + m), at(FIBRE + _BACK + m)
+        work[at(_LOW) + k], work[at(_HIGH) + k] = work[plastic + k], work[plastic + k] + work[at(_FLOWN) + k]
+        work[at(_LOSS) + k] = 0.0
+    begin, end = _pieces(least(work, _LOW), largest(work, _HIGH), constants)
+    for i in range(begin, end):
+        p0, s0, slope, p1 = _piece(i, constants)
         for k in range(_W):
-            rows[way + k] += rows[at(_GONE) + k] * work[back + k]
+            low, high = max(work[at(_LOW) + k], p0), min(work[at(_HIGH) + k], p1)
+            work[at(_LOSS) + k] += max(high - low, 0.0) * (s0 + slope * (0.5 * (low + high) - p0))
+    if end == count:
+        p0, s0 = constants[_COUNT - 1 + 2 * count], constants[_COUNT + 2 * count]
         for k in range(_W):
-            rows[at(_SIZE) + k] += TWICE[m] * rows[way + k] * rows[way + k]
-    for k in range(_W):
-        size, flown = np.sqrt(rows[at(_SIZE) + k]), rows[at(_FLOWN) + k]
-        rows[at(_SIZE) + k] = size if flown > 0.0 else 1.0
-    for m in range(6):
-        way, stress = at(_WAY + m), at(TENSION + m)
+            work[at(_LOSS) + k] += max(work[at(_HIGH) + k] - max(work[at(_LOW) + k], p0), 0.0) * s0
+    if pace > 0.0:
         for k in range(_W):
-            rows[way + k] /= rows[at(_SIZE) + k]
+            work[at(_LOSS) + k] *= 1.0 + work[at(_ROOT) + k]
+    if recovery > 0.0:
         for k in range(_W):
-            rows[stress + k] -= 2.0 * mu * np.sqrt(1.5) * rows[at(_FLOWN) + k] * rows[way + k]
-    return rule
+            flown, aa = work[at(_FLOWN) + k], work[at(_AA) + k]
+            gone = work[at(_GONE) + k]
+            share, rest = shares(recovery * flown, gone)
+            forth = (work[at(_SA) + k] - (1.0 - gone) * aa) / work[at(_SIZE) + k]
+            lost = 0.5 * gone * (2.0 - gone) * aa
+            lost += np.sqrt(2.0 / 3.0) * kinematic * recovery * (share * flown) ** 2 * forth
+            work[at(_LOSS) + k] += 1.5 / kinematic * (lost + 2.0 / 3.0 * (kinematic * flown) ** 2 * rest)
 
 
 @njit(**FAST)
-def _back(work: Array, k: Any, constants: Array, rows: Array, m: int) -> float:
+def _try(work: Array, constants: Array) -> float:
+    """Fill in the stress of a step without flow, and its deviator about the back stress with its norm.
+
+    Returns how many points are beyond the first yield stress.
+    """
+    mu, lame, first, beyond = constants[0], constants[constants.size - 1], constants[_COUNT + 2], 0.0
+    for k in range(_W):
+        e = strain(work, k)
+        trace = e[0] + e[3] + e[5]
+        third, bulk = trace / 3.0, (lame + 2.0 / 3.0 * mu) * trace
+        e = e[0] - third, e[1], e[2], e[3] - third, e[4], e[5] - third
+        way = combined(2.0 * mu, e, -2.0 * mu, six(work, FIBRE, k), 0.0, e)
+        put_six(work, TENSION, k, (way[0] + bulk, way[1], way[2], way[3] + bulk, way[4], way[5] + bulk))
+        put_six(work, _WAY, k, way)
+        work[at(TRACE) + k], work[at(_SIZE) + k] = trace, np.sqrt(double(way, way))
+    if constants[1] > 0.0:
+        for k in range(_W):
+            way = combined(1.0, six(work, _WAY, k), -1.0, six(work, FIBRE + _BACK, k), 0.0, six(work, _WAY, k))
+            put_six(work, _WAY, k, way)
+            work[at(_SIZE) + k] = np.sqrt(double(way, way))
+    for k in range(_W):
+        # Tables do not fall: most points are done with their first stress.
+        beyond += 1.0 if np.sqrt(1.5) * work[at(_SIZE) + k] > first else 0.0
+    return beyond
+
+
+@njit(**FAST)
+def _respond(work: Array, constants: Array, wanted: bool) -> tuple[int, bool]:
+    """Fill in stress, direction of flow and what else there is at the end of the step.
+
+    Returns the Gauss points' rule, and whether anything flows.  Where nothing does the direction is not of length 1
+    (`_try`).
+    """
+    mu, recovery = constants[0], constants[2]
+    rule = sums(work)
+    beyond = _try(work, constants)
+    if beyond == 0.0 or (constants[4] > 0.0 and not constants[3] > 0.0) or not _return(work, constants):
+        if wanted:
+            for k in range(_W):
+                work[at(_FLOWN) + k], work[at(_SLOPE) + k], work[at(_LOSS) + k] = 0.0, -1.0, 0.0
+                work[at(_GONE) + k], work[at(_GROWN) + k] = 0.0, 0.0
+        return rule, False
+    if recovery > 0.0:
+        for k in range(_W):
+            gone = work[at(_GONE) + k]
+            way = combined(1.0, six(work, _WAY, k), gone, six(work, FIBRE + _BACK, k), 0.0, six(work, _WAY, k))
+            put_six(work, _WAY, k, way)
+            work[at(_SIZE) + k], work[at(_GROWN) + k] = np.sqrt(double(way, way)), gone / recovery
+    else:
+        for k in range(_W):
+            work[at(_GONE) + k], work[at(_GROWN) + k] = 0.0, work[at(_FLOWN) + k]
+    for k in range(_W):
+        size, flown = work[at(_SIZE) + k], work[at(_FLOWN) + k]
+        size = size if flown > 0.0 else 1.0
+        way = combined(1.0 / size, six(work, _WAY, k), 0.0, six(work, _WAY, k), 0.0, six(work, _WAY, k))
+        put_six(work, _WAY, k, way)
+        put_six(work, TENSION, k, combined(1.0, six(work, TENSION, k), -2.0 * mu * np.sqrt(1.5) * flown, way, 0.0, way))
+        work[at(_SIZE) + k] = size
+    _lose(work, constants)
+    return rule, True
+
+
+@njit(**FAST)
+def _dissipated(constants: Array) -> Any:
+    """Return where the row of what was dissipated begins."""
+    return ROWS[FIBRE + _BACK + 6] if constants[1] > 0.0 else ROWS[FIBRE + _BACK]
+
+
+@njit(**FAST)
+def _back(work: Array, k: Any, constants: Array, m: int) -> float:
     """Return a component of the back stress at the end of the step."""
-    left = (1.0 - rows[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
-    return left + np.sqrt(2.0 / 3.0) * constants[1] * rows[at(_GROWN) + k] * rows[at(_WAY + m) + k]
+    left = (1.0 - work[at(_GONE) + k]) * work[at(FIBRE + _BACK + m) + k]
+    return left + np.sqrt(2.0 / 3.0) * constants[1] * work[at(_GROWN) + k] * work[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy: that of the elastic strain and of kinematic hardening."""
-    rows = np.empty(_ROWS * POINTS)
-    _respond(work, constants, rows)
-    put_stress(work, rows)
+    _respond(work, constants, wanted)
+    put_stress(work)
     if not wanted:
         return
     mu, kinematic, lame = constants[0], constants[1], constants[constants.size - 1]
+    dissipated = _dissipated(constants)
     for k in range(_W):
-        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * rows[at(TRACE) + k] ** 2, 0.0
-        work[ROWS[LOST] + k] = work[ROWS[FIBRE + _DISSIPATED] + k] + rows[at(_LOSS) + k]
+        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = 0.5 * lame * work[at(TRACE) + k] ** 2, 0.0
+        work[ROWS[LOST] + k] = work[dissipated + k] + work[at(_LOSS) + k]
     for m in range(6):
         square = 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            elastic = rows[at(TENSION + m) + k] - square * lame * rows[at(TRACE) + k]
+            elastic = work[at(TENSION + m) + k] - square * lame * work[at(TRACE) + k]
             work[ROWS[ENERGY] + k] += TWICE[m] * 0.25 / mu * elastic * elastic
         if kinematic > 0.0:
             for k in range(_W):
-                work[ROWS[ENERGY] + k] += TWICE[m] * 0.75 / kinematic * _back(work, k, constants, rows, m) ** 2
+                work[ROWS[ENERGY] + k] += TWICE[m] * 0.75 / kinematic * _back(work, k, constants, m) ** 2
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    rows, moduli, across = np.empty(_ROWS * POINTS), np.empty(36 * POINTS), np.zeros(6 * POINTS)
+    moduli, across = np.empty(36 * POINTS), np.zeros(6 * POINTS)
     mu, recovery, lame = constants[0], constants[2], constants[constants.size - 1]
-    rule = _respond(work, constants, rows)
+    rule, _ = _respond(work, constants, True)
     for k in range(_W):
-        step, slope = rows[at(_FLOWN) + k], rows[at(_SLOPE) + k]
+        step, slope = work[at(_FLOWN) + k], work[at(_SLOPE) + k]
         # By how much less the deviator grows across the flow, and along it.
-        rows[at(_LOSS) + k] = 2.0 * mu * np.sqrt(1.5) * step / rows[at(_SIZE) + k] if step > 0.0 else 0.0
-        rows[at(_SLOPE) + k] = -3.0 * mu / slope - rows[at(_LOSS) + k] if step > 0.0 else 0.0
+        work[at(_LOSS) + k] = 2.0 * mu * np.sqrt(1.5) * step / work[at(_SIZE) + k] if step > 0.0 else 0.0
+        work[at(_SLOPE) + k] = -3.0 * mu / slope - work[at(_LOSS) + k] if step > 0.0 else 0.0
         if recovery > 0.0 and step > 0.0:
-            _aside(work, k, constants, rows, rows[at(_LOSS) + k], slope, across)
+            _aside(work, k, constants, work[at(_LOSS) + k], slope, across)
     for m in range(6):
         for n in range(6):
             same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == n else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[n] == SECOND[n] else 0.0
             for k in range(_W):
-                less = rows[at(_LOSS) + k]
+                less = work[at(_LOSS) + k]
                 value = 2.0 * mu * (1.0 - less) * same + (lame + 2.0 * mu * less / 3.0) * both
-                value -= 2.0 * mu * rows[at(_SLOPE) + k] * rows[at(_WAY + m) + k] * rows[at(_WAY + n) + k]
-                value -= mu * (across[at(m) + k] * rows[at(_WAY + n) + k] + rows[at(_WAY + m) + k] * across[at(n) + k])
+                value -= 2.0 * mu * work[at(_SLOPE) + k] * work[at(_WAY + m) + k] * work[at(_WAY + n) + k]
+                value -= mu * (across[at(m) + k] * work[at(_WAY + n) + k] + work[at(_WAY + m) + k] * across[at(n) + k])
                 moduli[at(6 * m + n) + k] = value
-    add_moduli(work, rows, rule, moduli)
+    add_moduli(work, rule, moduli)
 
 
 @njit(**FAST)
-def _aside(work: Array, k: Any, constants: Array, rows: Array, less: float, slope: float, across: Array) -> None:
+def _aside(work: Array, k: Any, constants: Array, less: float, slope: float, across: Array) -> None:
     """Fill in how the flow turns as its size grows: to what is left of the back stress before, across the flow."""
     recovery, forth = constants[2], 0.0
-    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * rows[at(_FLOWN) + k])
+    factor = -less * recovery * np.sqrt(1.5) / slope * np.exp(-recovery * work[at(_FLOWN) + k])
     for m in range(6):
         across[at(m) + k] = factor * work[np.uint64(POINTS * (FIBRE + _BACK + m)) + k]
-        forth += TWICE[m] * across[at(m) + k] * rows[at(_WAY + m) + k]
+        forth += TWICE[m] * across[at(m) + k] * work[at(_WAY + m) + k]
     for m in range(6):
-        across[at(m) + k] -= forth * rows[at(_WAY + m) + k]
+        across[at(m) + k] -= forth * work[at(_WAY + m) + k]
 
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    rows, flown = np.empty(_ROWS * POINTS), 0.0
-    _respond(work, constants, rows)
-    put_stress(work, rows)
-    for k in range(_W):
-        flown += rows[at(_FLOWN) + k]
-    if not flown > 0.0:
+    _, flows = _respond(work, constants, False)
+    put_stress(work)
+    if not flows:
         return
-    for m in range(6):
-        row, back = np.uint64(POINTS * (FIBRE + m)), np.uint64(POINTS * (FIBRE + _BACK + m))
-        for k in range(_W):
-            work[row + k] += np.sqrt(1.5) * rows[at(_FLOWN) + k] * rows[at(_WAY + m) + k]
-        if constants[1] > 0.0:
-            for k in range(_W):
-                work[back + k] = _back(work, k, constants, rows, m)
     for k in range(_W):
-        work[ROWS[FIBRE + 6] + k] += rows[at(_FLOWN) + k]
-        work[ROWS[FIBRE + _DISSIPATED] + k] += rows[at(_LOSS) + k]
+        way, old = six(work, _WAY, k), six(work, FIBRE, k)
+        put_six(work, FIBRE, k, combined(1.0, old, np.sqrt(1.5) * work[at(_FLOWN) + k], way, 0.0, way))
+        work[at(FIBRE + _PLASTIC) + k] += work[at(_FLOWN) + k]
+    dissipated = _dissipated(constants)
+    for k in range(_W):
+        work[dissipated + k] += work[at(_LOSS) + k]
+    if constants[1] > 0.0:
+        grows = np.sqrt(2.0 / 3.0) * constants[1]
+        for k in range(_W):
+            back = six(work, FIBRE + _BACK, k)
+            back = combined(
+                1.0 - work[at(_GONE) + k], back, grows * work[at(_GROWN) + k], six(work, _WAY, k), 0.0, back
+            )
+            put_six(work, FIBRE + _BACK, k, back)

@@ -31,7 +31,8 @@ STATES = 48
 STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
 ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2
 LOST = FREE
-WORK = FREE + 6
+OWN = FREE + 1
+WORK = OWN + 108
 
 # Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
 # all nine ``AB``, then of 00, 11, 22, each with the ``AB`` 00, 01, 02, 11, 12, 22.  The others are these again.

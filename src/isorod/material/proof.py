@@ -1,4 +1,4 @@
-"""Checks of a law when it is made: what fails is said in one line, with by how much."""
+"""Checks of a law when it is made: a failure is reported in one line, with its size."""
 
 from typing import Any
 

@@ -21,66 +21,55 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import exp, expm1, log, power
-from isorod.material.logarithm_kernel import (
+from isorod.material.functions import exp, expm1, log, power, shares
+from isorod.material.logarithm_kernel import add_second
+from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, LOST, OWN, POINTS, ROWS, TANGENT
+from isorod.material.six_kernel import (
     FIRST,
     PLACE,
     SECOND,
     TWICE,
     Six,
-    add_second,
     at,
     combined,
+    double,
     gradient,
+    inverted,
     product,
     put_first,
     put_six,
     six,
     squares,
     symmetric,
+    trace_of,
 )
-from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
 
 # Parts of a step of one tau, and of any step at most: one step to anywhere, held at a stretch of 1.5, is then off by
 # 4e-5 at the most, measured.
 _PARTS, _MOST = 4, 8
 
-# Share of a time of relaxation below which a step is told by a series.
-_SHORT = 1e-3
+# How far from 1 cubes, and up to which times, of relaxation, a few terms of a series are right to rounding.
+_SHORT, _NEAR = 1e-3, 5e-3
 
 _W = np.uint64(POINTS)
 _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 # Rows of a block: C, the same free of volume, that at the start of the step, the stress for C free of volume, the
 # second Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
-_C, _NOW, _BEFORE, _STRESS, _SECOND, _THIRD, _SIZE, _VOLUME, _STORED, _LOSS = 0, 6, 12, 18, 24, *range(30, 35)
+_C, _NOW, _BEFORE, _STRESS, _SECOND = (OWN + 6 * m for m in range(5))
+_THIRD, _SIZE, _VOLUME, _STORED, _LOSS, _BRANCH = (OWN + 30 + m for m in range(6))
 # Of a branch: Ci at the start of the step and at its end, the inverse of what this is but for its size, and the cube
-# root of the determinant of that; y and c, the same at the middle of a part, r, what is left of c in a time and the
-# slope of c by that.
-_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE, _RATE, _KEPT, _SLOPE, _PLAIN = 35, 41, 47, 53, 54, 56, *range(58, 62)
+# root of the determinant of that; 1 - exp(-y) and c, the same at the middle of a part, r, which is also the times of
+# `_lag`, and what that fills in.
+_OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE = (_BRANCH + m for m in (0, 6, 12, 18, 19, 21))
+_RATE, _GONE, _MEAN, _SLOPE, _SLOPES = (_BRANCH + 23 + m for m in range(5))
 # Where moduli are asked for: slopes of r by y, by c and by C1, those of y and c by C1, at the middle of a part too, and
 # how the inverse changes with y and c.
-_SLOPES, _WAYS, _HALF, _TURNED, _WHOLE = 61, 69, 81, 93, 105
+_WAYS, _HALF, _TURNED = _SLOPES + 8, _SLOPES + 20, _SLOPES + 32
 
 
 @njit(**FAST)
-def _inverse(a: Six) -> tuple[Six, float]:
-    """Return the inverse of a symmetric tensor and its determinant."""
-    b0, b1, b2 = a[3] * a[5] - a[4] * a[4], a[2] * a[4] - a[1] * a[5], a[1] * a[4] - a[2] * a[3]
-    det = a[0] * b0 + a[1] * b1 + a[2] * b2
-    x = 1.0 / det
-    b3, b4, b5 = a[0] * a[5] - a[2] * a[2], a[1] * a[2] - a[0] * a[4], a[0] * a[3] - a[1] * a[1]
-    return (x * b0, x * b1, x * b2, x * b3, x * b4, x * b5), det
-
-
-@njit(**FAST)
-def _double(a: Six, b: Six) -> float:
-    """Return ``a : b``."""
-    return a[0] * b[0] + a[3] * b[3] + a[5] * b[5] + 2.0 * (a[1] * b[1] + a[2] * b[2] + a[4] * b[4])
-
-
-@njit(**FAST)
-def _begin(work: Array, constants: Array, rows: Array) -> None:
+def _begin(work: Array, constants: Array) -> None:
     """Fill in ``C``, the same free of volume, that at the start of the step, and what no branch adds."""
     rest, mu = 1.0, constants[0]
     for i in range(int(constants[2])):
@@ -89,219 +78,233 @@ def _begin(work: Array, constants: Array, rows: Array) -> None:
         c, volume = squares(gradient(work, k)), log(work[ROWS[DETERMINANT] + k])
         size = exp(-2.0 / 3.0 * volume)
         now = combined(size, c, 0.0, c, 0.0, c)
-        put_six(rows, _C, k, c)
-        put_six(rows, _NOW, k, now)
-        put_six(rows, _STRESS, k, combined(rest * mu, _ONE, 0.0, _ONE, 0.0, _ONE))
-        rows[at(_SIZE) + k], rows[at(_VOLUME) + k] = size, volume
-        rows[at(_STORED) + k] = 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
-    _told(work, FIBRE, rows, _BEFORE)
+        put_six(work, _C, k, c)
+        put_six(work, _NOW, k, now)
+        put_six(work, _STRESS, k, combined(rest * mu, _ONE, 0.0, _ONE, 0.0, _ONE))
+        work[at(_SIZE) + k], work[at(_VOLUME) + k] = size, volume
+        work[at(_STORED) + k] = 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
+    _told(work, FIBRE, _BEFORE)
 
 
 @njit(**FAST)
-def _told(work: Array, first: int, rows: Array, to: int) -> None:
+def _told(work: Array, first: int, to: int) -> None:
     """Fill in a tensor of the state, whose rows begin at one, which has it less 1."""
     for m in range(6):
         row, one = np.uint64(POINTS * (first + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            rows[at(to + m) + k] = work[row + k] + one
+            work[at(to + m) + k] = work[row + k] + one
 
 
 @njit(**FAST)
-def _mixed(rows: Array, k: Any, y: float, c: float) -> Six:
+def _mixed(work: Array, k: Any, gone: float, c: float) -> Six:
     """Return ``Ci`` at a point but for its size."""
-    w = exp(-y)
-    return combined(w, six(rows, _OLD, k), 1.0 - w - c, six(rows, _BEFORE, k), c, six(rows, _NOW, k))
+    return combined(1.0 - gone, six(work, _OLD, k), gone - c, six(work, _BEFORE, k), c, six(work, _NOW, k))
 
 
 @njit(**FAST)
-def _rate(s: float, rows: Array, where: int, wanted: bool) -> None:
+def _take_root(work: Array, row: int) -> None:
+    """Replace numbers by their cube roots: in short steps all are near 1."""
+    far = 0.0
+    for k in range(_W):
+        far += 0.0 if abs(work[at(row) + k] - 1.0) < _SHORT else 1.0
+    if far > 0.0:
+        for k in range(_W):
+            work[at(row) + k] = power(work[at(row) + k], 1.0 / 3.0)
+    else:
+        for k in range(_W):
+            x = work[at(row) + k] - 1.0
+            rest = 5.0 / 81.0 - x * (10.0 / 243.0 - x * (22.0 / 729.0))
+            work[at(row) + k] = 1.0 + x * (1.0 / 3.0 - x * (1.0 / 9.0 - x * rest))
+
+
+@njit(**FAST)
+def _lag(time: float, work: Array) -> None:
+    """Fill in ``1 - exp(-x)``, that over ``x``, and the slope of this by ``x``, of ``r`` times a time."""
+    far = 0.0
+    for k in range(_W):
+        x = time * work[at(_RATE) + k]
+        mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
+        slope = -0.5 + x * (1.0 / 3.0 - x * (0.125 - x * (1.0 / 30.0 - x * (1.0 / 144.0 - x * (1.0 / 840.0)))))
+        work[at(_GONE) + k], work[at(_MEAN) + k], work[at(_SLOPE) + k] = x * mean, mean, slope
+        far += 0.0 if x < _NEAR else 1.0
+    if far > 0.0:
+        for k in range(_W):
+            x = time * work[at(_RATE) + k]
+            gone, over = -expm1(-x), max(x, _NEAR)
+            mean = gone / over if x >= _NEAR else work[at(_MEAN) + k]
+            work[at(_SLOPE) + k] = (1.0 - gone - mean) / over if x >= _NEAR else work[at(_SLOPE) + k]
+            work[at(_GONE) + k], work[at(_MEAN) + k] = gone, mean
+
+
+@njit(**FAST)
+def _rate(s: float, work: Array, where: int, wanted: bool) -> None:
     """Fill in ``r`` of the ``y`` and ``c`` in two rows, and if wanted its slopes by these and by the six of ``C1``."""
     for k in range(_W):
-        now = six(rows, _NOW, k)
-        _, path = _inverse(combined(1.0 - s, six(rows, _BEFORE, k), s, now, 0.0, now))
-        _, det = _inverse(_mixed(rows, k, rows[at(where) + k], rows[at(where + 1) + k]))
-        rows[at(_RATE) + k] = power(det / path, 1.0 / 3.0)
+        now = six(work, _NOW, k)
+        _, path = inverted(combined(1.0 - s, six(work, _BEFORE, k), s, now, 0.0, now))
+        _, det = inverted(_mixed(work, k, work[at(where) + k], work[at(where + 1) + k]))
+        work[at(_RATE) + k] = det / path
+    _take_root(work, _RATE)
     if not wanted:
         return
     for k in range(_W):
-        old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-        y, c, rate = rows[at(where) + k], rows[at(where + 1) + k], rows[at(_RATE) + k] / 3.0
-        path, _ = _inverse(combined(1.0 - s, before, s, now, 0.0, now))
-        inverse, _ = _inverse(_mixed(rows, k, y, c))
-        rows[at(_SLOPES) + k] = -rate * exp(-y) * _double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
-        rows[at(_SLOPES + 1) + k] = rate * _double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
-        put_six(rows, _SLOPES + 2, k, combined(rate * c, inverse, -rate * s, path, 0.0, now))
+        old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
+        gone, c, rate = work[at(where) + k], work[at(where + 1) + k], work[at(_RATE) + k] / 3.0
+        path, _ = inverted(combined(1.0 - s, before, s, now, 0.0, now))
+        inverse, _ = inverted(_mixed(work, k, gone, c))
+        work[at(_SLOPES) + k] = -rate * (1.0 - gone) * double(inverse, combined(1.0, old, -1.0, before, 0.0, now))
+        work[at(_SLOPES + 1) + k] = rate * double(inverse, combined(1.0, now, -1.0, before, 0.0, old))
+        put_six(work, _SLOPES + 2, k, combined(rate * c, inverse, -rate * s, path, 0.0, now))
 
 
 @njit(**FAST)
-def _lagged(c: float, s: float, part: float, rho: float) -> tuple[float, float, float]:
-    """Return what ``c`` is after ``c' = s - c`` over ``rho``, while ``s`` grows by a part, its slope, and what is left.
+def _go_on(time: float, s: float, part: float, work: Array, to: int) -> None:
+    """Fill in what ``1 - exp(-y)`` and ``c`` are after a time at the rate ``r``, and the slope of ``c`` by ``y``.
 
-    The slope is that by ``rho``; what is left is of ``c`` before.
+    ``c' = s - c``, while ``s`` grows by a part.
     """
-    grown, long = expm1(-rho), rho > _SHORT
-    kept, x = 1.0 + grown, rho if long else 1.0
-    mean = -grown / x if long else 1.0 - rho * (0.5 - rho * (1.0 / 6.0 - rho / 24.0))
-    slope = (kept - mean) / x if long else -0.5 + rho * (1.0 / 3.0 - rho * (0.125 - rho / 30.0))
-    return kept * c + s + part - s * kept - part * mean, kept * (s - c) - part * slope, kept
+    _lag(time, work)
+    for k in range(_W):
+        y, c, gone, mean = work[at(_Y) + k], work[at(_Y + 1) + k], work[at(_GONE) + k], work[at(_MEAN) + k]
+        work[at(to) + k] = y + (1.0 - y) * gone
+        work[at(to + 1) + k] = c + (s - c) * gone + part * (1.0 - mean)
+        work[at(_SLOPE) + k] = (1.0 - gone) * (s - c) - part * work[at(_SLOPE) + k]
 
 
 @njit(**FAST)
-def _carry(rows: Array, time: float, start: int, to: int) -> None:
+def _carry(work: Array, time: float, start: int, to: int) -> None:
     """Fill in the slopes of ``y`` and ``c`` by ``C1`` after a time, from those of where its rate is taken."""
     for m in range(6):
         for k in range(_W):
             first, second = (
-                rows[at(_SLOPES) + k] * rows[at(start + m) + k],
-                rows[at(_SLOPES + 1) + k] * rows[at(start + 6 + m) + k],
+                work[at(_SLOPES) + k] * work[at(start + m) + k],
+                work[at(_SLOPES + 1) + k] * work[at(start + 6 + m) + k],
             )
-            change = time * (first + second + rows[at(_SLOPES + 2 + m) + k])
-            rows[at(to + 6 + m) + k] = rows[at(_KEPT) + k] * rows[at(_WAYS + 6 + m) + k] + rows[at(_SLOPE) + k] * change
-            rows[at(to + m) + k] = rows[at(_WAYS + m) + k] + change
+            change = time * (first + second + work[at(_SLOPES + 2 + m) + k])
+            kept = 1.0 - work[at(_GONE) + k]
+            work[at(to + 6 + m) + k] = kept * work[at(_WAYS + 6 + m) + k] + work[at(_SLOPE) + k] * change
+            work[at(to + m) + k] = work[at(_WAYS + m) + k] + change
 
 
 @njit(**FAST)
-def _follow(h: float, rows: Array, wanted: bool) -> None:
+def _follow(h: float, work: Array, wanted: bool) -> None:
     """Fill in ``y`` and ``c`` at the end of a step of ``h`` times ``tau``, and if wanted their slopes by ``C1``."""
     count = 1 + int(min(_PARTS * h, _MOST - 1.0))
     part = 1.0 / count
     # At the start all is free of volume.
     for k in range(_W):
-        rows[at(_Y) + k], rows[at(_Y + 1) + k], rows[at(_RATE) + k] = 0.0, 0.0, 1.0
+        work[at(_Y) + k], work[at(_Y + 1) + k], work[at(_RATE) + k] = 0.0, 0.0, 1.0
     if wanted:
         for m in range(24):
             for k in range(_W):
-                rows[at(_WAYS + m) + k] = 0.0
+                work[at(_WAYS + m) + k] = 0.0
     for p in range(count):
         s = p * part
         if p > 0:
-            _rate(s, rows, _Y, wanted)
-        for k in range(_W):
-            rho = 0.5 * part * h * rows[at(_RATE) + k]
-            rows[at(_MIDDLE) + k] = rows[at(_Y) + k] + rho
-            rows[at(_MIDDLE + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
-                rows[at(_Y + 1) + k], s, 0.5 * part, rho
-            )
+            _rate(s, work, _Y, wanted)
+        _go_on(0.5 * part * h, s, 0.5 * part, work, _MIDDLE)
         if wanted and p > 0:
-            _carry(rows, 0.5 * part * h, _WAYS, _HALF)
-        _rate(s + 0.5 * part, rows, _MIDDLE, wanted)
-        for k in range(_W):
-            rho = part * h * rows[at(_RATE) + k]
-            rows[at(_Y) + k] += rho
-            rows[at(_Y + 1) + k], rows[at(_SLOPE) + k], rows[at(_KEPT) + k] = _lagged(
-                rows[at(_Y + 1) + k], s, part, rho
-            )
+            _carry(work, 0.5 * part * h, _WAYS, _HALF)
+        _rate(s + 0.5 * part, work, _MIDDLE, wanted)
+        _go_on(part * h, s, part, work, _Y)
         if wanted:
-            _carry(rows, part * h, _HALF, _WAYS)
+            _carry(work, part * h, _HALF, _WAYS)
 
 
 @njit(**FAST)
-def _branch(work: Array, constants: Array, which: int, rows: Array, wanted: bool) -> None:
+def _branch(work: Array, constants: Array, which: int, wanted: bool) -> None:
     """Fill in the rows of a branch, and add its stress; if wanted with slopes by ``C1``."""
-    _told(work, FIBRE + 6 + 6 * which, rows, _OLD)
-    _follow(constants[1] / constants[4 + 2 * which], rows, wanted)
+    _told(work, FIBRE + 6 + 6 * which, _OLD)
+    _follow(constants[1] / constants[4 + 2 * which], work, wanted)
     modulus = constants[0] * constants[3 + 2 * which]
     for k in range(_W):
-        mixed = _mixed(rows, k, rows[at(_Y) + k], rows[at(_Y + 1) + k])
-        inverse, det = _inverse(mixed)
-        root = power(det, 1.0 / 3.0)
-        put_six(rows, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
-        put_six(rows, _INVERSE, k, inverse)
-        put_six(rows, _STRESS, k, combined(1.0, six(rows, _STRESS, k), modulus * root, inverse, 0.0, mixed))
-        rows[at(_ROOT) + k] = root
-        rows[at(_STORED) + k] += 0.5 * modulus * (root * _double(inverse, six(rows, _NOW, k)) - 3.0)
+        mixed = _mixed(work, k, work[at(_Y) + k], work[at(_Y + 1) + k])
+        inverse, det = inverted(mixed)
+        put_six(work, _NEW, k, mixed)
+        put_six(work, _INVERSE, k, inverse)
+        work[at(_ROOT) + k] = det
+    _take_root(work, _ROOT)
+    for k in range(_W):
+        mixed, inverse, root = six(work, _NEW, k), six(work, _INVERSE, k), work[at(_ROOT) + k]
+        put_six(work, _NEW, k, combined(1.0 / root, mixed, 0.0, mixed, 0.0, mixed))
+        put_six(work, _STRESS, k, combined(1.0, six(work, _STRESS, k), modulus * root, inverse, 0.0, mixed))
+        work[at(_STORED) + k] += 0.5 * modulus * (root * double(inverse, six(work, _NOW, k)) - 3.0)
 
 
 @njit(**FAST)
-def _second(constants: Array, rows: Array) -> None:
+def _second(work: Array, constants: Array) -> None:
     """Fill in the inverse of ``C``, in the place of a branch's, and ``S``."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     for k in range(_W):
-        c, stress, size = six(rows, _C, k), six(rows, _STRESS, k), rows[at(_SIZE) + k]
-        inverse, _ = _inverse(c)
-        third, pressure = size * _double(stress, c) / 3.0, bulk * rows[at(_VOLUME) + k]
-        put_six(rows, _INVERSE, k, inverse)
-        put_six(rows, _SECOND, k, combined(size, stress, pressure - third, inverse, 0.0, c))
-        rows[at(_THIRD) + k] = third
+        c, stress, size = six(work, _C, k), six(work, _STRESS, k), work[at(_SIZE) + k]
+        inverse, _ = inverted(c)
+        third, pressure = size * double(stress, c) / 3.0, bulk * work[at(_VOLUME) + k]
+        put_six(work, _INVERSE, k, inverse)
+        put_six(work, _SECOND, k, combined(size, stress, pressure - third, inverse, 0.0, c))
+        work[at(_THIRD) + k] = third
 
 
 @njit(**FAST)
-def _trace(u: tuple[float, ...], v: tuple[float, ...]) -> float:
-    """Return the trace of the product of two tensors of nine components."""
-    total = u[0] * v[0] + u[4] * v[4] + u[8] * v[8] + u[1] * v[3] + u[3] * v[1]
-    return total + u[2] * v[6] + u[6] * v[2] + u[5] * v[7] + u[7] * v[5]
-
-
-@njit(**FAST)
-def shares(x: float) -> tuple[float, float, float]:
-    """Return what a time ``x``, in times of relaxation, leaves, by how much the strain adds, and a share lost."""
-    kept, share = np.exp(-x), -np.expm1(-x) / x if x > 1e-8 else 1.0 - 0.5 * x
-    # Digits cancel in short steps.
-    rest = x / 3.0 - x**2 / 4.0 + 7.0 / 60.0 * x**3 if x < _SHORT else (1.0 - share) / x - 0.5 * share**2
-    return kept, share, rest
-
-
-@njit(**FAST)
-def _add_loss(x: float, modulus: float, rows: Array) -> None:
+def _add_loss(x: float, modulus: float, work: Array) -> None:
     """Add what a branch dissipates in a step of ``x`` times ``tau``.
 
     It is what the spring would lose if the damper went its way at the middle of the strain's, and what is wrong with
     that in small strains: exact there, and where nothing moves.
     """
-    kept, share, rest = shares(x)
-    one, two = 1.0 + kept - 2.0 * share, share * (1.0 - share) - 2.0 * rest
+    gone = -expm1(-x)
+    share, rest = shares(x, gone)
+    one, two = 2.0 - gone - 2.0 * share, share * (1.0 - share) - 2.0 * rest
     for k in range(_W):
-        old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-        new, inverse, root = six(rows, _NEW, k), six(rows, _INVERSE, k), rows[at(_ROOT) + k]
-        start, _ = _inverse(old)
+        old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
+        new, inverse, root = six(work, _NEW, k), six(work, _INVERSE, k), work[at(_ROOT) + k]
+        start, _ = inverted(old)
         # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
         u = product(start, combined(1.0, new, -1.0, old, 0.0, now))
         det = u[0] * (u[4] * u[8] - u[5] * u[7]) - u[1] * (u[3] * u[8] - u[5] * u[6])
         det += u[2] * (u[3] * u[7] - u[4] * u[6])
-        lost = 0.25 * (_trace(u, u) - (u[0] + u[4] + u[8]) ** 2) - 0.5 * det
+        lost = 0.25 * (trace_of(u, u) - (u[0] + u[4] + u[8]) ** 2) - 0.5 * det
         # Ci(0)^-1 - Ci^-1 is Ci(0)^-1 (Ci - Ci(0)) Ci^-1.
         middle = combined(0.5 * root, before, 0.5 * root, now, -root, new)
-        lost += 0.5 * _trace(u, product(inverse, middle))
+        lost += 0.5 * trace_of(u, product(inverse, middle))
         u = product(inverse, combined(0.5 * root, before, -0.5 * root, old, 0.0, now))
         v = product(inverse, combined(0.5 * root, now, -0.5 * root, before, 0.0, old))
         left, right = (u[0] + u[4] + u[8]) / 3.0, v[0] + v[4] + v[8]
-        lost -= one * (_trace(u, v) - left * right) + two * (_trace(v, v) - right * right / 3.0)
-        rows[at(_LOSS) + k] += modulus * lost
+        lost -= one * (trace_of(u, v) - left * right) + two * (trace_of(v, v) - right * right / 3.0)
+        work[at(_LOSS) + k] += modulus * lost
 
 
 @njit(**FAST)
 def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
     """Fill in the stress, if wanted the energy, what springs store, and the loss; or let the state go on."""
-    rows = np.empty(_PLAIN * POINTS)
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
     dissipated = np.uint64(POINTS * (FIBRE + 6 + 6 * count))
-    _begin(work, constants, rows)
+    _begin(work, constants)
     for k in range(_W):
-        rows[at(_LOSS) + k] = work[dissipated + k]
+        work[at(_LOSS) + k] = work[dissipated + k]
     for i in range(count):
-        _branch(work, constants, i, rows, False)
+        _branch(work, constants, i, False)
         if wanted or goes_on:
-            _add_loss(constants[1] / constants[4 + 2 * i], mu * constants[3 + 2 * i], rows)
+            _add_loss(constants[1] / constants[4 + 2 * i], mu * constants[3 + 2 * i], work)
         if goes_on:
             for m in range(6):
                 row, one = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
                 for k in range(_W):
-                    work[row + k] = rows[at(_NEW + m) + k] - one
-    _second(constants, rows)
+                    work[row + k] = work[at(_NEW + m) + k] - one
+    _second(work, constants)
     for k in range(_W):
-        put_first(work, k, six(rows, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
+        put_first(work, k, six(work, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
     if wanted:
         for k in range(_W):
-            volume = rows[at(_VOLUME) + k]
-            work[ROWS[ENERGY] + k] = rows[at(_STORED) + k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
-            work[ROWS[ACTIVE] + k], work[ROWS[LOST] + k] = 0.0, rows[at(_LOSS) + k]
+            volume = work[at(_VOLUME) + k]
+            work[ROWS[ENERGY] + k] = work[at(_STORED) + k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
+            work[ROWS[ACTIVE] + k], work[ROWS[LOST] + k] = 0.0, work[at(_LOSS) + k]
     if goes_on:
         for k in range(_W):
-            work[dissipated + k] = rows[at(_LOSS) + k]
+            work[dissipated + k] = work[at(_LOSS) + k]
         for m in range(6):
             row, one = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
             for k in range(_W):
-                work[row + k] = rows[at(_NOW + m) + k] - one
+                work[row + k] = work[at(_NOW + m) + k] - one
 
 
 @njit(BLOCK, **FAST)
@@ -313,30 +316,30 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the symmetric part of the derivative of the stress at the end of the step."""
-    rows, bent, moduli = np.empty(_WHOLE * POINTS), np.zeros(36 * POINTS), np.empty(36 * POINTS)
-    _begin(work, constants, rows)
+    bent, moduli = np.zeros(36 * POINTS), np.empty(36 * POINTS)
+    _begin(work, constants)
     for i in range(int(constants[2])):
-        _branch(work, constants, i, rows, True)
+        _branch(work, constants, i, True)
         for k in range(_W):
             # What grows with y and with c, and that between two inverses.
-            old, before, now = six(rows, _OLD, k), six(rows, _BEFORE, k), six(rows, _NOW, k)
-            w, inverse = exp(-rows[at(_Y) + k]), six(rows, _INVERSE, k)
-            put_six(rows, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
-            put_six(rows, _TURNED + 6, k, _between(inverse, combined(1.0, now, -1.0, before, 0.0, old)))
-            rows[at(_ROOT) + k] *= constants[0] * constants[3 + 2 * i]
+            old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
+            w, inverse = 1.0 - work[at(_Y) + k], six(work, _INVERSE, k)
+            put_six(work, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
+            put_six(work, _TURNED + 6, k, _between(inverse, combined(1.0, now, -1.0, before, 0.0, old)))
+            work[at(_ROOT) + k] *= constants[0] * constants[3 + 2 * i]
         for m in range(6):
             for n in range(6):
                 ap, bq, aq, bp = _crossed(m, n)
                 one, other, first, second = _INVERSE + m, _INVERSE + n, _WAYS + n, _WAYS + 6 + n
                 for k in range(_W):
-                    crossed = rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k]
-                    change = rows[at(_Y + 1) + k] * (rows[at(one) + k] * rows[at(other) + k] / 3.0 - 0.5 * crossed)
-                    change += rows[at(_TURNED + m) + k] * rows[at(first) + k]
-                    change += rows[at(_TURNED + 6 + m) + k] * rows[at(second) + k]
-                    bent[at(6 * m + n) + k] += rows[at(_ROOT) + k] * change
-    _second(constants, rows)
-    _isochoric(constants, rows, bent, moduli)
-    add_second(work, rows, _SECOND, moduli)
+                    crossed = work[at(ap) + k] * work[at(bq) + k] + work[at(aq) + k] * work[at(bp) + k]
+                    change = work[at(_Y + 1) + k] * (work[at(one) + k] * work[at(other) + k] / 3.0 - 0.5 * crossed)
+                    change += work[at(_TURNED + m) + k] * work[at(first) + k]
+                    change += work[at(_TURNED + 6 + m) + k] * work[at(second) + k]
+                    bent[at(6 * m + n) + k] += work[at(_ROOT) + k] * change
+    _second(work, constants)
+    _isochoric(work, constants, bent, moduli)
+    add_second(work, _SECOND, moduli)
 
 
 @njit(**FAST)
@@ -350,11 +353,11 @@ def _crossed(m: int, n: int) -> tuple[int, int, int, int]:
 def _between(inverse: Six, one: Six) -> Six:
     """Return ``(inverse : one)/3 inverse - inverse one inverse``."""
     turned = symmetric(inverse, product(one, inverse))
-    return combined(_double(inverse, one) / 3.0, inverse, -1.0, turned, 0.0, one)
+    return combined(double(inverse, one) / 3.0, inverse, -1.0, turned, 0.0, one)
 
 
 @njit(**FAST)
-def _isochoric(constants: Array, rows: Array, bent: Array, moduli: Array) -> None:
+def _isochoric(work: Array, constants: Array, bent: Array, moduli: Array) -> None:
     """Fill in ``dS/dG`` from the slopes ``bent`` of the stress by ``C`` free of volume (Holzapfel 2000, 6.4)."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     whole = np.zeros(POINTS)
@@ -366,23 +369,23 @@ def _isochoric(constants: Array, rows: Array, bent: Array, moduli: Array) -> Non
                 bent[at(6 * n + m) + k] = bent[at(6 * m + n) + k]
     for m in range(6):
         for k in range(_W):
-            by_row = _double(six(bent, 6 * m, k), six(rows, _C, k)) / 3.0
-            rows[at(_TURNED + m) + k] = by_row
-            whole[k] += TWICE[m] * by_row * rows[at(_C + m) + k] / 3.0
+            by_row = double(six(bent, 6 * m, k), six(work, _C, k)) / 3.0
+            work[at(_TURNED + m) + k] = by_row
+            whole[k] += TWICE[m] * by_row * work[at(_C + m) + k] / 3.0
     for m in range(6):
         for n in range(6):
             ap, bq, aq, bp = _crossed(m, n)
             for k in range(_W):
                 size, third, one, other = (
-                    rows[at(_SIZE) + k],
-                    rows[at(_THIRD) + k],
-                    rows[at(_INVERSE + m) + k],
-                    rows[at(_INVERSE + n) + k],
+                    work[at(_SIZE) + k],
+                    work[at(_THIRD) + k],
+                    work[at(_INVERSE + m) + k],
+                    work[at(_INVERSE + n) + k],
                 )
-                pressure = bulk * rows[at(_VOLUME) + k]
-                crossed = 0.5 * (rows[at(ap) + k] * rows[at(bq) + k] + rows[at(aq) + k] * rows[at(bp) + k])
-                left, right = rows[at(_SECOND + m) + k] - pressure * one, rows[at(_SECOND + n) + k] - pressure * other
-                shape = bent[at(6 * m + n) + k] - rows[at(_TURNED + m) + k] * other - one * rows[at(_TURNED + n) + k]
+                pressure = bulk * work[at(_VOLUME) + k]
+                crossed = 0.5 * (work[at(ap) + k] * work[at(bq) + k] + work[at(aq) + k] * work[at(bp) + k])
+                left, right = work[at(_SECOND + m) + k] - pressure * one, work[at(_SECOND + n) + k] - pressure * other
+                shape = bent[at(6 * m + n) + k] - work[at(_TURNED + m) + k] * other - one * work[at(_TURNED + n) + k]
                 value = 2.0 * size * size * (shape + whole[k] * one * other)
                 value += 2.0 * third * (crossed - one * other / 3.0) - 2.0 / 3.0 * (one * right + left * other)
                 moduli[at(6 * m + n) + k] = value + bulk * one * other - 2.0 * pressure * crossed

@@ -1,8 +1,8 @@
 """Thermal expansion of any law: the stress follows what strain is left when the free expansion is taken off."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -13,9 +13,10 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError, finite, numbers
 from isorod.material.fibre import Fibre
 from isorod.material.law import Material
+from isorod.material.memory import has_memory, states_after
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places
-from isorod.material.points import Compiled
+from isorod.material.points import STATES, Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -32,6 +33,13 @@ def _expanded(module: str, name: str, kind: tuple[int, int, bool], *given: Any) 
     from isorod.material.expansion import expanded
 
     return expanded(getattr(import_module(module), name)(*given), *kind)
+
+
+@cache
+def _warm() -> Compiled:
+    from isorod.material.warm_kernel import block, tangent, update
+
+    return Compiled(block, tangent, update)
 
 
 def bare(law: Material) -> Material:
@@ -78,8 +86,12 @@ class Thermal(Material):
     def _check(self) -> None:
         if isinstance(self.law, Thermal):
             raise InputError("law: got one that expands already")
-        if self.law.remembers:
-            raise InputError(f"law: {type(self.law).__name__} has a memory, which thermal expansion does not go with")
+        if self.law.remembers and len(self.stiffness):
+            raise InputError(
+                f"stiffness: constants of {type(self.law).__name__} do not depend on the temperature; leave it out"
+            )
+        if self.law.width + self._field > STATES:
+            raise InputError("temperature: the law has too many states for one that differs by place; give a number")
         along = numbers("expansion", self.expansion)
         finite("expansion", along.ravel())
         one_way = self.law.families == 1 or isinstance(self.law, TransverselyIsotropic)
@@ -163,6 +175,10 @@ class Thermal(Material):
     @property
     def values(self) -> tuple[float, ...]:
         """The law's constants, coefficients of expansion, share of the temperature, and the table."""
+        if has_memory(self.law):
+            one, loses = self.law.compiled, "dissipated" in self.law.states
+            told = one.block, one.tangent, one.update, self.law.width, loses
+            return (*map(float, told), *self._along, self._uniform, float(self._field), *self.law.constants)
         return (*self.law.constants, *self._along, self._uniform, *self._table[:, 0], *self._table[:, 1])
 
     @cached_property
@@ -182,6 +198,8 @@ class Thermal(Material):
         """The addresses of its compiled functions."""
         from isorod.material.written import compiled, named
 
+        if self.law.remembers:
+            return _warm()
         if not hasattr(self.law, "recipe"):
             return compiled(self.stored)
         make, *given = self.law.recipe
@@ -189,8 +207,9 @@ class Thermal(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, but for its constants."""
-        return f"{type(self).__name__} {self.kind} {self.law.identity}"
+        """What tells the law from others, in any process."""
+        own = self._along, self._field or self.temperature, self._table.tolist(), self.history
+        return f"{type(self).__name__} {self.kind} {own} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]
@@ -312,6 +331,53 @@ class Thermal(Material):
         if self.grows is None:
             return self.at(factor)
         return self.at(self.grows(factor))._with(law=self.law.reached(factor))
+
+    @property
+    def remembers(self) -> bool:  # type: ignore[override]
+        """Whether the law does."""
+        return self.law.remembers
+
+    @property
+    def timed(self) -> bool:  # type: ignore[override]
+        """Whether the law is."""
+        return self.law.timed
+
+    @property
+    def kinks(self) -> bool:  # type: ignore[override]
+        """Whether the law has some."""
+        return self.law.kinks
+
+    @property
+    def clock(self) -> int:  # type: ignore[override]
+        """That of the law, whose constants are the last."""
+        return self.law.clock if self.law.clock < 0 else len(self.values) - self.law.constants.size + self.law.clock
+
+    @property
+    def states(self) -> Mapping[str, int]:  # type: ignore[override]
+        """Those of the law, of what strain is left."""
+        return self.law.states
+
+    @property
+    def stores(self) -> bool:
+        """Whether its energy is what it stores."""
+        return not has_memory(self.law) or self.law.stores
+
+    def advanced(self, F: Array, factor: float) -> Self:
+        """Return the law with the state at the end of a step, ``F`` and load factor there."""
+        return self.knowing(states_after(self, F, factor), factor) if self.remembers else self
+
+    def knowing(self, states: Array, factor: float | None = None) -> Self:
+        """Return the law with states of a load factor (`isorod.material.memory.Memory.knowing`)."""
+        return self._with(law=self.law.knowing(states, factor)) if has_memory(self.law) else self
+
+    def lasting(self, step: float) -> Self:
+        """Return the law in a step of a motion that takes so long."""
+        return self._with(law=self.law.lasting(step)) if has_memory(self.law) else self
+
+    @property
+    def frozen(self) -> Self:
+        """The law where nothing flows."""
+        return self._with(law=self.law.frozen) if has_memory(self.law) else self
 
     @property
     def shear_modulus(self) -> float:

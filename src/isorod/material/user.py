@@ -107,13 +107,19 @@ class UserMaterial(Timed):
 
     @property
     def identity(self) -> str:
-        """Its name and interface."""
-        return f"{type(self).__name__} {self.name} {self.interface} {self.variables}"
+        """Its name, code and interface, wherever in memory they are."""
+        made = getattr(self.routine, "py_func", self.routine)
+        own = ""
+        if not isinstance(made, int):
+            around = [one.cell_contents for one in made.__closure__ or ()]
+            own = sha256(made.__code__.co_code + repr((made.__code__.co_consts, around)).encode()).hexdigest()[:8]
+        given = self.interface, self.variables, tuple(self.parameters)
+        return f"{type(self).__name__} {self.name} {own} {given}"
 
     @property
     def frozen(self) -> "UserMaterial":
         """The law where nothing flows: raises, a routine does not say."""
-        raise InputError(f"{self.name}: modes, motions and checkpoints do not take routines; leave them out")
+        raise InputError(f"{self.name}: modes and motions do not take routines; leave them out")
 
     def _prove(self) -> None:
         """Check the routine at rest and in a rotation.

@@ -10,6 +10,7 @@ from isorod.arrays import Numbers
 from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Timed
+from isorod.material.plastic import check_rate
 from isorod.material.points import Compiled
 
 # Branches at most.
@@ -97,9 +98,7 @@ class Creep(Timed, Isotropic):
 
     def _check(self) -> None:
         super()._check()
-        positive("A", self.A, "a positive rate")
-        if not 1.0 <= self.n <= 50.0:
-            raise InputError(f"n: got {self.n:g}, need an exponent from 1 to 50")
+        check_rate(self.A, self.n)
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -11,141 +11,128 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import exp, power
-from isorod.material.logarithm_kernel import (
-    FIRST,
-    LOGARITHM,
-    SECOND,
-    STRAIN,
-    TENSION,
-    TRACE,
-    TWICE,
-    add_moduli,
-    at,
-    put_stress,
-    strains,
-)
+from isorod.material.functions import power
+from isorod.material.logarithm_kernel import LOGARITHM, TENSION, TRACE, add_moduli, put_stress, strain, sums
 from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, LOST, POINTS, ROWS, TANGENT
+from isorod.material.six_kernel import FIRST, SECOND, Six, at, combined, double, put_six, six
 
 _W = np.uint64(POINTS)
 
 # Where the row of what was dissipated begins.
 _DISSIPATED = ROWS[FIBRE + 12]
 
-# Rows of a block: the elastic strain at the end of the step, its norm, what is left of it in half a step, and what the
-# step dissipates; the trace of the strain at its start.
-_ELASTIC, _SIZE, _KEPT, _LOSS, _PAST, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(5))
+# Rows of a block: the elastic strain at the end of the step, its norm, or before that is known its square, what is left
+# of it in half a step, and what the step dissipates.
+_ELASTIC, _SIZE, _KEPT, _LOSS, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(4))
 
 
 @njit(**FAST)
-def _relax(constants: Array, rows: Array) -> None:
-    """Let the elastic strain relax for half of the time, and add up what is lost."""
-    c, n, half, stress = constants[2], constants[3], 0.5 * constants[1], 2.0 * constants[0] * np.sqrt(1.5)
-    for k in range(_W):
-        rows[at(_SIZE) + k] = 0.0
-    for m in range(6):
+def _relax(work: Array, constants: Array) -> None:
+    """Fill in what is left of the elastic strain after half of the time, whose square is given; add what is lost."""
+    mu, c, n, half = constants[0], constants[2], constants[3], 0.5 * constants[1]
+    if n == 1.0:
+        kept = np.exp(-c * half)
         for k in range(_W):
-            rows[at(_SIZE) + k] += TWICE[m] * rows[at(_ELASTIC + m) + k] * rows[at(_ELASTIC + m) + k]
-    for k in range(_W):
-        size = rows[at(_SIZE) + k]
-        if n == 1.0:
-            kept = exp(-c * half)
-        else:
+            work[at(_KEPT) + k] = kept
+    else:
+        rate, scale = (n - 1.0) * c * half, 6.0 * mu * mu
+        for k in range(_W):
             # Where there is no strain: of the smallest number.
-            fast = power(max(stress * np.sqrt(size), 1e-300), n - 1.0)
-            kept = power(1.0 + (n - 1.0) * c * half * fast, -1.0 / (n - 1.0))
-        rows[at(_KEPT) + k] = kept
-        rows[at(_LOSS) + k] += constants[0] * (1.0 - kept * kept) * size
-        rows[at(_SIZE) + k] = kept * np.sqrt(size)
-    for m in range(6):
-        for k in range(_W):
-            rows[at(_ELASTIC + m) + k] *= rows[at(_KEPT) + k]
+            fast = power(max(scale * work[at(_SIZE) + k], 1e-300), 0.5 * (n - 1.0))
+            work[at(_KEPT) + k] = power(1.0 + rate * fast, -1.0 / (n - 1.0))
+    for k in range(_W):
+        size, kept = work[at(_SIZE) + k], work[at(_KEPT) + k]
+        work[at(_LOSS) + k] += mu * (1.0 - kept * kept) * size
 
 
 @njit(**FAST)
-def _respond(work: Array, constants: Array, rows: Array) -> int:
+def _deviator(a: Six) -> Six:
+    """Return a symmetric tensor less a third of its trace."""
+    third = (a[0] + a[3] + a[5]) / 3.0
+    return a[0] - third, a[1], a[2], a[3] - third, a[4], a[5] - third
+
+
+@njit(**FAST)
+def _respond(work: Array, constants: Array) -> int:
     """Fill in the stress at the end of the step, and what comes with it; return the rule of Gauss points."""
-    mu, lame = constants[0], constants[constants.size - 1]
-    rule = strains(work, rows)
+    mu = constants[0]
+    bulk = constants[constants.size - 1] + 2.0 / 3.0 * mu
+    rule = sums(work)
     for k in range(_W):
-        rows[at(_PAST) + k] = work[ROWS[FIBRE] + k] + work[ROWS[FIBRE + 3] + k] + work[ROWS[FIBRE + 5] + k]
-        rows[at(_LOSS) + k] = 0.0
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        viscous = np.uint64(POINTS * (FIBRE + 6 + m))
-        for k in range(_W):
-            rows[at(_ELASTIC + m) + k] = work[row + k] - third * rows[at(_PAST) + k] - work[viscous + k]
-    _relax(constants, rows)
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        for k in range(_W):
-            change = rows[at(STRAIN + m) + k] - work[row + k]
-            rows[at(_ELASTIC + m) + k] += change - third * (rows[at(TRACE) + k] - rows[at(_PAST) + k])
-    _relax(constants, rows)
-    for m in range(6):
-        bulk = lame + 2.0 / 3.0 * mu if FIRST[m] == SECOND[m] else 0.0
-        for k in range(_W):
-            rows[at(TENSION + m) + k] = 2.0 * mu * rows[at(_ELASTIC + m) + k] + bulk * rows[at(TRACE) + k]
+        old = six(work, FIBRE, k)
+        start = combined(1.0, _deviator(old), -1.0, six(work, FIBRE + 6, k), 0.0, old)
+        put_six(work, _ELASTIC, k, start)
+        work[at(_SIZE) + k], work[at(_LOSS) + k] = double(start, start), 0.0
+    _relax(work, constants)
+    for k in range(_W):
+        e = strain(work, k)
+        change = _deviator(combined(1.0, e, -1.0, six(work, FIBRE, k), 0.0, e))
+        elastic = combined(work[at(_KEPT) + k], six(work, _ELASTIC, k), 1.0, change, 0.0, e)
+        put_six(work, _ELASTIC, k, elastic)
+        work[at(_SIZE) + k], work[at(TRACE) + k] = double(elastic, elastic), e[0] + e[3] + e[5]
+    _relax(work, constants)
+    for k in range(_W):
+        kept, pressure = work[at(_KEPT) + k], bulk * work[at(TRACE) + k]
+        elastic = six(work, _ELASTIC, k)
+        elastic = combined(kept, elastic, 0.0, elastic, 0.0, elastic)
+        put_six(work, _ELASTIC, k, elastic)
+        t = combined(2.0 * mu, elastic, 0.0, elastic, 0.0, elastic)
+        put_six(work, TENSION, k, (t[0] + pressure, t[1], t[2], t[3] + pressure, t[4], t[5] + pressure))
+        work[at(_SIZE) + k] = kept * np.sqrt(work[at(_SIZE) + k])
     return rule
 
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and if wanted the energy, that of the elastic strain."""
-    rows = np.empty(_ROWS * POINTS)
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
-    _respond(work, constants, rows)
-    put_stress(work, rows)
+    _respond(work, constants)
+    put_stress(work)
     if wanted:
         for k in range(_W):
-            stored = constants[0] * rows[at(_SIZE) + k] ** 2 + 0.5 * bulk * rows[at(TRACE) + k] ** 2
+            stored = constants[0] * work[at(_SIZE) + k] ** 2 + 0.5 * bulk * work[at(TRACE) + k] ** 2
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = stored, 0.0
-            work[ROWS[LOST] + k] = work[_DISSIPATED + k] + rows[at(_LOSS) + k]
+            work[ROWS[LOST] + k] = work[_DISSIPATED + k] + work[at(_LOSS) + k]
 
 
 @njit(TANGENT, **FAST)
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the derivative of the stress at the end of the step, symmetric."""
-    rows, moduli = np.empty(_ROWS * POINTS), np.empty(36 * POINTS)
+    moduli = np.empty(36 * POINTS)
     mu, lame, c, n = constants[0], constants[constants.size - 1], constants[2], constants[3]
     bulk, half = lame + 2.0 / 3.0 * mu, 0.5 * constants[1]
-    rule = _respond(work, constants, rows)
+    rule = _respond(work, constants)
     for k in range(_W):
         # What the second half leaves of a change across the strain, and of one along it, told by what is left.
-        size = rows[at(_SIZE) + k]
+        size = work[at(_SIZE) + k]
         if n == 1.0:
-            across, forth = rows[at(_KEPT) + k], rows[at(_KEPT) + k]
+            across, forth = work[at(_KEPT) + k], work[at(_KEPT) + k]
         else:
             q = max(2.0 * mu * np.sqrt(1.5) * size, 1e-300)
             across = power(1.0 - (n - 1.0) * c * half * power(q, n - 1.0), 1.0 / (n - 1.0))
             forth = power(across, n)
-        rows[at(_KEPT) + k] = across
-        rows[at(_LOSS) + k] = 2.0 * mu * (forth - across) / (size * size) if size > 0.0 else 0.0
+        work[at(_KEPT) + k] = across
+        work[at(_LOSS) + k] = 2.0 * mu * (forth - across) / (size * size) if size > 0.0 else 0.0
     for m in range(6):
         for p in range(6):
             own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[p] == SECOND[p] else 0.0
             for k in range(_W):
                 moduli[at(6 * m + p) + k] = (
-                    2.0 * mu * rows[at(_KEPT) + k] * (own - both / 3.0)
+                    2.0 * mu * work[at(_KEPT) + k] * (own - both / 3.0)
                     + bulk * both
-                    + rows[at(_LOSS) + k] * rows[at(_ELASTIC + m) + k] * rows[at(_ELASTIC + p) + k]
+                    + work[at(_LOSS) + k] * work[at(_ELASTIC + m) + k] * work[at(_ELASTIC + p) + k]
                 )
-    add_moduli(work, rows, rule, moduli)
+    add_moduli(work, rule, moduli)
 
 
 @njit(BLOCK, **FAST)
 def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    rows = np.empty(_ROWS * POINTS)
-    _respond(work, constants, rows)
-    put_stress(work, rows)
+    _respond(work, constants)
+    put_stress(work)
     for k in range(_W):
-        work[_DISSIPATED + k] += rows[at(_LOSS) + k]
-    for m in range(6):
-        row, third = np.uint64(POINTS * (FIBRE + m)), 1.0 / 3.0 if FIRST[m] == SECOND[m] else 0.0
-        viscous = np.uint64(POINTS * (FIBRE + 6 + m))
-        for k in range(_W):
-            work[row + k] = rows[at(STRAIN + m) + k]
-        for k in range(_W):
-            work[viscous + k] = rows[at(STRAIN + m) + k] - third * rows[at(TRACE) + k] - rows[at(_ELASTIC + m) + k]
+        e = strain(work, k)
+        put_six(work, FIBRE, k, e)
+        put_six(work, FIBRE + 6, k, combined(1.0, _deviator(e), -1.0, six(work, _ELASTIC, k), 0.0, e))
+        work[_DISSIPATED + k] += work[at(_LOSS) + k]

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from isorod.material.isochoric import Isochoric, finite, positive, with_volume
+from isorod.errors import finite, modulus
+from isorod.material.isochoric import Isochoric, with_volume
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -48,9 +49,9 @@ class Yeoh(Isochoric):
     recipe = (_energy,)
 
     def _check(self) -> None:
-        positive("c10", self.c10)
-        finite("c20", self.c20)
-        finite("c30", self.c30)
+        modulus("c10", self.c10)
+        finite("c20", self.c20, "a finite stress")
+        finite("c30", self.c30, "a finite stress")
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -11,6 +12,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
+from isorod.assembly.mass import refuse_massless
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect
 from isorod.modal import loaded
@@ -74,7 +76,7 @@ def solve(
         equilibrium cannot be had: of a linear elastic body, whose tangent knows no stress, with contact, or under a
         pressure that follows a surface with a free edge.
     SolveError
-        If the equilibrium is not found, SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
+        If the equilibrium or SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
         mode was missed.
     """
     unmoved(model, "modal analysis", timed=end_time is not None or at_rest or state is not None)
@@ -84,7 +86,8 @@ def solve(
     if state is not None and at_rest:
         raise InputError("modes: got a state and at_rest, need one of them")
     with in_force(petsc):
-        loaded.refuse_massless(model)
+        model.refuse_hold("modes")
+        refuse_massless(model.bodies, "modes need")
         began = perf_counter()
         found = state
         if state is not None:
@@ -147,34 +150,46 @@ def _solve(
     if state is not None and model.contacts and model.solids:
         patches = touching.doubt_with_solids(assembler, state, found, len(loose), lumped)
     check = pencil.check_seconds + perf_counter() - begin
+    seconds = {
+        **taken,
+        "setup": setup,
+        "assembly": assembly,
+        "solve": perf_counter() - start - setup - assembly - check,
+        "check": check,
+    }
+    more = {"quarter": quarter if turns else None, "lumped": lumped, "patches": patches, "solids": solids}
+    return modes_of(assembler, found, vectors, len(loose), state, seconds, **more)
+
+
+def modes_of(
+    assembler: Assembler,
+    found: Found,
+    vectors: Array,
+    rigid: int,
+    state: Equilibrium | None,
+    seconds: dict[str, float],
+    **more: Any,
+) -> Modes:
+    """Return an eigensolver's eigenpairs as modes, of shapes ``(modes, dofs)``; ``more`` are other fields of them."""
     assert found.below is not None
     return Modes(
-        model=model,
+        model=assembler.model,
         frequencies=np.sign(found.eigenvalues) * np.sqrt(np.abs(found.eigenvalues)) / (2.0 * np.pi),
         eigenvalues=found.eigenvalues,
         vectors=vectors,
         residuals=found.residuals,
-        rigid=len(loose),
+        rigid=rigid,
         below=found.below,
         shift=found.shift,
         iterations=found.iterations,
-        seconds={
-            **taken,
-            "setup": setup,
-            "assembly": assembly,
-            "solve": perf_counter() - start - setup - assembly - check,
-            "check": check,
-        },
+        seconds=seconds,
         built=assembler.built,
         solver=found.solver,
         ranks=assembler.comm.getSize(),
         equilibrium=state,
-        about=loaded.state_of(model, state),
-        quarter=quarter if turns else None,
+        about=loaded.state_of(assembler.model, state),
         falling=found.falling,
-        lumped=lumped,
-        patches=patches,
-        solids=solids,
+        **more,
     )
 
 

@@ -1,6 +1,6 @@
 """What modes are mostly: bending, torsion, stretching of a rod, or what a load makes of the model.
 
-The kinetic energy of a rod is told apart: that of its sections' mean displacement along their normal (axial) and across
+The kinetic energy of a rod is decomposed: that of its sections' mean displacement along their normal (axial) and across
 it (bending), and of their mean rotation about the normal (torsion, `isorod.model.mean`).  Modes of one frequency, as
 bending of a round rod has them, are any vectors of their space: of these that is taken which is most of what is asked.
 """
@@ -44,7 +44,7 @@ def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, 
     Raises
     ------
     InputError
-        If no such mode is among those found, or the modes are those of a spinning body.
+        If no such mode is among those computed, or the modes are those of a spinning body.
     """
     whole_number("number", number, 1, 1_000_000)
     if towards is not None and kind != "bending":
@@ -73,7 +73,7 @@ def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, 
 def of_load(modes: "Modes", load: int) -> Like:
     """Return the mode that is most of what a load makes of the model at rest: the largest MAC with its deflection.
 
-    The deflection ``K^-1 f`` is ``sum phi_k (phi_k f) / lambda_k``; the MAC is told with the sum over the modes found.
+    The deflection ``K^-1 f`` is ``sum phi_k (phi_k f) / lambda_k``; the MAC is that with the sum over modes.
 
     Raises
     ------

@@ -19,6 +19,7 @@ def burdens(model: Model) -> str:
     following = [load for load in model.following if not isinstance(load, Pressure) or load.pressure]
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
+    moved += sum(bool((one.ways @ np.array(one.displacement)).any()) for one in model.means.values())
     laws = [law for body in model.bodies for law in body.laws]
     heated = any(isinstance(law, Thermal) and law.heated for law in laws)
     grown = [law for law in map(bare, laws) if not law.timed and law.at(0.5) is not law]
@@ -73,7 +74,7 @@ def find(
     Raises
     ------
     InputError, SolveError
-        If modes about it cannot be had (`refuse`), or it is not found.
+        If modes about it cannot be had (`refuse`).
     """
     if not burdens(model):
         return None
@@ -90,15 +91,12 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
     It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
     for the edges of the surface at ends that are free.
     """
-    for b, body in enumerate(model.bodies):
-        if any(law.linear for law in body.laws):
+    laws = [(f"body {b}", law) for b, body in enumerate(model.bodies) for law in body.laws]
+    laws += [(f"solid {k}", solid.law) for k, solid in enumerate(model.solids) if solid.law is not None]
+    for name, law in laws:
+        if law.linear:
             raise InputError(
-                f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
-            )
-    for k, solid in enumerate(model.solids):
-        if solid.law is not None and solid.law.linear:
-            raise InputError(
-                f"equilibrium: solid {k} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
+                f"equilibrium: {name} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for k, load in enumerate(model.loads):
         if load not in model.following:
@@ -112,14 +110,4 @@ def refuse(model: Model, advice: str = "or use modes of the undeformed state (at
             raise InputError(
                 f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "
                 f"both ends are supported, or guided in a plane; support both, leave out 'follows', {advice}"
-            )
-
-
-def refuse_massless(model: Model) -> None:
-    """Raise `InputError` for a body without mass, or one whose rigid motions are held for statics alone."""
-    model.refuse_hold("modes")
-    for b, body in enumerate(model.bodies):
-        if not body.densities.min() > 0.0:
-            raise InputError(
-                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
             )

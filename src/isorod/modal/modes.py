@@ -130,11 +130,12 @@ class Modes:
         direction alone where that is asked for.  Collective with such bodies.
         """
         from isorod.checks import embedded
-        from isorod.checks.estimate_of_modes import of_modes
+        from isorod.checks.estimate_of_modes import Spectrum, of_modes
 
         modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
         solids = [one[self.rigid :] for one in self.solids]
-        found = of_modes(self.model, *modes, directions, self.equilibrium, self.quarter, self.ranks, solids)
+        spectrum = Spectrum(*modes, self.equilibrium, self.quarter, solids)
+        found = of_modes(self.model, spectrum, directions, self.ranks)
         if self.model.solids and not directions:
             # Beside contact the rods' part is not known, and not counted.
             rods, meshes = 0.0 if self.model.contacts else found, self._of_solids[0]
@@ -188,7 +189,7 @@ class Modes:
         return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them, and of how the equilibrium was found."""
+        """Return what a record keeps of them, and of how the equilibrium was reached."""
         kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
         found = {name: getattr(self, name) for name in kept}
         if self.falling:

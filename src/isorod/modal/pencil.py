@@ -157,7 +157,7 @@ class Pencil:
     def shift(self) -> float | None:
         """Return the shift to solve with: zero, or below it where there are rigid motions, whose eigenvalue is zero.
 
-        None means that no flexible mode was found to place it by.
+        None means that no flexible mode converged to place it by.
         """
         if not self.rigid or PETSc.Options().hasName("st_shift"):
             return 0.0

@@ -251,7 +251,7 @@ class Body(Checked):
         body = self
         dumb = next((law for law in self.laws if law.remembers and "dissipated" not in law.states), None)
         if dumb is not None:
-            raise InputError(f"material: {type(dumb).__name__} does not tell what it dissipates; use statics")
+            raise InputError(f"material: {type(dumb).__name__} does not compute its dissipation; use statics")
         if integrator == "explicit":
             if self.formulation == "mixed" and not self.chosen:
                 raise InputError(

@@ -198,7 +198,7 @@ class Contact(Checked):
         if inner[1] and len(self.groups) == 1:
             raise InputError("contact: second_surface is given, but the second partner is rigid, facets, or none")
         if all(inner):
-            raise InputError("contact: both surfaces are inner ones, which never touch; one has to be an outer one")
+            raise InputError("contact: two inner surfaces never touch; take the outer surface of one rod")
         if inner[0] and self.second is None:
             raise InputError("contact: first_surface is 'inner', which touches what is in its hole; name second")
 

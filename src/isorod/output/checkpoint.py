@@ -146,6 +146,16 @@ class Kept:
         assert self.path is not None
         self._claim = Claim(self.path)
 
+    def keep(self, state: Callable[[], Mapping[str, Array]], reached: str) -> str:
+        """Keep the state of a run that is interrupted, having ``reached`` so far; return where it is, in words."""
+        if self.path is None:
+            return f"{reached} is lost: it had no --checkpoint"
+        try:
+            self.write(state())
+        except InputError as problem:
+            return str(problem)
+        return f"checkpoint {self.path} has {reached}, --resume goes on from there"
+
     def write(self, state: Mapping[str, Array]) -> None:
         """Keep a state."""
         if self.path is not None:

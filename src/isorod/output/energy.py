@@ -7,7 +7,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.material.along_rod import complementary, shear_laws, volume_change
-from isorod.material.memory import Memory
+from isorod.material.memory import has_memory
 from isorod.model.body import Body
 from isorod.output.stress import known
 
@@ -28,8 +28,8 @@ def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
         Load factor, which a muscle's activation follows.
     """
     space, total = body.space, 0.0
-    if silent := next((law for law in body.laws if isinstance(law, Memory) and not law.stores), None):
-        raise InputError(f"energy: {type(silent).__name__} does not tell what it stores")
+    if silent := next((law for law in body.laws if has_memory(law) and not law.stores), None):
+        raise InputError(f"energy: {type(silent).__name__} does not compute its stored energy")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         u = table.u.ravel()
@@ -51,7 +51,7 @@ def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
         return total
     dumb = next((law for law in body.laws if law.remembers and "dissipated" not in law.states), None)
     if dumb is not None:
-        raise InputError(f"dissipated: {type(dumb).__name__} does not tell what it dissipates")
+        raise InputError(f"dissipated: {type(dumb).__name__} does not compute its dissipation")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         found = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]

@@ -34,7 +34,7 @@ class Largest(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """The largest stress, and what a record tells of its place: ``u``, ``angle`` in degrees, ``radius``."""
+    """The largest stress, and its place in a record: ``u``, ``angle`` in degrees, ``radius``."""
 
     value: float
     place: dict[str, float]

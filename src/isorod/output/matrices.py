@@ -110,7 +110,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
     if state is not None and model.contacts:
         raise InputError("matrices about a state with contact: the active contact set is not stored; use those at rest")
     if model.coupled:
-        raise InputError("matrices: those of models with ties, solids, mean supports or springs are not told")
+        raise InputError("matrices: not available for models with ties, solids, mean supports or springs")
     if state is not None and state.factor != 1.0:
         raise InputError(
             f"matrices about a motion: muscles are active to {state.factor:.3g} of what they will be, where loads act "

@@ -1,6 +1,6 @@
 """How far a run is, on standard error: a line on a terminal that changes, elsewhere one now and then.
 
-Nothing is said of what is short.
+Short runs show nothing.
 """
 
 import sys

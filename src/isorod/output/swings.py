@@ -1,4 +1,4 @@
-"""What a record tells of transfer functions: largest amplitudes, curves and peaks."""
+"""Records of transfer functions: largest amplitudes, curves and peaks."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,7 +21,7 @@ def told(found: Mapping[str, Any], frequencies: Array, span: bool) -> dict[str, 
     frequencies
         Cycles per time, shape ``(n,)``.
     span
-        Whether there are enough of them round resonances to tell peaks.
+        Whether there are enough of them round resonances to show peaks.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from isorod.output.words import Component
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RandomResponse(Response):
-    """A stationary vibration: what a `Response` tells, times the root of the spectral density, at each frequency.
+    """A stationary vibration: a `Response` times the root of the spectral density, at each frequency.
 
     The square of its size is a spectral density, whose integral is a mean square (`rms`).
 
@@ -33,7 +33,7 @@ class RandomResponse(Response):
     weights: Array
 
     def rms(self, values: Array) -> Array:
-        """Return the root mean square of what is told at each frequency, ``(n, ...)``, of zero mean."""
+        """Return the root mean square of values at each frequency, ``(n, ...)``, of zero mean."""
         return np.asarray(np.sqrt(np.tensordot(self.weights, np.abs(values) ** 2, 1)))
 
     @property
@@ -53,7 +53,7 @@ class RandomResponse(Response):
     def whole(self) -> "Whole":
         """Return the response over all frequencies, whose stresses are root mean squares."""
         if self.soft:
-            raise InputError("stress: of viscoelastic bodies its root mean square is not told; ask for displacements")
+            raise InputError("stress: not available for viscoelastic bodies in random response; ask for displacements")
         covariance = (self.weights[:, None] * self.coordinates).T @ self.coordinates.conj()
         sizes, turns = np.linalg.eigh(covariance.real)
         own = {one.name: getattr(self, one.name) for one in fields(self)}

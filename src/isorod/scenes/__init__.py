@@ -4,7 +4,7 @@ A ready scene is a frozen dataclass (`Scene`) of that name with a capital letter
 become command line options. It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or
 ``"geometry"``), ``rod()`` or ``rods()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics
 also ``settings()``. Its class attribute ``units`` says, in words, the unit of each number that is the answer, by its
-name in `measure` or in the solution's record, the most wanted first. A scene whose element can be chosen is a `Preset`.
+name in `measure` or in the solution's record, the main one first. A scene whose element can be chosen is a `Preset`.
 A scene with a choice of analyses lists them in a class attribute ``analyses``, the default first, and has ``analysis``
 as a property.  The scene of a file (`isorod.files.scene`) is a `Scene` as well.
 """
@@ -141,6 +141,12 @@ class Scene(Checked):
             given["continuity"] = given["degree"] - 1
         return choices.same((rod, *sorted(given.items())), lambda: Space(rod, **given))
 
+    def space_in_turns(self, rod: "Rod", own: int, each: int | None) -> "Space":
+        """Return `space_of` a helix that is built of ``own`` elements a turn, cut into ``each`` if that is given."""
+        if each is not None and (each < own or each % own):
+            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
+        return self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+
     def rod_names(self) -> list[str]:
         """Return the names of the rods, where they have names."""
         return []
@@ -227,10 +233,7 @@ class Wound(Scene):
         """Return the model of a law, start clamped, end clamped and moved down by a travel times a table."""
         import isorod
 
-        rod, own, each = self.rod(), self.per_turn, self.elements_per_turn
-        if each is not None and (each < own or each % own):
-            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
-        space = self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+        space = self.space_in_turns(self.rod(), self.per_turn, self.elements_per_turn)
         moved = isorod.Support.end(space, "end", displacement=(0.0, 0.0, -travel), history=history)
         return isorod.Model([isorod.Body(space, law)], [isorod.Support.end(space, "start"), moved])
 

@@ -135,10 +135,7 @@ class Coil(Scene):
     def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, both ends held or between plates, one moved to the other by ``travel``."""
         rod = self.rod()
-        each = self.elements_per_turn
-        if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
-            raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
-        space = self.space_of(rod, elements=rod.axis.elements * each // HELIX_ELEMENTS)
+        space = self.space_in_turns(rod, HELIX_ELEMENTS, self.elements_per_turn)
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
         points = 3, self.degree + 1
         others: list[isorod.Plane | None] = [None]

@@ -41,7 +41,7 @@ _POINTS = 8
 class Knot(Scene):
     """Rod without stress when straight, laid into a loose overhand knot, then left to settle between its held ends.
 
-    How tight the knot is in the end is said by the length that is in it: ``2 pi`` times ``loop``, about.  A motion
+    How tight the knot is in the end is given by the length that is in it: ``2 pi`` times ``loop``, about.  A motion
     finds the equilibrium: it begins with a circle and two strands that go one and a half times round each other, moves
     in explicit steps, and damping takes the energy that bending has too much there.  Time is counted in that of the
     loop, ``loop^2 sqrt(density area / bending stiffness)``.

@@ -23,7 +23,7 @@ class Rope(Scene):
     The start is pulled with a force of fixed direction.  The end is moved to where a thin rod without friction has it
     (a weightless elastica, see `tail_of`), and farther by ``haul``, which makes it slide.  Both end faces turn until
     they are normal to the pull.  Lengths are relative to the radius of the bent centre line on the cylinder,
-    ``radius * ratio``, where not said otherwise.
+    ``radius * ratio``, unless stated otherwise.
     """
 
     analysis: ClassVar[str] = "statics"

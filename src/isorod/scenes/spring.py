@@ -86,11 +86,7 @@ class Spring(Preset):
 
         Warns where neighbouring coils overlap.
         """
-        rod = self.rod()
-        own, each = self.per_turn, self.elements_per_turn
-        if each is not None and (each < own or each % own):
-            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
-        space = self.space_of(rod, elements=None if each is None else rod.axis.elements * each // own)
+        space = self.space_in_turns(self.rod(), self.per_turn, self.elements_per_turn)
         if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
             warnings.warn(
                 f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: "

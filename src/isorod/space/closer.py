@@ -48,12 +48,12 @@ class Patch(NamedTuple):
 
 
 def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
-    """Return a space of a rod whose elements and arcs are as short as wanted at patches, and longer elsewhere.
+    """Return a space of a rod whose elements and arcs are as short as requested at patches, and longer elsewhere.
 
     Raises
     ------
     InputError
-        If there is no patch, the rod has rings, or more arcs are wanted than there may be.
+        If there is no patch, the rod has rings, or more arcs are needed than there may be.
     """
     if not patches or min(min(one[2:5]) for one in patches) <= 0.0:
         raise InputError("patches: name one at least, with extents and a size that are positive")

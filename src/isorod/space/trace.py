@@ -233,10 +233,10 @@ def touching(space: Space, trace: Trace, gap: Array, most: float, finer: int = 1
     if not area:
         raise InputError(f"the surfaces do not touch all along: they are up to {apart.max(axis=0).min():.3g} apart")
     if areas[apart <= most].sum() > (1.0 + _UNCLEAR) * area:
-        raise InputError("the surfaces touch at some places along them alone; say between which lengths (along)")
+        raise InputError("the surfaces touch along part of their length only; give the interval (along)")
     closer = areas[:, apart.max(axis=0) <= 0.25 * most].sum()
     if kept.sum() < _FEW or closer < (1.0 - _UNCLEAR) * area:
-        raise InputError("the surfaces touch along a line, not on an area that could be told; take another tie")
+        raise InputError("the surfaces touch along a line, not on an area; use another tie")
     return kept
 
 

@@ -183,8 +183,8 @@ def _solve(
     loose = rigid_motions.left_to_contact(model)
     if loose and model.times is not None:
         raise InputError(
-            f"end_time: body {loose[0][0]} is held by contact alone, and where that opens on the way it has no place; "
-            "add a support, or a soft spring"
+            f"end_time: body {loose[0][0]} is held by contact alone, and its position is undetermined where that "
+            "opens along the load path; add a support, or a soft spring"
         )
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)

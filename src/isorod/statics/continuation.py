@@ -2,7 +2,7 @@
 
 State and load factor are unknowns together; each step ends on the plane at arc length ``s`` along the tangent of the
 path (Riks; Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is
-solved by two solves with one factorisation of the tangent stiffness, whose inertia tells how many eigenvalues are
+solved by two solves with one factorisation of the tangent stiffness, whose inertia is how many eigenvalues are
 negative: where the number changes, the path has a limit point or meets another.
 """
 
@@ -57,7 +57,7 @@ class Path:
         All degrees of freedom, shape ``(m, dofs)``.
     negative
         Number of negative eigenvalues of the tangent stiffness, 0 where the equilibrium is stable, -1 where the
-        factorisation chosen does not tell; shape ``(m,)``.
+        factorisation chosen does not count them; shape ``(m,)``.
     corrections, cuts
         Linear solves in all, and steps cut and retried.
     """

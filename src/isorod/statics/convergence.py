@@ -1,4 +1,4 @@
-"""When an equilibrium counts as found.
+"""When an equilibrium counts as converged.
 
 A slender rod's bending forces are smaller than its stretching forces by the square of its slenderness.  A tolerance
 relative to the forces of a load step's linear predictor, which stretches what should bend, would accept anything there,
@@ -11,8 +11,10 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.gradients import deformation_gradients
 from isorod.assembly.part import ROUNDING
 from isorod.checks import hourglass
+from isorod.material.thermal import bare
 from isorod.petsc.matrix import absolute_product, has_whole_rows
 
 # Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations
@@ -25,6 +27,9 @@ STEP = 1e-8
 # A step that leaves less than this fraction of the volume anywhere is too large: Newton's method then finds equilibria
 # of no meaning.
 SQUEEZE = 0.2
+
+# Stretches, or their inverses, from which laws of logarithmic strain may have no stress.
+_FAR = 12.0
 
 
 def squeezed(assembler: Assembler, before: list[Array], x: PETSc.Vec, factor: float) -> str | None:
@@ -41,7 +46,36 @@ def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str)
     det, body, element, u = assembler.smallest_jacobian(x, factor)
     said = problem if det > 0.0 else "an element inverts"
     at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
+    if det > 0.0 and assembler.model.remembers and (failed := _without_stress(assembler, x, factor)):
+        said, at = failed
     return f"{said} at the minimum step size; worst place: {at}{hourglass.hint(assembler.model)}"
+
+
+def _without_stress(assembler: Assembler, x: PETSc.Vec, factor: float) -> tuple[str, str] | None:
+    """Return which law with memory has no stress, and in words where; None where all have."""
+    moved = assembler.displacement(x, factor).reshape(-1, 3)
+    found = []
+    for part in assembler.parts:
+        F = deformation_gradients(part.table, moved[part.nodes].reshape(part.shape))
+        for piece in part.laws.at(factor).pieces:
+            own = piece.of(F)
+            bad = ~np.isfinite(piece.law.stress(own)).all(axis=(-2, -1))
+            if piece.law.remembers and bad.any():
+                stretches = np.linalg.svd(own, compute_uv=False)
+                size = np.where(bad, np.abs(np.log(stretches)).max(axis=-1), -np.inf)
+                where = e, t, _ = np.unravel_index(int(np.argmax(size)), bad.shape)
+                law, e = type(bare(piece.law)).__name__, e + piece.first
+                own_place = part.which, int(part.table.first + e), float(part.table.u[e, t])
+                least, most = float(stretches[where].min()), float(stretches[where].max())
+                found.append((float(size[where]), law, own_place, least, most))
+    found = [one for each in assembler.comm.tompi4py().allgather(found) for one in each]
+    if not found:
+        return None
+    worst, law, (body, element, at), least, most = max(found)
+    far = worst > np.log(_FAR)
+    why = f"stretches beyond {_FAR:g} have no stress" if far else "its local solution does not converge"
+    place = f"element {element} of body {body}, axis position u = {at:.4g}: stretches {least:.3g} to {most:.3g}"
+    return f"{law}: {why}", place
 
 
 class Convergence:

@@ -38,7 +38,7 @@ def descend(solver: Newton) -> None:
     Raises
     ------
     SolveError
-        If none is found.
+        If none is reached.
     """
     held = solver.stabilisation
     try:

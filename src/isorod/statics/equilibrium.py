@@ -72,8 +72,8 @@ class Equilibrium(State, WithSolids, Animated):
     path
         Load steps of a model with contact, or where they are to be kept.
     negative_eigenvalues
-        Of the tangent stiffness: in so many directions the equilibrium is unstable; None where that is not told, as
-        with friction (`isorod.statics.stability`).
+        Of the tangent stiffness: in so many directions the equilibrium is unstable; None where that is unknown, as with
+        friction (`isorod.statics.stability`).
     ties
         What each tie of the model carries.
     largest
@@ -151,17 +151,9 @@ class Equilibrium(State, WithSolids, Animated):
 
         if self.largest is not None:
             return self.largest._estimated(directions)
-        found = estimate.of_equilibrium(
-            self.model,
-            self.displacement,
-            self.work,
-            self.pressures,
-            directions,
-            self.ranks,
-            self.contacts,
-            (self.reactions, self.moments),
-            self.solids,
-        )
+        carried = self.reactions, self.moments
+        reached = estimate.Reached(self.displacement, self.work, self.pressures, self.contacts, carried, self.solids)
+        found = estimate.of_equilibrium(self.model, reached, directions, self.ranks)
         if self.model.solids:
             meshes = self._of_solids[0].work
             # Beside contact the rods' part is not known, and not counted.
@@ -230,7 +222,7 @@ class Equilibrium(State, WithSolids, Animated):
 
     @property
     def stress_error(self) -> float | None:
-        """The estimate of the error of stresses, where `errors` has told one: pictures say it."""
+        """The estimate of the error of stresses, where `errors` has computed it: pictures show it."""
         known: Error | None = self.__dict__.get("_errors")
         return None if known is None else known.stress
 

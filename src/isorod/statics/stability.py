@@ -40,7 +40,7 @@ _FALLEN = 0.5
 
 
 def is_told(solver: Newton) -> bool:
-    """Return whether the tangent of a model tells how stable it is.
+    """Return whether the stability of a model follows from its tangent.
 
     That of friction is no second derivative of an energy, nor is that of a moment or of a pressure that follows a
     surface with free edges; that of laws of small strains knows no stress, hence no buckling; a solver that has no
@@ -62,7 +62,7 @@ def refuse_untold(solver: Newton) -> None:
 
 
 def negative_eigenvalues(solver: Newton) -> int | None:
-    """Return the number of negative eigenvalues of the tangent at the last equilibrium; None where they do not tell.
+    """Return the number of negative eigenvalues of the tangent at the last equilibrium; None where unknown.
 
     What holds bodies until contact does (`isorod.statics.stabilisation`) counts with what is left of it, so that
     motions which nothing resists are none.

@@ -228,7 +228,7 @@ def internal_forces(
     # Coefficients, then resultants.
     coefficients = np.empty(np.int64(_6 * largest))
     resultants = np.empty(np.int64(_6 * largest))
-    work = np.zeros(WORK * POINTS)
+    work = np.empty(WORK * POINTS)
     forces[:] = 0.0
     inverted = stored = active = lost = 0.0
     for e in range(np.uint64(mesh.elements.shape[0])):

@@ -11,7 +11,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.geometry.quadrature import ring_of
-from isorod.material.memory import Memory
+from isorod.material.memory import has_memory
 from isorod.material.points import POINTS
 from isorod.model.model import Model
 
@@ -82,8 +82,11 @@ def order(model: Model) -> Index:
     return np.concatenate(positions).ravel()
 
 
-def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
-    """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures."""
+def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
+    """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures.
+
+    Laws that no motion takes have no stiffest state, which is told where it ``moves``.
+    """
     elements, layers = [], []
     sections: list[Array] = []
     axial: list[Array] = []
@@ -120,7 +123,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
                 rows["block"][e], rows["clock"][e] = law.compiled.block, max(law.clock, 0)
                 rows["update"][e] = law.compiled.update if law.remembers else 0
                 constants.append(law.constants)
-                stiff.append(law.frozen.constants if isinstance(law, Memory) else law.constants)
+                stiff.append(law.frozen.constants if moves and has_memory(law) else law.constants)
             elements.append(rows)
             layers.append(layer)
             sections.append(_blocks(part.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
@@ -142,7 +145,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
 
 
 def digests(mesh: Mesh) -> list[bytes]:
-    """Return what tells each element from others."""
+    """Return what tells each element from others but for its law, whose `identity` does."""
     found = []
     for row, layers in zip(mesh.elements, mesh.layers, strict=True):
         along, points, blocks = (int(row[name]) for name in ("along", "points", "blocks"))
@@ -151,7 +154,6 @@ def digests(mesh: Mesh) -> list[bytes]:
             "axial": (mesh.axial, 2 * points * along),
             "geometry": (mesh.geometry, points * blocks * GEOMETRY * POINTS),
             "fibres": (mesh.fibres, points * blocks * int(row["directions"]) * POINTS),
-            "constants": (mesh.constants, int(row["count"])),
         }
         digest = sha256(layers.tobytes())
         for name, (values, size) in sizes.items():
