@@ -123,6 +123,15 @@ def test_what_cannot_be_met_ends_with_2_and_says_by_how_much(command, beam, caps
     assert "rod.beam.section.circle at its upper bound 1.1" in err
 
 
+def test_targets_that_depend_on_each_other_are_named(command, beam):
+    """The mass is the volume times a density, and a third target is one more than two numbers meet."""
+    vary = "rod.beam.section.circle=0.5:2,rod.beam.curve.straight=30:90"
+    words = ("design", "beam.toml", "--vary", vary, "--target", "mass=300,volume=160,deflection=-4")
+    code, _, err = command._run(words)
+    assert code == 2
+    assert "(targets mass, volume: one depends on the others, whatever varies; leave one out, or vary more)" in err
+
+
 def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkeypatch):
     vary, design = "rod.beam.section.circle=0.5:2", importlib.import_module("isorod.command.design")
     words = ("design", "beam.toml", "--vary", vary, "--target", "deflection=-1")

@@ -19,7 +19,7 @@ from isorod.statics.differences import Measured
 OWN = ("mass", "volume")
 MISFIT = "misfit"
 
-# Where an answer tells no derivatives they are differences of answers at this share of a number to both sides: errors
+# Where an answer has no derivatives they are differences of answers at this share of a number to both sides: errors
 # go with its square, and what contact leaves of its search, some 1e-7 of a force, over it.
 _APART = 2e-3
 
@@ -49,8 +49,8 @@ class Evaluations:
     ----------
     solves
         How many analyses there were.
-    untold
-        Why answers tell no derivatives, so that these are differences; empty where they do.
+    untold, refused
+        Why some derivatives are differences of answers, empty where none are, and whether all are.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Evaluations:
         table: Curve | None = None,
     ) -> None:
         self.scenes, self.names, self.settings, self.table = dict(several), list(names), dict(settings), table
-        self.solves, self.untold = 0, ""
+        self.solves, self.untold, self.refused = 0, "", False
         self._last: list[Any] = [None] * len(self.scenes)
         self._choices: list[choices.Choices] = []
 
@@ -113,20 +113,24 @@ class Evaluations:
         def make(values: Mapping[str, float]) -> Any:
             return self._make(k, scene, values)
 
-        if not self.untold:
-            try:
-                rates = solution.derivatives(make, at, lambda one: measured(scene, one))
-            except InputError as problem:
-                self.untold = str(problem).removeprefix("derivatives: ").partition(";")[0]
-            else:
-                rows = [flat(rates.told().by[name]) for name in self.names]
-                # Derivatives of modes are those of frequencies alone.
-                modal = scene.analysis == "modal"
-                return [
-                    row | (self._own(make, at, name) if modal else {})
-                    for name, row in zip(self.names, rows, strict=True)
-                ]
-        return [self._difference(k, scene, at, name, solution) for name in self.names]
+        if self.refused:
+            return [self._difference(k, scene, at, name, solution) for name in self.names]
+        try:
+            rates = solution.derivatives(make, at, lambda one: measured(scene, one))
+        except (InputError, SolveError) as problem:
+            self.untold, self.refused = str(problem).removeprefix("derivatives: ").partition(";")[0], True
+            return self._rates(k, scene, at, solution)
+        found, modal = [], scene.analysis == "modal"
+        for name in self.names:
+            if name in rates.none and solution.model.remembers:
+                # Somewhere on the path a point is about to yield: designs go on past it.
+                self.untold = f"not available by {name} everywhere ({rates.none[name]})"
+                found.append(self._difference(k, scene, at, name, solution))
+                continue
+            rate = rates.by[name] if name in rates.by else rates.told().by[name]
+            # Derivatives of modes are those of frequencies alone.
+            found.append(flat(rate) | (self._own(make, at, name) if modal else {}))
+        return found
 
     @staticmethod
     def _own(make: Callable[[Mapping[str, float]], Any], at: dict[str, float], name: str) -> dict[str, float]:

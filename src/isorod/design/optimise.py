@@ -36,6 +36,9 @@ _STRAIGHT = 0.5
 # What a design that cannot be solved counts, so that the step to it is shortened.
 _BAD = 1e3
 
+# Slopes of targets, by their sizes, that lie in fewer directions than there are targets, but for so much.
+_ALIKE = 1e-5
+
 
 class _Enough(Exception):
     """As many solves as a search may take."""
@@ -132,13 +135,26 @@ class Problem:
                 method="SLSQP",
                 options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
             )
-            y, ended = found.x, "" if found.success else str(found.message)
+            y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
         except _Enough:
             y, ended = self._last, f"no end after {_SOLVES} solves"
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
         return Design(self._at(best), answer, missed, self._prices(best), self.trouble or ended)
+
+    def _dependent(self, y: Array) -> str:
+        """Return in words which targets depend on each other to first order; empty where none do."""
+        targets = [one for one in self._wanted if one.relation == "="]
+        rows = np.array([self._room(y, one)[1] for one in targets])
+        if len(targets) < 2 or not np.isfinite(rows).all():
+            return ""
+        rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.finfo(float).tiny)
+        left, sizes, _ = np.linalg.svd(rows)
+        if np.count_nonzero(sizes > _ALIKE * sizes[0]) == len(targets):
+            return ""
+        found = [one.name for one, part in zip(targets, np.abs(left[:, -1]), strict=True) if part > _ALIKE]
+        return f"targets {', '.join(found)}: one depends on the others, whatever varies; leave one out, or vary more"
 
     def _best(self, y: Array) -> Array:
         """Return where it ended, or where of all that was tried least is missed, if there that is too much."""

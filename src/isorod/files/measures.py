@@ -54,7 +54,7 @@ def reaction(solution: "Equilibrium | History", support: int, component: Compone
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    return component_of(rounded(solution.reactions[..., support, :], _largest(solution.reactions)), component)
+    return component_of(rounded(solution.reactions[..., support, :], _carried(solution, "reactions")), component)
 
 
 def moment(
@@ -84,7 +84,7 @@ def moment(
         refuse_others(solution, "point")
         arm = support_places(solution.model, solution.displacement)[support] - np.array(point)
         found = found + np.cross(arm, solution.reactions[support])
-    scale = max(_largest(solution.moments), _largest(solution.reactions) * solution.model.size)
+    scale = max(_carried(solution, "moments"), _carried(solution, "reactions") * solution.model.size)
     return along(rounded(found, scale), component, about)
 
 
@@ -353,6 +353,12 @@ def refuse_others(solution: Any, key: str) -> None:
     """Raise `InputError` where a solution is one of finite elements, which have no counterpart of a key."""
     if not hasattr(solution, "built"):
         raise InputError(f"{key}: not available from finite elements; leave it out of what is compared")
+
+
+def _carried(solution: Any, name: str) -> float:
+    """Return the largest force, or moment, of supports, also on the way: in the end they may be let go."""
+    before = (getattr(step, name) for step in getattr(solution, "path", ()))
+    return max(_largest(getattr(solution, name)), *(_largest(one) for one in before), 0.0)
 
 
 def _largest(values: Array) -> float:

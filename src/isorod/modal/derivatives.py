@@ -45,6 +45,8 @@ def derivatives(
     """
     model = solution.model
     refuse(model)
+    if model.remembers or model.times is not None:
+        raise InputError("derivatives: not available for modes about a state over time, or of laws with memory")
     if model.contacts:
         raise InputError("derivatives: not available for modes with contact; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):

@@ -23,7 +23,9 @@ from isorod.assembly.formulation import assembler_for
 from isorod.checks.reactions import carried
 from isorod.checks.tie_result import at_load
 from isorod.errors import InputError
+from isorod.model.history import Times
 from isorod.model.model import Model
+from isorod.model.times import until
 from isorod.options import defaults
 from isorod.petsc.direct import direct, refined, room
 from isorod.statics.differences import (
@@ -52,6 +54,9 @@ _ROUGH, _LEAVES = 1e-3, 1e-2
 # More than this share of a derivative between both is warned of.
 HELD, _UNSURE = (10.0, 1e4), 5e-3
 
+# Share of all displacements on which a tangent is held to residuals, and by how much it may be off.
+_SHORT, _INEXACT = 1e-4, 1e-4
+
 # How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
 # them for the whole parameter, or, where there are none, of the model's size.
 _SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5, 1e-6), 1e-13, 1e-6
@@ -70,13 +75,37 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 
 def refuse(model: Model) -> None:
-    """Raise `InputError` where the answer is no function of the parameters alone, and for finite element bodies."""
+    """Raise `InputError` where the path of contact counts, and for finite element bodies."""
     if any(one.friction for one in model.contacts):
         raise InputError("derivatives: not available with friction, which depends on the path; isorod sweep varies it")
-    if model.remembers or model.times is not None:
-        raise InputError("derivatives: not available over time or with a memory, where the answer depends on the path")
+    if model.contacts and model.remembers:
+        raise InputError("derivatives: not available with contact of laws with memory; isorod sweep varies the number")
     if model.solids:
         raise InputError("derivatives: not available with finite element bodies")
+
+
+def as_solved(make: Callable[[Mapping[str, float]], Model], times: Times | None) -> Callable[..., Model]:
+    """Return what makes models that follow their histories as long as that of an answer does."""
+    return make if times is None else lambda values: until(make(values), times.end)
+
+
+def equilibrium(solution: Any, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
+    """Return what answers for a state of a model beside that of a solution, and for what is acting in it."""
+    own, contact = carried(assembler, x, 1.0, acting), assembler.contact
+    return replace(
+        solution,
+        model=assembler.model,
+        displacement=assembler.displacement(x, 1.0),
+        reactions=own.reactions,
+        moments=own.moments,
+        work=own.work,
+        pressures=assembler.pressures(x),
+        ties=at_load(assembler, x, 1.0, acting),
+        contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
+        solids=assembler.solids(x, 1.0),
+        path=(),
+        in_more_steps=None,
+    )
 
 
 class Motion(NamedTuple):
@@ -128,8 +157,23 @@ class Moving:
             self.assembler.residual(self.x, 1.0, self._rest)
             (move,) = refined(self._ksp, [self._rest])
             self.x.axpy(-1.0, move)
+        if solution.model.following and solution.model.has_potential:
+            self._refuse_inexact()
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
+
+    def _refuse_inexact(self) -> None:
+        """Raise `InputError` where the tangent is not the derivative of the residual, as of pressures at free ends."""
+        found, change = (self.assembler.vector() for _ in range(2))
+        for step in (-_SHORT, _SHORT):
+            self.assembler.residual((1.0 + step) * self.x, 1.0, change)
+            found.axpy(0.5 / step, change)
+        self._tangent.mult(self.x, change)
+        if not (found - change).norm() <= _INEXACT * change.norm():
+            raise InputError(
+                "derivatives: not available with contact and pressures that follow a surface to a free end; isorod "
+                "sweep varies the number"
+            )
 
     def _settle(self, solution: Any, times: float) -> None:
         """Let contact be as the solution left it; cells whose gaps multipliers have closed keep these."""
@@ -220,24 +264,6 @@ class Moving:
             self.assembler.contact.packed.multipliers[:] += step * motion.pressures
         return self.x + step * motion.rate, self.acting + step * motion.change
 
-    def equilibrium(self, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
-        """Return what answers for a state, and for what is acting in it."""
-        own, contact = carried(assembler, x, 1.0, acting), assembler.contact
-        return replace(
-            self.solution,
-            model=assembler.model,
-            displacement=assembler.displacement(x, 1.0),
-            reactions=own.reactions,
-            moments=own.moments,
-            work=own.work,
-            pressures=assembler.pressures(x),
-            ties=at_load(assembler, x, 1.0, acting),
-            contacts=() if contact is None else contact.results(assembler.touching(x, 1.0)),
-            solids=assembler.solids(x, 1.0),
-            path=(),
-            in_more_steps=None,
-        )
-
 
 def derivatives(
     solution: Any,
@@ -261,17 +287,17 @@ def derivatives(
     Raises
     ------
     InputError
-        If the model has friction, a memory, times or finite element bodies, or a parameter is zero.
+        If the model has friction or finite element bodies, or a parameter is zero.
     """
     with ExitStack() as stack:
         several = [stack.enter_context(closing(Moving(solution)))]
         if several[0].tight:
             several.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
-        beside, (moving, *_) = Beside(make, at, solution.model), several
-        unsure = 0.0, ""
+        beside = Beside(as_solved(make, solution.model.times), at, solution.model)
+        moving, unsure = several[0], (0.0, "")
 
         def ask(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
-            return numbers(measure(moving.equilibrium(assembler, x, acting)))
+            return numbers(measure(equilibrium(solution, assembler, x, acting)))
 
         values, measured = near(ask, moving.assembler, moving.x, moving.acting)
 

@@ -245,10 +245,13 @@ class Equilibrium(State, WithSolids, Animated):
         at: "Mapping[str, float]",
         measure: "Callable[[Equilibrium], Mapping[str, object]]",
     ) -> "Derivatives":
-        """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`)."""
-        from isorod.statics.derivatives import derivatives
+        """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`).
 
-        return derivatives(self, make, at, measure)
+        Of laws with memory they are those along the path (`isorod.statics.along_path`).
+        """
+        from isorod.statics import along_path, derivatives
+
+        return (along_path if along_path.suits(self) else derivatives).derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
