@@ -64,9 +64,9 @@ def test_the_logarithm_is_right_for_stretches_of_any_size_that_it_takes() -> Non
     # T_i / l_i along principal directions, from small strains to the last rule of Gauss points.
     law, rng = _law(hardening=[[0.0, 1e9]]), np.random.default_rng(4)
     G, lame = 200e3 / 2.6, 200e3 * 0.3 / (1.3 * 0.4)
-    for size in (1e-6, 1e-3, 8e-3, 0.03, 0.1, 0.3, 0.7, 1.5, 2.4):
-        logs = size * rng.uniform(-1.0, 1.0, (64, 3))
-        logs[:, 0] = size
+    for size in (1e-6, 1e-3, 8e-3, 0.03, 0.1, 0.3, 0.7, -0.7, 1.5, -1.2, 2.4):
+        logs = size * rng.uniform(-1.0 if size > 0.0 else 0.5, 1.0, (64, 3))
+        logs[:, 0], size = size, abs(size)
         stresses = (2.0 * G * logs + lame * logs.sum(axis=1)[:, None]) / np.exp(logs)
         left, right = (Rotation.random(64, random_state=seed).as_matrix() for seed in (1, 2))
         found = law.stress(np.einsum("nai,ni,nAi->naA", left, np.exp(logs), right))

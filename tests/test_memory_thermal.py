@@ -85,7 +85,8 @@ def test_what_expands_freely_has_no_error_of_forces_that_are_rounding(tmp_path) 
         end=2.0,
     )
     text = text.replace(
-        "expansion = 1e-5", "rings = [0.0, 0.5, 1.0]\nexpansion = [2e-5, 1e-5]\nspace = {elements = 2, section_degree = 2}"
+        "expansion = 1e-5",
+        "rings = [0.0, 0.5, 1.0]\nexpansion = [2e-5, 1e-5]\nspace = {elements = 2, section_degree = 2}",
     )
     path.write_text(text[: text.index("[support.right]")] + text[text.index("[measure.lost]") :])
     scene = files.find(str(path))
