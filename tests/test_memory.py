@@ -6,7 +6,6 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from isorod.material.plastic import Plastic, Viscoplastic
-from isorod.material.thermal import Thermal
 from isorod.material.viscous import Creep, Viscoelastic
 from tests.refused import refused
 
@@ -65,9 +64,9 @@ def test_the_logarithm_is_right_for_stretches_of_any_size_that_it_takes() -> Non
     # T_i / l_i along principal directions, from small strains to the last rule of Gauss points.
     law, rng = _law(hardening=[[0.0, 1e9]]), np.random.default_rng(4)
     G, lame = 200e3 / 2.6, 200e3 * 0.3 / (1.3 * 0.4)
-    for size in (1e-6, 1e-3, 8e-3, 0.03, 0.1, 0.3, 0.7, 1.5, 2.4):
-        logs = size * rng.uniform(-1.0, 1.0, (64, 3))
-        logs[:, 0] = size
+    for size in (1e-6, 1e-3, 8e-3, 0.03, 0.1, 0.3, 0.7, -0.7, 1.5, -1.2, 2.4):
+        logs = size * rng.uniform(-1.0 if size > 0.0 else 0.5, 1.0, (64, 3))
+        logs[:, 0], size = size, abs(size)
         stresses = (2.0 * G * logs + lame * logs.sum(axis=1)[:, None]) / np.exp(logs)
         left, right = (Rotation.random(64, random_state=seed).as_matrix() for seed in (1, 2))
         found = law.stress(np.einsum("nai,ni,nAi->naA", left, np.exp(logs), right))
@@ -239,6 +238,17 @@ def test_kinematic_hardening_yields_earlier_on_the_way_back() -> None:
     assert law.stress(down)[0, 2, 2] * stretch == pytest.approx(1e4 * strain - 400.0, rel=1e-9)
 
 
+def test_moduli_of_creep_in_steps_of_many_relaxation_times() -> None:
+    """What is left after ``r`` of them has no digits beside what there was, and the moduli have all of theirs."""
+    F, n = np.eye(3)[None].copy(), 10.0
+    F[0, 0, 1] = 1e-2
+    for r in (1e9, 1e12, 1e15, 1e18):
+        law = Creep(2.6, 0.3, r / (0.5 * 3.0 * (np.sqrt(3.0) * F[0, 0, 1]) ** (n - 1.0)), n).lasting(1.0)
+        moduli = law.tangent(F)
+        sheared = [law.stress(F + step * np.eye(3)[:1, :, None] * np.eye(3)[1]) for step in (1e-6, -1e-6)]
+        assert moduli[0, 0, 1, 0, 1] == pytest.approx(((sheared[0] - sheared[1]) / 2e-6)[0, 0, 1], rel=1e-5)
+
+
 test_bad_tables = refused(
     (lambda: _law(hardening=[[0.1, 400.0]]), "hardening: got plastic strains [0.1], need growing ones from 0 on"),
     (lambda: _law(hardening=[[0.0, 400.0], [0.0, 500.0]]), "need growing ones from 0 on"),
@@ -256,5 +266,4 @@ test_bad_tables = refused(
     (lambda: Viscoelastic(1.0, 0.3, 4 * [[0.1, 1.0]]), "prony: need 1 to 3 rows"),
     (lambda: Creep(1.0, 0.3, 0.0, 3.0), "A: got 0, need a positive rate"),
     (lambda: Creep(1.0, 0.3, 1.0, 0.5), "n: got 0.5, need an exponent from 1 to 50"),
-    (lambda: Thermal(_law(), 1e-5, 10.0), "has a memory, which thermal expansion does not go with"),
 )

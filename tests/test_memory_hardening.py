@@ -59,6 +59,12 @@ def test_each_step_of_ten_thousand_random_paths_loses_energy(law: Plastic) -> No
         stress = E / (1.0 + NU) * (strain[:, FIRST, SECOND] - plastic)
         stored = 0.75 / H * ((back**2 - before[:, 7:13] ** 2) @ twice)
         lost = (stress * (plastic - before[:, :6])) @ twice - stored
+        # What flows ends where its stress about the back stress is that of flow, whatever is left of Newton's steps.
+        about = stress - stress[:, [0, 3, 5]].mean(axis=1)[:, None] * (np.equal(FIRST, SECOND)) - back
+        grown = p - before[:, 6]
+        limit = np.interp(p, *np.transpose(TABLE)) * (1.0 + ((grown / law.A) ** (1.0 / law.n) if law.timed else 0.0))
+        missed = np.abs(np.sqrt(1.5 * about**2 @ twice) / limit - 1.0)
+        assert missed[grown > 0.0].max() < 1e-11
         assert (lost - YIELD * (p - before[:, 6]) > -1e-10 * YIELD).all()
         told = law.state[:, 13] - before[:, 13]
         assert (told - YIELD * (p - before[:, 6]) > -1e-10 * YIELD).all()

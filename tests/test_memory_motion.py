@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from isorod import Body, InputError, Model, Space, Support, circle, dynamics, straight
+from isorod import Body, InputError, Model, Muscle, Space, Support, circle, dynamics, straight
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit import newton
 from isorod.material.plastic import Plastic, Viscoplastic
@@ -94,6 +94,13 @@ def test_the_balance_of_explicit_steps_is_of_second_order(name) -> None:
     long, short = (dynamics.solve(bar(LAWS[name]), 6.0, step, outputs=2).energy_error[-1] for step in (0.1, 0.05))
     # Steps of viscoplastic flow err by first order themselves.
     assert (2.0 if name == "viscoplastic" else 3.5) < long / short < 4.5
+
+
+def test_a_muscle_that_grows_active_beside_metal_does_its_own_work() -> None:
+    muscle = Muscle(2.6, 0.3, sigma_max=0.02, m1=1.0, m2=0.5, fibre=(0, 0, 1))
+    history = dynamics.solve(bar(muscle, METAL), 12.0, outputs=6, ramp=6.0)
+    assert np.abs(history.energy_error).max() < 1e-3
+    assert history.dissipated[-1] > 0.0
 
 
 def test_what_flows_at_once_is_before_the_motion() -> None:

@@ -96,6 +96,23 @@ def test_steps_of_a_way_that_goes_on_err_as_their_square() -> None:
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
 
 
+def test_short_steps_by_series_are_those_of_the_exponential() -> None:
+    """A step of one part, at the rate of its middle, in steps of any length beside their formula."""
+    moved = np.eye(3) + 0.3 * np.random.default_rng(0).normal(size=(2, 1, 3, 3))
+    before, now = (C / np.cbrt(np.linalg.det(C)) for C in (F[0].T @ F[0] for F in moved))
+    law = _law(0.3).advanced(moved[0], 0.0)
+
+    def damper(x: float, part: float) -> np.ndarray:
+        gone, c = -np.expm1(-x), part * (1.0 + np.expm1(-x) / x)
+        return (1.0 - gone) * np.eye(3) + (gone - c) * before + c * now
+
+    for time in (1e-9, 1e-4, 1.9e-3, 2.1e-3, 9e-3, 1.1e-2, 0.05, 0.15, 0.24):
+        rate = np.cbrt(np.linalg.det(damper(0.5 * time, 0.5)) / np.linalg.det(0.5 * (before + now)))
+        end = damper(rate * time, 1.0)
+        found = np.eye(3) + law.lasting(time).advanced(moved[1], 0.0).state[0, 6:12][[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+        assert np.abs(found - end / np.cbrt(np.linalg.det(end))).max() < 1e-13
+
+
 def test_fast_it_is_glass_and_slow_it_is_rubber() -> None:
     F = np.eye(3) + 0.2 * np.random.default_rng(0).normal(size=(20, 3, 3))
     law, glass = Viscoelastic(2.6, 0.3, [[0.5, 1.0], [0.2, 1e-3]]), Viscoelastic(2.6, 0.3, [[1e-12, 1.0]])

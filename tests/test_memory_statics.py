@@ -199,7 +199,12 @@ def test_layers_that_flow_between_mean_supports_are_warned_of() -> None:
     ends = [MeanSupport.end(made, "start", mean="fixed")]
     ends.append(MeanSupport.end(made, "end", displacement=(0.0, 0.0, 0.01), mean="fixed"))
     with pytest.warns(UserWarning, match="gives way where one of them flows"):
-        statics.solve(Model([body], ends), 1)
+        solution = statics.solve(Model([body], ends), 1)
+    # A point lies in one layer: the others have none.
+    assert solution.stress(0, 0.5, (0.3, 0.0), "von Mises") == pytest.approx(YIELD, rel=0.01)
+    core, shell = solution.state("p", 0, 0.5, [(0.3, 0.0), (0.7, 0.0)]).ravel()
+    assert core > 1e-4
+    assert shell == 0.0
 
 
 def _brittle(F_old, F, state, dt, constants):

@@ -74,6 +74,28 @@ def test_a_clamped_bar_heated_until_it_yields_and_cooled(nu, temperature, tmp_pa
     assert found["lost"] == pytest.approx(1.0015**3 * 200.0 * flown * 8.0 * np.pi, rel=2e-3)
 
 
+def test_what_expands_freely_has_no_error_of_forces_that_are_rounding(tmp_path) -> None:
+    """A core that yields in a shell, heated and cooled: load steps are doubled for what moves, not for its support."""
+    path = tmp_path / "bar.toml"
+    metal = f"{{Plastic = {{E = 200e3, nu = 0.3, hardening = [[0, 100], [0.1, 300]]}}}}"
+    text = CLAMPED.format(
+        law=f"[{metal}, {{NeoHookean = {{E = 100e3, nu = 0.3}}}}]",
+        temperature=150.0,
+        history="[[0, 0], [1, 1], [2, 0]]",
+        end=2.0,
+    )
+    text = text.replace(
+        "expansion = 1e-5",
+        "rings = [0.0, 0.5, 1.0]\nexpansion = [2e-5, 1e-5]\nspace = {elements = 2, section_degree = 2}",
+    )
+    path.write_text(text[: text.index("[support.right]")] + text[text.index("[measure.lost]") :])
+    scene = files.find(str(path))
+    found = solving.solve(scene, scene.settings())[0]
+    assert found.load_steps <= 8
+    assert found.steps_error < 2.5e-3
+    assert np.abs(found.reactions).max() < 1e-6 * 150.0 * 1e-5 * 100e3
+
+
 @pytest.mark.slow  # its steps: half a minute
 def test_a_clamped_bar_that_was_heated_creeps(tmp_path) -> None:
     """``s' = -E A s^n`` of what is left of the strain, and of a bar that is wider by ``g``."""

@@ -4,6 +4,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -24,7 +25,7 @@ from isorod import (
 )
 from isorod.errors import InputError
 from isorod.files.scene import FileScene
-from isorod.material.user import library
+from isorod.material.user import _code, library
 from tests.refused import refused
 
 SOURCES = Path(__file__).parent / "routines"
@@ -220,6 +221,25 @@ end_time = 1.0
     assert found.reactions[1, 2] == pytest.approx(stress * section, rel=2e-5)
     flown = found.state("state_1", 0, 0.5, [[0.5, 0.0]])
     np.testing.assert_allclose(flown, strain - stress / 200e3, rtol=1e-4)
+
+
+CODE = """
+import numpy as np
+def power(x):
+    return {power}
+def routine(F_old, F, state, dt, constants):
+    return np.array([[power(F[i, j]) for j in range(3)] for i in range(3)]) * np.{name}(0.0)
+"""
+
+
+def test_a_function_is_known_by_its_code_wherever_that_is() -> None:
+    def written(power="x", name="exp") -> str:
+        made = {}
+        exec(CODE.format(power=power, name=name), made)
+        return repr(_code(numba.njit(made["routine"])))
+
+    assert written() == written()
+    assert len({written(), written(power="x + 0.0 * x**2"), written(name="cosh")}) == 3
 
 
 test_what_cannot_be_is_said = refused(

@@ -1,11 +1,12 @@
 """Materials of the user's own: a compiled function, Abaqus' UMAT, or a behaviour of MFront."""
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from types import CodeType, FunctionType, MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import numba
@@ -108,11 +109,7 @@ class UserMaterial(Timed):
     @property
     def identity(self) -> str:
         """Its name, code and interface, wherever in memory they are."""
-        made = getattr(self.routine, "py_func", self.routine)
-        own = ""
-        if not isinstance(made, int):
-            around = [one.cell_contents for one in made.__closure__ or ()]
-            own = sha256(made.__code__.co_code + repr((made.__code__.co_consts, around)).encode()).hexdigest()[:8]
+        own = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
         given = self.interface, self.variables, tuple(self.parameters)
         return f"{type(self).__name__} {self.name} {own} {given}"
 
@@ -144,6 +141,23 @@ class UserMaterial(Timed):
         waves = float(plane_waves(law).min())
         if not waves > 1e-12 * scale:
             raise InputError(f"{self.name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+
+
+def _code(made: Any, known: Mapping[str, Any] = MappingProxyType({}), within: tuple[Any, ...] = ()) -> Any:
+    """Return what a function does, the same in any process: its code, and what that knows by its names."""
+    made = getattr(made, "py_func", made)
+    if any(made is one for one in within):
+        return None
+    within = (*within, made)
+    if isinstance(made, FunctionType):
+        around = (one.cell_contents for one in made.__closure__ or ())
+        known = made.__globals__ | dict(zip(made.__code__.co_freevars, around, strict=True))
+        return _code(made.__code__, known, within)
+    if isinstance(made, CodeType):
+        names = made.co_names + made.co_freevars
+        used = (*made.co_consts, *(known[name] for name in names if name in known))
+        return made.co_code, names, [_code(one, known, within) for one in used]
+    return made.tolist() if isinstance(made, np.ndarray) else getattr(made, "__name__", repr(made))
 
 
 @cache

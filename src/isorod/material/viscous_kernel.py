@@ -99,20 +99,12 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 def tangent(work: Array, constants: Array, activation: float) -> None:
     """Add the moduli: the derivative of the stress at the end of the step, symmetric."""
     moduli = np.empty(36 * POINTS)
-    mu, lame, c, n = constants[0], constants[constants.size - 1], constants[2], constants[3]
-    bulk, half = lame + 2.0 / 3.0 * mu, 0.5 * constants[1]
-    rule = _respond(work, constants)
+    mu, lame, n = constants[0], constants[constants.size - 1], constants[3]
+    bulk, rule = lame + 2.0 / 3.0 * mu, _respond(work, constants)
     for k in range(_W):
-        # What the second half leaves of a change across the strain, and of one along it, told by what is left.
-        size = work[at(_SIZE) + k]
-        if n == 1.0:
-            across, forth = work[at(_KEPT) + k], work[at(_KEPT) + k]
-        else:
-            q = max(2.0 * mu * np.sqrt(1.5) * size, 1e-300)
-            across = power(1.0 - (n - 1.0) * c * half * power(q, n - 1.0), 1.0 / (n - 1.0))
-            forth = power(across, n)
-        work[at(_KEPT) + k] = across
-        work[at(_LOSS) + k] = 2.0 * mu * (forth - across) / (size * size) if size > 0.0 else 0.0
+        # The second half leaves as much of a change across the strain, and the power of that of one along it.
+        size, kept = work[at(_SIZE) + k], work[at(_KEPT) + k]
+        work[at(_LOSS) + k] = 2.0 * mu * (power(kept, n) - kept) / (size * size) if size > 0.0 else 0.0
     for m in range(6):
         for p in range(6):
             own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0

@@ -185,15 +185,16 @@ class Equilibrium(State, WithSolids, Animated):
         """Return how far another is, of supports' forces and of displacements, relative to the largest on its way."""
         before, after = self._carried(), finer._carried()
         known = [one for one in before if one in after]
-        changes = []
+        state, changes = finer if finer.largest is None else finer.largest, []
+        largest, extent = float(np.abs(state.displacement).max(initial=0.0)), self.model.size
+        stores = all(getattr(law, "stores", True) for body in self.model.bodies for law in body.laws)
+        inside = state._stored / max(largest, _LITTLE * extent) if stores else 0.0
         for k in range(2):
             old, new = (np.array([one[factor][k] for factor in known]) for one in (before, after))
-            # In the end all may be let go.
+            # In the end all may be let go, and supports of what expands freely carry rounding.
             most = max(np.abs(one).max() for pair in after.values() for one in pair)
-            size = max(np.abs(new).max(initial=0.0), _LITTLE * most)
+            size = max(np.abs(new).max(initial=0.0), _LITTLE * most, _LITTLE * inside * extent**k)
             changes.append(float(np.abs(old - new).max(initial=0.0)) / size if size else 0.0)
-        moved = finer.displacement if finer.largest is None else finer.largest.displacement
-        largest = float(np.abs(moved).max(initial=0.0))
         apart = float(np.abs(finer.displacement - self.displacement).max(initial=0.0))
         changes.append(apart / largest if largest else 0.0)
         return max(changes)

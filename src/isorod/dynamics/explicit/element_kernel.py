@@ -209,7 +209,7 @@ def internal_forces(
     activation
         Share of the laws' own.
     wanted
-        Whether energies are.
+        Whether energies are; of laws with memory that go on they are left out.
     goes_on
         Whether laws with memory go on to the state there.
 
@@ -234,7 +234,8 @@ def internal_forces(
     for e in range(np.uint64(mesh.elements.shape[0])):
         element = mesh.elements[e]
         n, blocks, directions = element.functions, element.blocks, element.directions * _W
-        block = element.update if goes_on and element.update else element.block
+        goes = goes_on and element.update > 0
+        block = element.update if goes else element.block
         constants = mesh.constants[element.constants : element.constants + element.count]
         for t in range(element.points):
             _coefficients(mesh, e, t, u, coefficients)
@@ -249,10 +250,10 @@ def internal_forces(
                 if directions:
                     _take_fibres(mesh.fibres, f, directions, work)
                 call_block(block, (work, constants, activation, wanted))
-                if goes_on and element.update:
+                if goes:
                     for k in range(directions):
                         mesh.fibres[f + k] = work[_R[FIBRE] + k]
-                if wanted:
+                elif wanted:
                     for k in range(_W):
                         stored += mesh.geometry[g + _R[9] + k] * work[_R[ENERGY] + k]
                         active += mesh.geometry[g + _R[9] + k] * work[_R[ACTIVE] + k]
