@@ -15,6 +15,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction, reactions, stresses
 from isorod.checks.finer import Finer
@@ -138,9 +139,7 @@ def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
         after = after._replace(moments=after.moments + np.cross(arms, after.reactions))
         carried = after.bound
         noise = assembler.reaction_noise(x, 1.0)
-        driving = float(np.abs(finer.model.external).sum()) + comm.tompi4py().allreduce(
-            sum(part.expelled for part in assembler.parts)
-        )
+        driving = _driving(assembler, x)
     finally:
         ksp.destroy()
         matrix.destroy()
@@ -166,6 +165,22 @@ def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected, contacts)])
+
+
+def _driving(assembler: Assembler, x: PETSc.Vec) -> float:
+    """Return the size of all forces of loads, those that depend on the state and a spin's too, and of laws at rest."""
+    model, parts, spin = assembler.model, assembler.parts, assembler.model.spin
+    own = sum(part.expelled for part in parts)
+    if spin is not None:
+        rest = [np.zeros(int(part.slots.max()) + 1) for part in parts]
+        own += sum(float(np.abs(part.centrifugal(at, spin)).sum()) for part, at in zip(parts, rest, strict=True))
+    found = float(np.abs(model.external).sum()) + float(x.comm.tompi4py().allreduce(own))
+    if model.following:
+        loads = x.duplicate()
+        assembler.load(model, x, 1.0, loads)
+        found += loads.norm(PETSc.NormType.N1)
+        loads.destroy()
+    return found
 
 
 def _supported(

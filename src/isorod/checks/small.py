@@ -7,15 +7,17 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.gradients import displacement_gradients
+from isorod.material.law import Material
 from isorod.model import Model
 from isorod.model.motion import SupportMotion
+from isorod.model.tie import SolidSurface
 from isorod.tensors import turning
 
 # Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
 # percent.
 LARGE = 0.1
 
-# Share of the largest strain from which one that a turned face is taken for is warned of.
+# Share of the largest strain from which one that a rotation is taken for is warned of.
 _FALSE = 0.005
 
 
@@ -39,12 +41,21 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
             continue
         table = body.space.tabulate(0, body.space.axis.elements)
         shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
-        largest = strained = 0.0
+        largest = strained = turned = 0.0
         for row in displacements:
             nodal = model.nodal(row, b)[body.space.element_nodes].reshape(shape)
             gradients = displacement_gradients(table, nodal)
             largest = max(largest, float(np.abs(gradients).max()))
             strained = max(strained, 0.5 * float(np.abs(gradients + np.swapaxes(gradients, -1, -2)).max()))
+            turned = max(turned, 0.5 * float(np.square(gradients).sum(axis=-2).max()))
+        other = next((law for law in _beside(model, b) if law.objective), None)
+        if other is not None and turned > _FALSE * strained and largest <= LARGE:
+            warnings.warn(
+                f"rotations of body {b} reach {largest:.2g}, which the small-strain law {type(small).__name__} takes "
+                f"for a strain of {turned:.2g}, {100.0 * turned / strained:.2g} % of the largest, and "
+                f"{type(other).__name__}, joined to it, does not; {cure}",
+                stacklevel=3,
+            )
         found.append((f"body {b}", small, largest))
         for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
             false = _false_strain(motion) if support.body == b else 0.0
@@ -65,6 +76,22 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
                 f"needs less than {LARGE:g}; {cure}",
                 stacklevel=3,
             )
+
+
+def _beside(model: Model, body: int) -> list[Material]:
+    """Return the laws of a body and of what is tied to it."""
+    laws = list(model.bodies[body].laws)
+    for tie in model.ties:
+        sides = tie.slave, tie.master
+        for one, other in (sides, sides[::-1]):
+            if getattr(one, "body", None) != body:
+                continue
+            if isinstance(other, SolidSurface):
+                law = model.solids[other.solid].law
+                laws += [] if law is None else [law]
+            else:
+                laws += model.bodies[other.body].laws
+    return laws
 
 
 def _false_strain(motion: SupportMotion) -> float:
