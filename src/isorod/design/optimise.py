@@ -101,8 +101,8 @@ class Problem:
         self._first = 1.0
         self.trouble = ""
 
-    def solve(self, x: Array, known: Answer | None = None) -> Design:
-        """Return the best near some numbers, whose answer may be known.
+    def solve(self, x: Array, known: Answer) -> Design:
+        """Return the best near some numbers, whose answer is known.
 
         Raises
         ------
@@ -111,10 +111,10 @@ class Problem:
         """
         self._rates.clear()
         y = np.log(x / self._start)
-        self._answers = {} if known is None else {y.tobytes(): known}
-        first, self._last = self._answer(y), y
+        self._answers = {y.tobytes(): known}
+        self._last = y
         if self._objective is not None:
-            self._first = abs(first.values[self._objective[0]]) or 1.0
+            self._first = abs(known.values[self._objective[0]]) or 1.0
         squared = self._objective is not None and self._objective[0] == MISFIT
         kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
         constraints = [

@@ -203,6 +203,11 @@ class Equilibrium(State, WithSolids, Animated):
         known = {one.factor: (one.reactions, one.moments) for one in self.path if len(one.reactions)}
         return known | {1.0: (self.reactions, self.moments)}
 
+    @property
+    def factors(self) -> list[float]:
+        """Load factors at which load steps have ended, where these are known: with a memory, contact, or kept."""
+        return sorted({*(one.factor for one in (*self.path, *self.model.past)), 1.0})
+
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
         from isorod.checks import estimate
