@@ -81,7 +81,8 @@ class Evaluations:
             self.solves += 1
             seen, solution, *_ = self._begin(parameters.at(scene, self._named(x)), self.settings)
             with silently(), choices.kept() as made:
-                seen.model()
+                # What is built anew makes all choices.
+                parameters.at(seen, self._named(x)).model()
             self._frozen.append(_Frozen(seen, made, solution))
         return self._measured([one.first for one in self._frozen])
 

@@ -33,6 +33,9 @@ _SOLVES = 60
 # Below this share of what is wanted the logarithm goes on along its tangent: a force may have the wrong sign at first.
 _STRAIGHT = 0.5
 
+# Designs to both sides of a target that are as near as this in logarithms, and miss it, have a jump between them.
+_CLOSE = 1e-3
+
 # What a design that cannot be solved counts, so that the step to it is shortened.
 _BAD = 1e3
 
@@ -125,23 +128,48 @@ class Problem:
             }
             for one in self._wanted
         ]
-        try:
-            found = minimize(
-                lambda z: self._cost(z)[0],
-                y,
-                jac=lambda z: self._cost(z)[1],
-                bounds=self._bounds,
-                constraints=constraints,
-                method="SLSQP",
-                options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
-            )
-            y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
-        except _Enough:
-            y, ended = self._last, f"no end after {_SOLVES} solves"
+        ended, trying = "", True
+        while trying:
+            try:
+                found = minimize(
+                    lambda z: self._cost(z)[0],
+                    y,
+                    jac=lambda z: self._cost(z)[1],
+                    bounds=self._bounds,
+                    constraints=constraints,
+                    method="SLSQP",
+                    options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
+                )
+                y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
+                between = self._between(y) if ended else None
+                trying, y = (False, y) if between is None else (True, between)
+            except _Enough:
+                y, ended, trying = self._last, f"no end after {_SOLVES} solves", False
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
         return Design(self._at(best), answer, missed, self._prices(best), self.trouble or ended)
+
+    def _between(self, y: Array) -> Array | None:
+        """Return where to begin again, halfway between two designs that miss a target to both sides, if there are any.
+
+        So a search comes back from where a target does not change any more, as a set where nothing yields.
+        """
+        if missed_by(self._answer(self._solvable(y)).values, self._wanted)[0] <= MET:
+            return None
+        tried = [np.frombuffer(key) for key in self._answers]
+        for one in (one for one in self._wanted if one.relation == "="):
+            over = [self._answer(z).values[one.name] > one.value for z in tried]
+            pairs = [
+                (float(np.linalg.norm(z - other)), 0.5 * (z + other))
+                for z, above in zip(tried, over, strict=True)
+                for other, beyond in zip(tried, over, strict=True)
+                if above and not beyond
+            ]
+            length, middle = min(pairs, key=lambda pair: pair[0], default=(0.0, y))
+            if length > _CLOSE:
+                return middle
+        return None
 
     def _dependent(self, y: Array) -> str:
         """Return in words which targets depend on each other to first order; empty where none do."""
