@@ -17,9 +17,13 @@ from isorod import options, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError
+from isorod.output.words import duration
 
 # Rounds on new discretisations until the answer of a model solved as if it were new is that of the design.
 _ROUNDS = 3
+
+# Seconds of a solve from which on it is said how many there will be.
+LONG = 2.0
 
 # So far these may differ.
 SAME = 1e-3
@@ -81,6 +85,11 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     x = np.array([one.start for one in varied])
     with scene.locating(), warnings.catch_warnings(action="ignore"):
         before = own.freeze(x)
+    seconds = sum(sum(one.seconds.values()) for one in before.solutions)
+    if seconds > LONG:
+        ending.announce(
+            f"a solve takes some {duration(seconds)}; a design takes 5 to 30, at most {optimise.SOLVES} a round"
+        )
     known = wanted.Known(before.values, [*several] if table else [])
     asked = wanted.wanted(found.target, "--target", "=", known)
     asked += wanted.wanted(found.limit, "--limit", "<>", known)

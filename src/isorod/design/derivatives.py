@@ -75,13 +75,13 @@ def of(
             # Of frequencies that cross, as those of round rods, differences are of now one and now the other.
             return solution.derivatives(make, asked, scene.measure)  # type: ignore[no-any-return]
         found = differences.derivatives(solution, make, asked, scene.measure, solve, True, begin)
-    worst = max(
-        ((error, name, one) for name, errors in found.errors.items() for one, error in errors.items()),
-        default=(0.0, "", ""),
+    off = sorted(
+        (error, one, name) for name, errors in found.errors.items() for one, error in errors.items() if error > UNSURE
     )
-    if worst[0] > UNSURE:
+    if off:
+        worst, one, name = off[-1]
+        more = f", the worst of {len(off)} that are known less well than to 1 %" if len(off) > 1 else ""
         warnings.warn(
-            f"derivative of {worst[2]} by {worst[1]}: differences of answers tell it to {100.0 * worst[0]:.2g} % alone",
-            stacklevel=2,
+            f"derivative of {one} by {name}: differences of answers are {100.0 * worst:.2g} % apart{more}", stacklevel=2
         )
     return found

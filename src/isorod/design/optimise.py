@@ -28,7 +28,7 @@ _MOST = 60
 _NEAR = 1e-3
 
 # Solves after which a search that has not ended does not: what is wanted may not be possible.
-_SOLVES = 60
+SOLVES = 60
 
 # Below this share of what is wanted the logarithm goes on along its tangent: a force may have the wrong sign at first.
 _STRAIGHT = 0.5
@@ -144,7 +144,7 @@ class Problem:
                 between = self._between(y) if ended else None
                 trying, y = (False, y) if between is None else (True, between)
             except _Enough:
-                y, ended, trying = self._last, f"no end after {_SOLVES} solves", False
+                y, ended, trying = self._last, f"no end after {SOLVES} solves", False
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
@@ -202,7 +202,7 @@ class Problem:
     def _answer(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key not in self._answers:
-            if len(self._answers) >= _SOLVES:
+            if len(self._answers) >= SOLVES:
                 raise _Enough
             self._answers[key] = self._evaluations.answer(self._at(y))
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
