@@ -206,7 +206,8 @@ class Equilibrium(State, WithSolids, Animated):
     @property
     def factors(self) -> list[float]:
         """Load factors at which load steps have ended, where these are known: with a memory, contact, or kept."""
-        return sorted({*(one.factor for one in (*self.path, *self.model.past)), 1.0})
+        ends = {*(one.factor for one in self.path), *(one.factor for one in self.model.past)}
+        return sorted(ends | {1.0})
 
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
