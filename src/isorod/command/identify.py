@@ -58,7 +58,9 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
         curves.scenes_of(scene, table), names, chosen.settings(scene, found), solving.solve_scene
     )
     with scene.locating():
-        best = identify.identify(own, several, table, tell)
+        with warnings.catch_warnings(action="ignore"):
+            # Said of what is solved at the end.
+            best = identify.identify(own, several, table, tell)
         after, error, warned = solve_anew(own, best.x)
     say(warned)
     off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())

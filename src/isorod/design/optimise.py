@@ -100,6 +100,7 @@ class Problem:
         self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
         self._names = [one.name for one in several]
         self._answers: dict[bytes, Answer] = {}
+        self._failed: dict[bytes, Exception] = {}
         self._rates: dict[bytes, dict[str, Array]] = {}
         self._first = 1.0
         self.trouble = ""
@@ -113,6 +114,7 @@ class Problem:
             If they have no answer.
         """
         self._rates.clear()
+        self._failed.clear()
         y = np.log(x / self._start)
         self._answers = {y.tobytes(): known}
         self._last = y
@@ -167,7 +169,7 @@ class Problem:
                 if above and not beyond
             ]
             length, middle = min(pairs, key=lambda pair: pair[0], default=(0.0, y))
-            if length > _CLOSE:
+            if length > _CLOSE and middle.tobytes() not in self._failed:
                 return middle
         return None
 
@@ -201,10 +203,17 @@ class Problem:
 
     def _answer(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
+        if key in self._failed:
+            raise self._failed[key]
         if key not in self._answers:
-            if len(self._answers) >= SOLVES:
+            if len(self._answers) + len(self._failed) >= SOLVES:
                 raise _Enough
-            self._answers[key] = self._evaluations.answer(self._at(y))
+            try:
+                self._answers[key] = self._evaluations.answer(self._at(y))
+            except (InputError, SolveError) as problem:
+                # What cannot be solved takes longest, and is asked for by what is least and each that is wanted.
+                self._failed[key] = problem
+                raise
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
             if self._objective is not None:
                 told = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {told}"
