@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from isorod import InputError, files
+from isorod.command import solving
 from isorod.design import evaluations, optimise, parameters, wanted
 from isorod.files.rewritten import rewritten
+from isorod.statics.differences import Unavailable
 
 # A cantilever of slender beam theory: w = 4 F L^3 / (3 pi E r^4).
 BEAM = """
@@ -136,10 +138,15 @@ def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkey
     vary, design = "rod.beam.section.circle=0.5:2", importlib.import_module("isorod.command.design")
     words = ("design", "beam.toml", "--vary", vary, "--target", "deflection=-1")
     with monkeypatch.context() as patch:
-        patch.setattr(optimise, "_SOLVES", 2)
+        patch.setattr(optimise, "SOLVES", 2)
         code, _, err = command._run(words)
         assert code == 2 and "no end after 2 solves" in err
-    monkeypatch.setattr(design, "solve_anew", lambda *given: ({"deflection": -1.1, "mass": 1.0}, None, []))
+
+    def other(own, x):
+        answer = own.freeze(x)
+        return answer._replace(values={"deflection": -1.1, "mass": 1.0}), None, []
+
+    monkeypatch.setattr(design, "solve_anew", other)
     code, _, err = command._run(words)
     assert code == 2 and "targets or limits are not met: deflection = -1.1, wanted = -1" in err
 
@@ -205,15 +212,14 @@ def test_mass_is_worth_what_it_is_in_modes_too(command, beam):
 
 def test_where_answers_tell_no_derivatives_they_are_differences(twin, monkeypatch):
     scene = files.find("twin.toml")
-    own = evaluations.Evaluations({"": scene}, [f"{LAW}.E", f"{LAW}.nu"], {})
+    own = evaluations.Evaluations({"": scene}, [f"{LAW}.E", f"{LAW}.nu"], {}, solving.solve_scene)
     x = np.array([100.0, 0.3])
-    own.freeze(x)
-    answer = own.answer(x)
+    answer = own.freeze(x)
     exact = own.derivatives(x, answer)
     assert not own.untold
 
     def refuse(*given):
-        raise InputError("derivatives: not told with contact; isorod sweep varies the parameter")
+        raise Unavailable("derivatives: not told with contact; isorod sweep varies the parameter")
 
     monkeypatch.setattr(type(answer.solutions[0]), "derivatives", refuse)
     found = own.derivatives(x, answer)

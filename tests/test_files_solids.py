@@ -9,6 +9,7 @@ import solids
 
 from isorod import InputError, LinearElastic, SolveError, files, modal, statics
 from isorod.command import cli, printing, solving
+from isorod.design import derivatives
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.space import choice
@@ -289,3 +290,12 @@ def test_show_tells_of_a_body_and_draws_it(written, tmp_path, capsys):
     # Lines between cells are of the legend's colour, what is between them paler: nothing else is green.
     rows, columns = np.nonzero(pixels[:, :, 1] > 8 + pixels[:, :, [0, 2]].max(axis=2))
     assert rows.size > 3000 and np.ptp(columns) > 100
+
+
+def test_derivatives_with_a_block_are_differences_of_answers(written):
+    pulled = "[support.end]\nend = 'end'\ndisplacement = [0.0, 0.0, 1e-3]\n"
+    scene, name = written(*HELD, more=pulled), "support.end.displacement.2"
+    found = derivatives.of(scene, statics.solve(scene.model()), {name: 1e-3})
+    assert found.why == "not available with finite element bodies"
+    assert found.by[name]["force"][2] * 1e-3 == pytest.approx(found.values["force"][2], rel=1e-8)
+    assert found.errors[name]["force"] < 1e-6

@@ -250,5 +250,5 @@ def test_ranks_find_the_same(on_ranks, tmp_path):
 def test_with_contact_and_a_memory_it_is_refused(tmp_path):
     text = RING.replace("NeoHookean = {E = 10.0, nu = 0.4}", "Plastic = {E = 10.0, nu = 0.3, hardening = [[0, 9.0]]}")
     (tmp_path / "ring.toml").write_text(text)
-    with pytest.raises(InputError, match=r"^derivatives: not available with contact of laws with memory; isorod sweep"):
+    with pytest.raises(InputError, match=r"^derivatives: not available with contact of laws with memory$"):
         refuse(files.find(str(tmp_path / "ring.toml")).model())

@@ -17,9 +17,13 @@ from isorod import options, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError
+from isorod.output.words import duration
 
 # Rounds on new discretisations until the answer of a model solved as if it were new is that of the design.
 _ROUNDS = 3
+
+# Seconds of a solve from which on it is said how many there will be.
+LONG = 2.0
 
 # So far these may differ.
 SAME = 1e-3
@@ -64,6 +68,7 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
+    from isorod.command import solving
     from isorod.design import curves, evaluations, optimise, wanted
 
     several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}
@@ -76,11 +81,15 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     table = read_table(found, scene, varied)
     several = several if table is None else curves.scenes_of(scene, table)
     settings = chosen.settings(scene, found)
-    own = evaluations.Evaluations(several, [one.name for one in varied], settings, table)
+    own = evaluations.Evaluations(several, [one.name for one in varied], settings, solving.solve_scene, table)
     x = np.array([one.start for one in varied])
-    with scene.locating():
-        own.freeze(x)
-        before = own.answer(x)
+    with scene.locating(), warnings.catch_warnings(action="ignore"):
+        before = own.freeze(x)
+    seconds = sum(sum(one.seconds.values()) for one in before.solutions)
+    if seconds > LONG:
+        ending.announce(
+            f"a solve takes some {duration(seconds)}; a design takes 5 to 30, at most {optimise.SOLVES} a round"
+        )
     known = wanted.Known(before.values, [*several] if table else [])
     asked = wanted.wanted(found.target, "--target", "=", known)
     asked += wanted.wanted(found.limit, "--limit", "<>", known)
@@ -97,7 +106,8 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         raise InputError("design: no objective or constraint; give --target, --limit, --minimise, --maximise, --table")
     problem = optimise.Problem(own, varied, asked, objective, tell)
     with scene.locating():
-        best, after, error = _found(problem, own, x, before, _concerned(asked, objective, table))
+        best, last, error = _found(problem, own, x, before, _concerned(asked, objective, table))
+    after = last.values
     anew = optimise.missed_by(after, asked)
     if anew[0] > max(best.missed[0], SAME):
         best = best._replace(missed=anew)
@@ -150,15 +160,13 @@ def _found(
     x: Any,
     before: Any,
     concerned: Sequence[str],
-) -> tuple[Any, dict[str, float], float | None]:
+) -> tuple[Any, Any, float | None]:
     """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
-    for attempt in range(_ROUNDS):
-        if attempt:
-            own.freeze(x)
-        best = problem.solve(x, None if attempt else before)
+    for _ in range(_ROUNDS):
+        best = problem.solve(x, before)
         x = best.x
-        after, error, warned = solve_anew(own, x)
-        off = max(_apart(best.answer.values[name], after[name]) for name in concerned)
+        before, error, warned = solve_anew(own, x)
+        off = max(_apart(best.answer.values[name], before.values[name]) for name in concerned)
         if off <= SAME:
             break
     else:
@@ -168,7 +176,7 @@ def _found(
             stacklevel=2,
         )
     say(warned)
-    return best, after, error
+    return best, before, error
 
 
 def read_table(found: argparse.Namespace, scene: Any, varied: Sequence[Any]) -> Any:
@@ -251,27 +259,18 @@ def again(scene: Any, values: Mapping[str, float]) -> str:
     return shlex.join(["isorod", "run", scene.path, *words])
 
 
-def solve_anew(own: Any, x: Any) -> tuple[dict[str, float], float | None, list[warnings.WarningMessage]]:
-    """Return what is measured of models as if they were new, the largest error, and what was warned of.
-
-    They are on the discretisations that suit them, and begin at rest.
-    """
+def solve_anew(own: Any, x: Any) -> tuple[Any, float | None, list[warnings.WarningMessage]]:
+    """Return the answer of models as if they were new, the largest error, and what was warned of."""
     from isorod.command import solving
-    from isorod.design import evaluations, parameters
 
-    values: dict[str, float] = {}
     worst: float | None = None
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        for case, scene in own.scenes.items():
-            there = parameters.at(scene, dict(zip(own.names, map(float, x), strict=True)))
-            solution, _ = solving.solve(there, own.settings)
+        after = own.freeze(x)
+        for scene, solution in zip(own.scenes.values(), after.solutions, strict=True):
             error = solving.estimate(solution, bool(scene.stresses)).get("error_estimate")
             worst = error if worst is None else max(worst, error or 0.0)
-            values |= evaluations.of_case(case, evaluations.flat(evaluations.measured(there, solution)))
-    own.add_misfit(values)
-    own.solves += len(own.scenes)
-    return values, worst, warned
+    return after, worst, warned
 
 
 def say(warned: Sequence[warnings.WarningMessage]) -> None:
@@ -294,8 +293,8 @@ def _apart(one: float, other: float) -> float:
 
 def tell(words: str) -> None:
     """Say on a terminal how far it is."""
-    if ending.rank() == 0 and sys.stderr.isatty():
-        print(f"isorod: {words}", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        ending.announce(words)
 
 
 def lines(record: Mapping[str, Any]) -> list[str]:

@@ -104,6 +104,12 @@ def fail(program: str, message: str) -> int:
     return 2
 
 
+def announce(words: str) -> None:
+    """Say on standard error what is to come, once for all ranks."""
+    if rank() == 0:
+        print(f"isorod: {words}", file=sys.stderr, flush=True)
+
+
 def rank() -> int:
     """Return the number of this rank, also before MPI has started."""
     number = next((os.environ[name] for name in _RANK if name in os.environ), None)

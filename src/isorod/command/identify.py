@@ -47,18 +47,23 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _identify(scene: Any, found: Any) -> dict[str, Any]:
+    from isorod.command import solving
     from isorod.command.design import SAME, again, differences_of, draw, read_table, say, solve_anew, tell
     from isorod.design import curves, evaluations, identify, wanted
 
     several = wanted.varied(found.vary, scene)
     table = read_table(found, scene, several)
     names = [one.name for one in several]
-    own = evaluations.Evaluations(curves.scenes_of(scene, table), names, chosen.settings(scene, found))
+    own = evaluations.Evaluations(
+        curves.scenes_of(scene, table), names, chosen.settings(scene, found), solving.solve_scene
+    )
     with scene.locating():
-        best = identify.identify(own, several, table, tell)
+        with warnings.catch_warnings(action="ignore"):
+            # Said of what is solved at the end.
+            best = identify.identify(own, several, table, tell)
         after, error, warned = solve_anew(own, best.x)
     say(warned)
-    off = float(np.abs(table.off(after) - table.off(best.answers)).max())
+    off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())
     if off > SAME:
         warnings.warn(
             f"solved as new answers are up to {100.0 * off:.2g} % of the largest value off those of the fit: the "

@@ -11,6 +11,8 @@ _ENTRIES = 4
 
 def lines(record: Mapping[str, Any]) -> Iterator[str]:
     """Yield the derivatives of a record, a table for each number that is measured."""
+    if "differences" in record:
+        yield f"derivatives with their errors are differences of answers: exact ones are {record['differences']}"
     for parameter, why in record["no_derivatives"].items():
         yield f"no derivative by {parameter}: {why}"
     for name, by in record["derivatives"].items():
@@ -22,4 +24,6 @@ def lines(record: Mapping[str, Any]) -> Iterator[str]:
             for parameter, found in by.items():
                 rate = float(np.asarray(found["derivative"]).ravel()[k])
                 share = f"{found['at'] * rate / value:+10.3g} %" if value else ""
-                yield f"  {parameter:{width}}{rate:14.6g}{share}"
+                known = found.get("error_estimate")
+                error = "" if known is None else f"  known to {100.0 * known:.2g} %"
+                yield f"  {parameter:{width}}{rate:14.6g}{share}{error}"

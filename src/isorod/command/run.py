@@ -159,8 +159,9 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if getattr(found, "derivatives", False):
         from isorod.design import derivatives
 
-        rates = derivatives.of(seen, solution)
+        rates = derivatives.of(seen, solution, None, settings, ending.announce)
         record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
+        record |= {"differences": rates.why} if rates.why else {}
     solving.refuse_unused()
     return record, solution
 

@@ -1,27 +1,25 @@
 """What scenes measure, and its derivatives, as functions of some of their numbers, on one discretisation."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from isorod import choices
 from isorod.arrays import Array
-from isorod.design import parameters
+from isorod.design import differences, parameters
 from isorod.design.curves import Curve
-from isorod.errors import InputError, SolveError
 from isorod.statics.derivatives import numbers
-from isorod.statics.differences import Measured
+from isorod.statics.differences import Measured, silently
 
 # What of the rods can be asked for beside what is measured, and how far a curve is off, squared, in the mean.
 OWN = ("mass", "volume")
 MISFIT = "misfit"
 
-# Where an answer has no derivatives they are differences of answers at this share of a number to both sides: errors
-# go with its square, and what contact leaves of its search, some 1e-7 of a force, over it.
-_APART = 2e-3
+# Returns, of a scene and keyword arguments of its analysis, the scene on the spaces that it is solved on, and what was
+# solved.
+Begin = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
 
 
 class Answer(NamedTuple):
@@ -29,6 +27,14 @@ class Answer(NamedTuple):
 
     values: dict[str, float]
     solutions: Sequence[Any]
+
+
+class _Frozen(NamedTuple):
+    """A scene on the spaces that its first answer is on, the choices of its model, and that answer."""
+
+    scene: Any
+    made: choices.Choices
+    first: Any
 
 
 class Evaluations:
@@ -42,6 +48,8 @@ class Evaluations:
         The numbers that vary.
     settings
         Keyword arguments of the analysis.
+    begin
+        Solves a scene as if it were new.
     table
         The curve whose points the scenes are: how far it is off is among the answers.
 
@@ -49,8 +57,8 @@ class Evaluations:
     ----------
     solves
         How many analyses there were.
-    untold, refused
-        Why some derivatives are differences of answers, empty where none are, and whether all are.
+    untold
+        Why some derivatives are differences of answers, empty where none are.
     """
 
     def __init__(
@@ -58,20 +66,25 @@ class Evaluations:
         several: Mapping[str, Any],
         names: Sequence[str],
         settings: Mapping[str, Any],
+        begin: Begin,
         table: Curve | None = None,
     ) -> None:
         self.scenes, self.names, self.settings, self.table = dict(several), list(names), dict(settings), table
-        self.solves, self.untold, self.refused = 0, "", False
-        self._last: list[Any] = [None] * len(self.scenes)
-        self._choices: list[choices.Choices] = []
+        self.solves, self.untold, self._begin = 0, "", begin
+        self._frozen: list[_Frozen] = []
+        self._last: Sequence[Any] = ()
 
-    def freeze(self, x: Array) -> None:
-        """Take the discretisation that is chosen at some numbers for all."""
-        self._choices, self._last = [], [None] * len(self.scenes)
+    def freeze(self, x: Array) -> Answer:
+        """Return what is measured of new models, whose discretisations and load steps all others will have."""
+        self._frozen = []
         for scene in self.scenes.values():
-            with _silently(), choices.kept() as made:
-                parameters.at(scene, self._named(x)).model()
-            self._choices.append(made)
+            self.solves += 1
+            seen, solution, *_ = self._begin(parameters.at(scene, self._named(x)), self.settings)
+            with silently(), choices.kept() as made:
+                # What is built anew makes all choices.
+                parameters.at(seen, self._named(x)).model()
+            self._frozen.append(_Frozen(seen, made, solution))
+        return self._measured([one.first for one in self._frozen])
 
     def answer(self, x: Array) -> Answer:
         """Return what is measured.
@@ -81,13 +94,15 @@ class Evaluations:
         InputError, SolveError
             If there is no such model, or no answer.
         """
+        return self._measured(
+            [self._solve(k, self._make(k, self._named(x)), near) for k, near in enumerate(self._last)]
+        )
+
+    def _measured(self, solutions: Sequence[Any]) -> Answer:
         values: dict[str, float] = {}
-        solutions = []
-        for k, (case, scene) in enumerate(self.scenes.items()):
-            solution = self._solve(scene, self._make(k, scene, self._named(x)), self._last[k])
-            solutions.append(solution)
-            with _silently():
-                values |= of_case(case, flat(measured(scene, solution)))
+        for case, frozen, solution in zip(self.scenes, self._frozen, solutions, strict=True):
+            with silently():
+                values |= of_case(case, flat(measured(frozen.scene, solution)))
         self._last = solutions
         self.add_misfit(values)
         return Answer(values, solutions)
@@ -100,79 +115,44 @@ class Evaluations:
     def derivatives(self, x: Array, answer: Answer) -> dict[str, Array]:
         """Return the derivatives of what is measured by all numbers, shape ``(numbers,)`` each."""
         found: dict[str, Array] = {}
-        for k, (case, scene) in enumerate(self.scenes.items()):
-            rows = self._rates(k, scene, self._named(x), answer.solutions[k])
+        for k, case in enumerate(self.scenes):
+            rows = self._rates(k, self._named(x), answer.solutions[k])
             found |= of_case(case, {one: np.array([row[one] for row in rows]) for one in rows[0]})
         if self.table is not None:
             found[MISFIT] = 2.0 * np.mean(self.table.off(answer.values)[:, None] * self.table.slopes(found), axis=0)
         return found
 
-    def _rates(self, k: int, scene: Any, at: dict[str, float], solution: Any) -> list[dict[str, float]]:
+    def _rates(self, k: int, at: dict[str, float], solution: Any) -> list[dict[str, float]]:
         """Return the derivatives of what a scene measures, by each number."""
-
-        def make(values: Mapping[str, float]) -> Any:
-            return self._make(k, scene, values)
-
-        if self.refused:
-            return [self._difference(k, scene, at, name, solution) for name in self.names]
-        try:
-            rates = solution.derivatives(make, at, lambda one: measured(scene, one))
-        except (InputError, SolveError) as problem:
-            self.untold, self.refused = str(problem).removeprefix("derivatives: ").partition(";")[0], True
-            return self._rates(k, scene, at, solution)
-        found, modal = [], scene.analysis == "modal"
-        for name in self.names:
-            if name in rates.none and solution.model.remembers:
-                # Somewhere on the path a point is about to yield: designs go on past it.
-                self.untold = f"not available by {name} everywhere ({rates.none[name]})"
-                found.append(self._difference(k, scene, at, name, solution))
-                continue
-            rate = rates.by[name] if name in rates.by else rates.told().by[name]
-            # Derivatives of modes are those of frequencies alone.
-            found.append(flat(rate) | (self._own(make, at, name) if modal else {}))
-        return found
+        scene, make = self._frozen[k].scene, partial(self._make, k)
+        rates = differences.derivatives(
+            solution, make, at, lambda one: measured(scene, one), partial(self._solve, k)
+        ).told()
+        self.untold = rates.why or self.untold
+        # Derivatives of modes are those of frequencies alone.
+        modal = scene.analysis == "modal"
+        return [flat(rates.by[name]) | (self._own(make, at, name) if modal else {}) for name in self.names]
 
     @staticmethod
     def _own(make: Callable[[Mapping[str, float]], Any], at: dict[str, float], name: str) -> dict[str, float]:
         """Return the derivatives of mass and volume by a number."""
-        step = _APART * abs(at[name])
+        step = differences.APART * abs(at[name])
         less, more = (own(make(at | {name: at[name] + way})) for way in (-step, step))
         return {one: (more[one] - less[one]) / (2.0 * step) for one in less}
-
-    def _difference(self, k: int, scene: Any, at: dict[str, float], name: str, solution: Any) -> dict[str, float]:
-        """Return the derivatives by a number as differences of answers on both sides, or on one where it ends."""
-        with _silently():
-            ends, step = {0.0: flat(measured(scene, solution))}, _APART * abs(at[name])
-            for way in (-step, step):
-                try:
-                    beside = self._solve(scene, self._make(k, scene, at | {name: at[name] + way}), solution)
-                except (InputError, SolveError):
-                    continue
-                ends[way] = flat(measured(scene, beside))
-        first, last = min(ends), max(ends)
-        if first == last:
-            raise InputError(f"derivative by {name}: there is none here: models beside it cannot be solved")
-        return {one: (ends[last][one] - ends[first][one]) / (last - first) for one in ends[0.0]}
 
     def _named(self, x: Array) -> dict[str, float]:
         return dict(zip(self.names, map(float, x), strict=True))
 
-    def _make(self, k: int, scene: Any, values: Mapping[str, float]) -> Any:
+    def _make(self, k: int, values: Mapping[str, float]) -> Any:
         # What there is to say of it is said at the end.
-        with _silently(), choices.repeated(self._choices[k]):
-            return parameters.at(scene, values).model()
+        frozen = self._frozen[k]
+        with silently(), choices.repeated(frozen.made):
+            return parameters.at(frozen.scene, values).model()
 
-    def _solve(self, scene: Any, model: Any, near: Any) -> Any:
-        settings = dict(self.settings)
-        if scene.analysis == "statics" and near is not None:
-            # The answer beside it is near.
-            settings["start"] = near.displacement
-            if model.remembers and model.times is None:
-                # With as many load steps, as it is off by these.
-                settings["load_steps"] = near.load_steps
+    def _solve(self, k: int, model: Any, near: Any) -> Any:
         self.solves += 1
-        with _silently():
-            return import_module(f"isorod.{scene.analysis}").solve(model, **settings)
+        scene, _, first = self._frozen[k]
+        return differences.solve_beside(scene, model, self.settings, near, first)
 
 
 def measured(scene: Any, solution: Any) -> Measured:
@@ -202,7 +182,3 @@ def flat(found: Measured) -> dict[str, float]:
 def of_case(case: str, found: Mapping[str, Any]) -> dict[str, Any]:
     """Return numbers of a load case by their names, of the rods themselves without that of the case."""
     return {f"{case}.{name}" if case and name not in OWN else name: one for name, one in found.items()}
-
-
-def _silently() -> warnings.catch_warnings:
-    return warnings.catch_warnings(action="ignore")

@@ -74,8 +74,8 @@ def identify(
 
     y, ends = start / size, {"xtol": _ALIKE, "ftol": _ALIKE, "gtol": _ALIKE}
     for _ in range(_ROUNDS):
-        evaluations.freeze(y * size)
         answers.clear()
+        answers[np.ascontiguousarray(y).tobytes()] = evaluations.freeze(y * size)
         found = least_squares(misfit, y, slopes, bounds.T, max_nfev=_MOST, **ends)
         y = found.x
     if not found.success:

@@ -28,10 +28,13 @@ _MOST = 60
 _NEAR = 1e-3
 
 # Solves after which a search that has not ended does not: what is wanted may not be possible.
-_SOLVES = 60
+SOLVES = 60
 
 # Below this share of what is wanted the logarithm goes on along its tangent: a force may have the wrong sign at first.
 _STRAIGHT = 0.5
+
+# Designs to both sides of a target that are as near as this in logarithms, and miss it, have a jump between them.
+_CLOSE = 1e-3
 
 # What a design that cannot be solved counts, so that the step to it is shortened.
 _BAD = 1e3
@@ -97,12 +100,13 @@ class Problem:
         self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
         self._names = [one.name for one in several]
         self._answers: dict[bytes, Answer] = {}
+        self._failed: dict[bytes, Exception] = {}
         self._rates: dict[bytes, dict[str, Array]] = {}
         self._first = 1.0
         self.trouble = ""
 
-    def solve(self, x: Array, known: Answer | None = None) -> Design:
-        """Return the best near some numbers, whose answer may be known.
+    def solve(self, x: Array, known: Answer) -> Design:
+        """Return the best near some numbers, whose answer is known.
 
         Raises
         ------
@@ -110,11 +114,12 @@ class Problem:
             If they have no answer.
         """
         self._rates.clear()
+        self._failed.clear()
         y = np.log(x / self._start)
-        self._answers = {} if known is None else {y.tobytes(): known}
-        first, self._last = self._answer(y), y
+        self._answers = {y.tobytes(): known}
+        self._last = y
         if self._objective is not None:
-            self._first = abs(first.values[self._objective[0]]) or 1.0
+            self._first = abs(known.values[self._objective[0]]) or 1.0
         squared = self._objective is not None and self._objective[0] == MISFIT
         kinds = {"=": "eq", "<": "ineq", ">": "ineq"}
         constraints = [
@@ -125,23 +130,48 @@ class Problem:
             }
             for one in self._wanted
         ]
-        try:
-            found = minimize(
-                lambda z: self._cost(z)[0],
-                y,
-                jac=lambda z: self._cost(z)[1],
-                bounds=self._bounds,
-                constraints=constraints,
-                method="SLSQP",
-                options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
-            )
-            y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
-        except _Enough:
-            y, ended = self._last, f"no end after {_SOLVES} solves"
+        ended, trying = "", True
+        while trying:
+            try:
+                found = minimize(
+                    lambda z: self._cost(z)[0],
+                    y,
+                    jac=lambda z: self._cost(z)[1],
+                    bounds=self._bounds,
+                    constraints=constraints,
+                    method="SLSQP",
+                    options={"ftol": _LEAST_SQUARE if squared else _LEAST, "maxiter": _MOST},
+                )
+                y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
+                between = self._between(y) if ended else None
+                trying, y = (False, y) if between is None else (True, between)
+            except _Enough:
+                y, ended, trying = self._last, f"no end after {SOLVES} solves", False
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
         return Design(self._at(best), answer, missed, self._prices(best), self.trouble or ended)
+
+    def _between(self, y: Array) -> Array | None:
+        """Return where to begin again, halfway between two designs that miss a target to both sides, if there are any.
+
+        So a search comes back from where a target does not change any more, as a set where nothing yields.
+        """
+        if missed_by(self._answer(self._solvable(y)).values, self._wanted)[0] <= MET:
+            return None
+        tried = [np.frombuffer(key) for key in self._answers]
+        for one in (one for one in self._wanted if one.relation == "="):
+            over = [self._answer(z).values[one.name] > one.value for z in tried]
+            pairs = [
+                (float(np.linalg.norm(z - other)), 0.5 * (z + other))
+                for z, above in zip(tried, over, strict=True)
+                for other, beyond in zip(tried, over, strict=True)
+                if above and not beyond
+            ]
+            length, middle = min(pairs, key=lambda pair: pair[0], default=(0.0, y))
+            if length > _CLOSE and middle.tobytes() not in self._failed:
+                return middle
+        return None
 
     def _dependent(self, y: Array) -> str:
         """Return in words which targets depend on each other to first order; empty where none do."""
@@ -173,10 +203,17 @@ class Problem:
 
     def _answer(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
+        if key in self._failed:
+            raise self._failed[key]
         if key not in self._answers:
-            if len(self._answers) >= _SOLVES:
+            if len(self._answers) + len(self._failed) >= SOLVES:
                 raise _Enough
-            self._answers[key] = self._evaluations.answer(self._at(y))
+            try:
+                self._answers[key] = self._evaluations.answer(self._at(y))
+            except (InputError, SolveError) as problem:
+                # What cannot be solved takes longest, and is asked for by what is least and each that is wanted.
+                self._failed[key] = problem
+                raise
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
             if self._objective is not None:
                 told = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {told}"

@@ -149,7 +149,9 @@ CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": P
 TIES = Form("isorod.files.ties:tie", kinds={"slave": SURFACE, "master": SURFACE, "bond": BOND})
 
 # What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
-_RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep solids".split())
+_RUN = tuple(
+    "model comm petsc state displacement velocity checkpoint every resume progress start keep solids like".split()
+)
 _SWING = {"damping": DAMPING, "loads": SEVERAL_LOADS}
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
@@ -237,5 +239,5 @@ RESERVED = frozenset(
     "smallest_jacobian volume control_points stabilisation stabilisation_rounds about falling places "
     "stress_error_estimate negative_eigenvalues deviation time_error factors linear settled equilibria largest "
     "critical_load critical_loads obstacle_forces obstacle_moments end_time response peaks apparent resonances ratios "
-    "left_out".split()
+    "left_out derivatives no_derivatives differences".split()
 )

@@ -22,7 +22,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
-from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Measured, Steps
+from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Measured, Steps, Unavailable
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -46,11 +46,11 @@ def derivatives(
     model = solution.model
     refuse(model)
     if model.remembers or model.times is not None:
-        raise InputError("derivatives: not available for modes about a state over time, or of laws with memory")
+        raise Unavailable("derivatives: not available for modes about a state over time, or of laws with memory")
     if model.contacts:
-        raise InputError("derivatives: not available for modes with contact; isorod sweep varies the number")
+        raise Unavailable("derivatives: not available for modes with contact; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):
-        raise InputError("derivatives: not available for modes with a spin or of the mixed formulation")
+        raise Unavailable("derivatives: not available for modes with a spin or of the mixed formulation")
     first = solution.rigid
     values = solution.eigenvalues[first:]
     if (values <= 0.0).any():

@@ -214,7 +214,7 @@ def derivatives(
     Raises
     ------
     InputError
-        As there; with contact and a memory too.
+        As there; `Unavailable` with contact and a memory too.
     SolveError
         If an increment is not found once more.
     """

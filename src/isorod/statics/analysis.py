@@ -1,7 +1,7 @@
 """Static equilibrium: SNES with load continuation."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path as File
@@ -50,6 +50,7 @@ def solve(
     checkpoint: str | File | None = None,
     every: float = 30.0,
     resume: bool = False,
+    like: Equilibrium | None = None,
 ) -> Equilibrium:
     """Bring supports and loads to their full values, or follow their histories, and return the equilibrium.
 
@@ -96,6 +97,9 @@ def solve(
         File to keep the last equilibrium in, at load steps at least this many seconds of wall time apart; whether to
         continue from it.  A file that is there is not overwritten without.  Without contact, ties, mean supports and
         finite element bodies; of laws with memory ``load_steps`` are to be given.
+    like
+        The answer of a model beside: where the path counts (memory, friction) its load steps are taken, whatever
+        ``load_steps`` and ``steps_tolerance`` are, so that a difference of both is none of their errors.
 
     Raises
     ------
@@ -118,9 +122,12 @@ def solve(
     if checkpoint is not None and load_steps is None and model.remembers:
         raise InputError("checkpoint: give load steps, which else are doubled until their error is small")
     kept = None if checkpoint is None else Kept(File(checkpoint), every, resume)
+    stops: Sequence[float] = ()
+    if like is not None and (model.remembers or any(one.friction for one in model.contacts)):
+        asked, stops = 1, like.factors
     with in_force(petsc):
-        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress, kept)
-        if load_steps is None and model.remembers:
+        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress, kept, stops)
+        if load_steps is None and model.remembers and not stops:
             return _in_enough_steps(found, (keep, outputs), stable, steps_tolerance)
     return found
 
@@ -176,6 +183,7 @@ def _solve(
     stable: bool,
     progress: bool,
     saved: Kept | None = None,
+    stops: Sequence[float] = (),
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
@@ -203,7 +211,7 @@ def _solve(
         if saved is not None:
             keeper = Keeper(solver, path, saved, (load_steps, kept))
         found = None if path.outputs or model.times is not None or saved else begin(solver, start_at, path)
-        augmentations = climb(solver, load_steps, path, start_at, keeper) if found is None else found
+        augmentations = climb(solver, load_steps, path, start_at, keeper, stops) if found is None else found
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
@@ -239,7 +247,7 @@ def _solve(
             moments=moments,
             work=work,
             load_steps=len(path.steps),
-            in_more_steps=partial(_in_more_steps, load_steps, (False, None), False),
+            in_more_steps=None if stops else partial(_in_more_steps, load_steps, (False, None), False),
             cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,

@@ -44,17 +44,24 @@ def descend(solver: Newton, path: Path) -> int:
     return updates
 
 
-def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None, keeper: Keeper | None = None) -> int:
+def climb(
+    solver: Newton,
+    load_steps: int,
+    path: Path,
+    start: Array | None = None,
+    keeper: Keeper | None = None,
+    stops: Sequence[float] = (),
+) -> int:
     """Go to the full load, from where a checkpoint was left; return how often multipliers were updated; fill the path.
 
-    Steps end at the path's outputs.  With friction ``start``, a displacement near the end, is the first guess of a path
-    of one load step.
+    Steps end at ``stops`` and the path's outputs.  With friction ``start``, a displacement near the end, is the first
+    guess of a path of one load step.
     """
     policy, model = solver.policy, solver.assembler.model
     in_steps, stages = policy is not None and policy.in_steps, model.stages
-    if in_steps and start is not None and load_steps == 1 and model.times is None:
+    if in_steps and start is not None and load_steps == 1 and model.times is None and len(stops) < 2:
         solver.guess = solver.assembler.state(start)
-    stops = sorted({*stages, *path.outputs})
+    stops = sorted({*stages, *path.outputs, *stops})
     solver.left = path.left
 
     def first(factor: float) -> float:

@@ -22,7 +22,6 @@ from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks.reactions import carried
 from isorod.checks.tie_result import at_load
-from isorod.errors import InputError
 from isorod.model.history import Times
 from isorod.model.model import Model
 from isorod.model.times import until
@@ -37,6 +36,7 @@ from isorod.statics.differences import (
     Kinked,
     Measured,
     Steps,
+    Unavailable,
     largest,
     near,
     scale,
@@ -75,13 +75,13 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 
 def refuse(model: Model) -> None:
-    """Raise `InputError` where the path of contact counts, and for finite element bodies."""
+    """Raise `Unavailable` where the path of contact counts, and for finite element bodies."""
     if any(one.friction for one in model.contacts):
-        raise InputError("derivatives: not available with friction, which depends on the path; isorod sweep varies it")
+        raise Unavailable("derivatives: not available with friction, which depends on the path")
     if model.contacts and model.remembers:
-        raise InputError("derivatives: not available with contact of laws with memory; isorod sweep varies the number")
+        raise Unavailable("derivatives: not available with contact of laws with memory")
     if model.solids:
-        raise InputError("derivatives: not available with finite element bodies")
+        raise Unavailable("derivatives: not available with finite element bodies")
 
 
 def as_solved(make: Callable[[Mapping[str, float]], Model], times: Times | None) -> Callable[..., Model]:
@@ -163,16 +163,15 @@ class Moving:
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
 
     def _refuse_inexact(self) -> None:
-        """Raise `InputError` where the tangent is not the derivative of the residual, as of pressures at free ends."""
+        """Raise `Unavailable` where the tangent is not the derivative of the residual, as of pressures at free ends."""
         found, change = (self.assembler.vector() for _ in range(2))
         for step in (-_SHORT, _SHORT):
             self.assembler.residual((1.0 + step) * self.x, 1.0, change)
             found.axpy(0.5 / step, change)
         self._tangent.mult(self.x, change)
         if not (found - change).norm() <= _INEXACT * change.norm():
-            raise InputError(
-                "derivatives: not available with contact and pressures that follow a surface to a free end; isorod "
-                "sweep varies the number"
+            raise Unavailable(
+                "derivatives: not available with contact and pressures that follow a surface to a free end"
             )
 
     def _settle(self, solution: Any, times: float) -> None:
@@ -181,7 +180,7 @@ class Moving:
 
         contact, left = self.assembler.contact, solution.settled
         if left is None or contact is None:
-            raise InputError("derivatives: how contact was settled is not known; solve the model anew")
+            raise Unavailable("derivatives: how contact was settled is not known; solve the model anew")
         self._left = relative(contact, left, solution.contacts)
         restore(contact, self._left)
         moved = self.assembler.touching(self.x, 1.0)
@@ -286,8 +285,10 @@ def derivatives(
 
     Raises
     ------
+    Unavailable
+        If the model has friction or finite element bodies.
     InputError
-        If the model has friction or finite element bodies, or a parameter is zero.
+        If a parameter is zero.
     """
     with ExitStack() as stack:
         several = [stack.enter_context(closing(Moving(solution)))]

@@ -37,6 +37,10 @@ APART = 1e-2
 _NOTHING = 1e-3
 
 
+class Unavailable(InputError):
+    """Derivatives at an answer alone are not available: it depends on a path that is not taken again, or the like."""
+
+
 @dataclass(frozen=True)
 class Derivatives:
     """Derivatives of what is measured by parameters.
@@ -51,12 +55,19 @@ class Derivatives:
         Derivatives, ``by[parameter][measured]`` of the shape of what is measured.
     none
         Parameters by which there is no derivative, and why.
+    errors
+        Of parameters by which they are differences of whole answers (`isorod.design.differences`), the estimated error
+        of each that is measured, as a share of it; without any where it was not asked for.
+    why
+        Why these are differences; empty where none are.
     """
 
     parameters: Mapping[str, float]
     values: Measured
     by: Mapping[str, Measured]
     none: Mapping[str, str] = field(default_factory=dict)
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    why: str = ""
 
     def told(self) -> "Derivatives":
         """Return them; raises `InputError` where there is none by one of the parameters."""
@@ -66,11 +77,13 @@ class Derivatives:
 
     def record(self) -> dict[str, dict[str, Any]]:
         """Return them as a record keeps them: of what is measured, by each parameter, with the value that it has."""
-        at = self.parameters
-        return {
-            name: {one: {"at": at[one], "derivative": rates[name].tolist()} for one, rates in self.by.items()}
-            for name in self.values
-        }
+        at, errors = self.parameters, self.errors
+
+        def one(parameter: str, name: str) -> dict[str, Any]:
+            found = {"at": at[parameter], "derivative": self.by[parameter][name].tolist()}
+            return found | ({"error_estimate": errors[parameter][name]} if parameter in errors else {})
+
+        return {name: {parameter: one(parameter, name) for parameter in self.by} for name in self.values}
 
 
 class Kinked(Exception):
@@ -173,12 +186,13 @@ class Beside:
         for offsets in _PLACES[share]:
             steps = Steps(offsets, share * size, size)
             try:
-                return steps, [self._model(name, one) for one in steps.steps]
+                return steps, [self.model(name, one) for one in steps.steps]
             except InputError as problem:
                 why = why or f"models beside it cannot be had: {problem}"
         raise Kinked(why)
 
-    def _model(self, name: str, step: float) -> Model:
+    def model(self, name: str, step: float) -> Model:
+        """Return the model at a step from a parameter; raises `InputError` where there is none."""
         with silently(), choices.repeated(self._choices, near=True):
             model = self._make(self.at | {name: self.at[name] + step})
         self._refuse(model, name)

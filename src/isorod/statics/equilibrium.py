@@ -204,6 +204,12 @@ class Equilibrium(State, WithSolids, Animated):
         known = {one.factor: (one.reactions, one.moments) for one in self.path if len(one.reactions)}
         return known | {1.0: (self.reactions, self.moments)}
 
+    @property
+    def factors(self) -> list[float]:
+        """Load factors at which load steps have ended, where these are known: with a memory, contact, or kept."""
+        ends = {*(one.factor for one in self.path), *(one.factor for one in self.model.past)}
+        return sorted(ends | {1.0})
+
     @cached_property
     def _of_solids(self) -> "tuple[Error, Array | None]":
         from isorod.checks import estimate
