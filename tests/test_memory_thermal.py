@@ -77,7 +77,7 @@ def test_a_clamped_bar_heated_until_it_yields_and_cooled(nu, temperature, tmp_pa
 def test_what_expands_freely_has_no_error_of_forces_that_are_rounding(tmp_path) -> None:
     """A core that yields in a shell, heated and cooled: load steps are doubled for what moves, not for its support."""
     path = tmp_path / "bar.toml"
-    metal = f"{{Plastic = {{E = 200e3, nu = 0.3, hardening = [[0, 100], [0.1, 300]]}}}}"
+    metal = "{Plastic = {E = 200e3, nu = 0.3, hardening = [[0, 100], [0.1, 300]]}}"
     text = CLAMPED.format(
         law=f"[{metal}, {{NeoHookean = {{E = 100e3, nu = 0.3}}}}]",
         temperature=150.0,
