@@ -135,7 +135,7 @@ def states_after(law: Material, F: Array, factor: float) -> Array:
     """Return the states of a law at the end of a step (`Memory.advanced`), and what else it knows behind them."""
     states, now = law._flat_known(F.shape[:-2]), law.reached(factor)
     next_states(now.compiled.update, flat(F), now.constants, states)
-    return states.reshape(*F.shape[:-2], -1)
+    return states.reshape(*F.shape[:-2], states.shape[-1])
 
 
 def has_memory(law: Material) -> TypeGuard[Memory]:
