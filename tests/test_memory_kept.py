@@ -185,7 +185,8 @@ def test_states_of_layers_of_which_one_has_a_memory(command, tmp_path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(
         "[rod.bar]\ncurve = {straight = 4.0}\nsection = {circle = 1.0}\nrings = [0.0, 0.5, 1.0]\n"
-        "law = [{Plastic = {E = 200e3, nu = 0.3, hardening = [[0, 400], [1, 2000]]}}, {NeoHookean = {E = 2e5, nu = 0.3}}]\n"
+        "law = [{Plastic = {E = 200e3, nu = 0.3, hardening = [[0, 400], [1, 2000]]}}, "
+        "{NeoHookean = {E = 200e3, nu = 0.3}}]\n"
         "space = {section_degree = 2, elements = 1, degree = 2}\n"
         '[support.a]\nend = "start"\n[support.b]\nend = "end"\nrotation = [0, 0, 1.4]\n[analysis.statics]\n'
         '[measure.flown]\nstate = "bar"\nname = "p"\n'

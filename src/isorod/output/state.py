@@ -361,8 +361,7 @@ class State(Deformation):
 
         points = self._points(body, u, xi)
         given = points.body, self.fields(points.number)["displacement"], points.xi, points.u, self.factor
-        found = stress.known(*given, [name])[name]
-        return found.reshape(*points.shape, found.shape[-1])
+        return stress.known(*given, [name])[name].reshape(*points.shape, -1)
 
     def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
         """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.
