@@ -54,7 +54,8 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
             warnings.warn(
                 f"rotations of body {b} reach {(2.0 * turned) ** 0.5:.2g}, which the small-strain law "
                 f"{type(small).__name__} takes for a strain of {turned:.2g}, "
-                f"{100.0 * turned / strained:.2g} % of the largest, and {type(other).__name__}, joined to it, does not; {cure}",
+                f"{100.0 * turned / strained:.2g} % of the largest, and "
+                f"{type(other).__name__}, joined to it, does not; {cure}",
                 stacklevel=3,
             )
         found.append((f"body {b}", small, largest))
