@@ -180,6 +180,25 @@ def test_fields_and_measures(command, tmp_path) -> None:
     assert record["loss"] == record["dissipated"] > 0.0
 
 
+def test_states_of_layers_of_which_one_has_a_memory(command, tmp_path) -> None:
+    """The largest is in that layer; where the other is there is none, which a line says."""
+    path = tmp_path / "bar.toml"
+    path.write_text(
+        "[rod.bar]\ncurve = {straight = 4.0}\nsection = {circle = 1.0}\nrings = [0.0, 0.5, 1.0]\n"
+        "law = [{Plastic = {E = 200e3, nu = 0.3, hardening = [[0, 400], [1, 2000]]}}, "
+        "{NeoHookean = {E = 200e3, nu = 0.3}}]\n"
+        "space = {section_degree = 2, elements = 1, degree = 2}\n"
+        '[support.a]\nend = "start"\n[support.b]\nend = "end"\nrotation = [0, 0, 1.4]\n[analysis.statics]\n'
+        '[measure.flown]\nstate = "bar"\nname = "p"\n'
+    )
+    record = command.record("run", path, "--no-estimate")
+    assert record["flown"] > 0.0
+    assert record["places"]["flown"]["radius"] == pytest.approx(0.5, abs=1e-3)
+    beyond = "u = 0.5\nxi = [0.8, 0]\n"
+    path.write_text(path.read_text() + beyond)
+    assert "measure.flown.name: the law at u = 0.5, xi = [0.8, 0.0] has no 'p'" in command.refuses("run", path)
+
+
 def test_states_stand_in_files_of_fields() -> None:
     found = statics.solve(model(), 2, end_time=1.0)
     mesh = vtk.grid(found.model.bodies[0], found.fields(0), curved=True)

@@ -47,12 +47,14 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
             gradients = displacement_gradients(table, nodal)
             largest = max(largest, float(np.abs(gradients).max()))
             strained = max(strained, 0.5 * float(np.abs(gradients + np.swapaxes(gradients, -1, -2)).max()))
-            turned = max(turned, 0.5 * float(np.square(gradients).sum(axis=-2).max()))
+            skew = 0.5 * (gradients - np.swapaxes(gradients, -1, -2))
+            turned = max(turned, 0.5 * float(np.square(skew).sum(axis=-2).max()))
         other = next((law for law in _beside(model, b) if law.objective), None)
         if other is not None and turned > _FALSE * strained and largest <= LARGE:
             warnings.warn(
-                f"rotations of body {b} reach {largest:.2g}, which the small-strain law {type(small).__name__} takes "
-                f"for a strain of {turned:.2g}, {100.0 * turned / strained:.2g} % of the largest, and "
+                f"rotations of body {b} reach {(2.0 * turned) ** 0.5:.2g}, which the small-strain law "
+                f"{type(small).__name__} takes for a strain of {turned:.2g}, "
+                f"{100.0 * turned / strained:.2g} % of the largest, and "
                 f"{type(other).__name__}, joined to it, does not; {cure}",
                 stacklevel=3,
             )

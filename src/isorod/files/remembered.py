@@ -6,7 +6,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.output.largest import Peak, largest
+from isorod.output.largest import Largest, Peak, largest
 from isorod.output.words import StateComponent
 
 if TYPE_CHECKING:
@@ -64,10 +64,15 @@ def state(
     if xi is not None and np.hypot(*xi) > 1.0 + 1e-9:
         raise InputError(f"xi: got {list(xi)}, need a point of the unit disk")
     if u is not None and xi is not None:
-        return float(values(np.array([u]), np.array([xi]))[0, 0])
-    one = largest(solution.model.bodies[rod].space, size, u, xi)
-    angle = float(np.degrees(np.arctan2(*one.xi[::-1]))) % 360.0
+        one = Largest(0.0, u, np.array(xi))
+    else:
+        one = largest(solution.model.bodies[rod].space, size, u, xi)
     value = float(values(np.array([one.u]), one.xi[None])[0, 0])
+    if np.isnan(value):
+        raise InputError(f"name: the law at u = {one.u:g}, xi = {one.xi.tolist()} has no {name!r}")
+    if u is not None and xi is not None:
+        return value
+    angle = float(np.degrees(np.arctan2(*one.xi[::-1]))) % 360.0
     return Peak(value, {"u": one.u, "angle": angle, "radius": float(np.hypot(*one.xi))})
 
 
