@@ -150,6 +150,8 @@ class Moving:
         if solution.model.contacts:
             self._settle(solution, times)
         self._tangent = self.assembler.matrix()
+        if solution.model.following and solution.model.has_potential:
+            self._refuse_inexact()
         self.assembler.tangent(self.x, 1.0, self._tangent)
         self._rest = self.assembler.vector()
         with defaults(room(self.comm)):
@@ -157,18 +159,20 @@ class Moving:
             self.assembler.residual(self.x, 1.0, self._rest)
             (move,) = refined(self._ksp, [self._rest])
             self.x.axpy(-1.0, move)
-        if solution.model.following and solution.model.has_potential:
-            self._refuse_inexact()
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
 
     def _refuse_inexact(self) -> None:
         """Raise `InputError` where the tangent is not the derivative of the residual, as of pressures at free ends."""
         found, change = (self.assembler.vector() for _ in range(2))
+        # What is pressed stays so in the tangent, and opens in residuals.
+        contact, self.assembler.contact = self.assembler.contact, None
         for step in (-_SHORT, _SHORT):
             self.assembler.residual((1.0 + step) * self.x, 1.0, change)
             found.axpy(0.5 / step, change)
+        self.assembler.tangent(self.x, 1.0, self._tangent)
         self._tangent.mult(self.x, change)
+        self.assembler.contact = contact
         if not (found - change).norm() <= _INEXACT * change.norm():
             raise InputError(
                 "derivatives: not available with contact and pressures that follow a surface to a free end; isorod "
