@@ -10,11 +10,10 @@ from petsc4py import PETSc
 from refused import refused
 
 import isorod
-from isorod import InputError, SolveError, choices, files, modal, scenes, statics
+from isorod import InputError, choices, files, modal, scenes, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.design import derivatives, parameters
-from isorod.petsc.direct import direct, refined
-from isorod.petsc.options import in_force
+from isorod.petsc.direct import direct
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.statics.derivatives import Moving, refuse
@@ -259,21 +258,6 @@ def test_choices_are_those_of_the_same_model_alone():
     assert replace(Spring(), coils=3.01).rod().axis.elements > Spring().rod().axis.elements
     with pytest.raises(InputError, match="the discretisation changes"), choices.repeated(made):
         pass
-
-
-def test_iterations_that_a_person_asks_for_leave_no_digits(spring):
-    """Newton's method does with a tenth of a step; a derivative has all of it, or there is none."""
-    with in_force({"ksp_type": "gmres", "pc_type": "bjacobi", "ksp_rtol": 0.1}):
-        found = of(SPRING)
-    assert logarithmic(found, "force", "E") == pytest.approx(1.0, abs=1e-7)
-    for name in spring.by:
-        assert found.by[name]["force"] == pytest.approx(spring.by[name]["force"], rel=1e-6)
-    with closing(Moving(statics.solve(SPRING.model()))) as moving, pytest.raises(SolveError, match="KSP reason -3"):
-        ksp = moving._ksp
-        ksp.setType("gmres")
-        ksp.getPC().setType("jacobi")
-        ksp.setTolerances(max_it=2)
-        refined(ksp, [moving.x])
 
 
 def test_models_beside_have_the_functions_of_a_layered_section():
