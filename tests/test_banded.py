@@ -74,7 +74,7 @@ def test_several_right_hand_sides_are_solved_as_each_alone(definite):
 
 
 def test_several_solutions_are_made_right_once_more():
-    """Of a preconditioner that leaves a share of the right-hand side its square is left; of rows that differ, digits."""
+    """Of a preconditioner that leaves a share of the right-hand side its square is left, of factors rounding."""
     rng = np.random.default_rng(4)
     solver, matrix = ksp(np.eye(20) + band(rng, 20, 3, 0.0) / 1e6)
     solver.getPC().setType("jacobi")
