@@ -22,6 +22,7 @@ from isorod import (
 )
 from isorod.errors import SolveError
 from isorod.files import supports as supports_of_files
+from isorod.modal.loaded import burdens
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Support
 from isorod.model.mean import MeanSupport
 
@@ -319,3 +320,11 @@ def test_a_face_of_two_laws_is_held_in_the_mean_as_one_of_one_law():
     alike = softer(1.0)
     assert 0.99 < alike < 1.0
     assert [softer(ratio) for ratio in (0.08, 12.5)] == pytest.approx([alike, alike], abs=1e-3)
+
+
+@pytest.mark.parametrize(("moved", "said"), [(0.0, ""), (0.1, "1 moved support")])
+def test_modes_are_about_the_state_that_a_mean_support_moves_to(moved, said):
+    own = Space(straight(4.0).sweep(circle(8, 0.5)), section_degree=3, elements=2, degree=3)
+    held = [MeanSupport.end(own, "start", mean="fixed")]
+    held.append(MeanSupport.end(own, "end", displacement=(0.0, 0.0, moved), mean="pin"))
+    assert burdens(Model([Body(own, NeoHookean(1e3, 0.3))], held)) == said

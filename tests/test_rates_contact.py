@@ -5,7 +5,7 @@ from petsc4py import PETSc
 from test_closer_hertz import ON_PIN
 from test_rates import logarithmic
 
-from isorod import files, statics
+from isorod import InputError, files, statics
 from isorod.design import derivatives, parameters
 
 RING = """
@@ -60,6 +60,31 @@ def test_with_contact_they_scale(tmp_path):
     for measured, power, stiffness in (("push", 2.0, 1.0), ("widening", 1.0, 0.0)):
         assert sum(logarithmic(found, measured, one) for one in lengths) == pytest.approx(power, abs=2e-9)
         assert logarithmic(found, measured, names[-1]) == pytest.approx(stiffness, abs=2e-9)
+
+
+GAS = '\n[load.gas]\nrod = "ring"\npressure = 0.02\nfollows = true\n'
+
+
+@IGNORED
+def test_with_pressures_that_follow_between_held_ends_they_scale(tmp_path):
+    (tmp_path / "ring.toml").write_text(RING + GAS)
+    scene = files.find(str(tmp_path / "ring.toml"))
+    names = {"rod.ring.law.NeoHookean.E": 10.0, "load.gas.pressure": 0.02}
+    found = derivatives.of(scene, statics.solve(scene.model()), names)
+    for measured, power in (("push", 1.0), ("widening", 0.0)):
+        assert sum(logarithmic(found, measured, one) for one in names) == pytest.approx(power, abs=2e-9)
+
+
+@IGNORED
+def test_with_pressures_that_follow_to_a_free_end_it_is_refused(tmp_path):
+    """Of what the end's edge makes of the tangent only the symmetric part is in the factors."""
+    held = RING.index("[support.right]"), RING.index("[obstacle.floor]")
+    text = RING[: held[0]].replace("-8.0", "-5.5") + RING[held[1] :] + GAS.replace("0.02", "0.001")
+    (tmp_path / "ring.toml").write_text(text)
+    scene = files.find(str(tmp_path / "ring.toml"))
+    solution = statics.solve(scene.model())
+    with pytest.raises(InputError, match=r"not available with contact and pressures that follow .* free"):
+        derivatives.of(scene, solution, {"load.gas.pressure": 0.001})
 
 
 PIN = f'{ON_PIN}\n[measure.push]\nreaction = "back"\ncomponent = "y"\n'

@@ -11,6 +11,7 @@ from test_rates_contact import RING
 
 from isorod import InputError, choices, files, statics
 from isorod.design import derivatives, parameters
+from isorod.statics import along_path
 from isorod.statics.derivatives import refuse
 
 pytestmark = pytest.mark.filterwarnings("ignore:stress along the rod")
@@ -228,6 +229,16 @@ def test_where_all_of_a_bar_begins_to_yield_there_is_none(tmp_path):
     assert found.none[STRESSES[1]] == "the slope of force jumps, as where the largest of several changes its place"
     with pytest.raises(InputError, match="there is none here: the slope of force jumps"):
         found.told()
+
+
+def test_a_few_models_beside_at_a_time_find_the_same(tmp_path, monkeypatch):
+    scene = scene_of(tmp_path, BAR)
+    solution, names = solved(scene), {RADIUS: 1.0, FORCES[0]: 80.0, STRESSES[1]: 400.0}
+    found = derivatives.of(scene, solution, names)
+    monkeypatch.setattr(along_path, "_TOGETHER", 1)
+    apart = derivatives.of(scene, solution, names)
+    assert found.by == apart.by
+    assert list(apart.by) == list(names)
 
 
 def on_two(path):

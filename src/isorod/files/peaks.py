@@ -131,7 +131,7 @@ class Sought(NamedTuple):
             return largest(space, size, u, xi)
 
         def counted(u: Array, xi: Array) -> Array:
-            far = held.distance(model, self.rod, u) >= away * (1.0 - 1e-9)
+            far = held.distance(model, self.rod, u) >= away * (1.0 - 1e-12)
             found = np.full((u.size, len(xi)), -np.inf)
             if far.any():
                 found[far] = size(u[far], xi)

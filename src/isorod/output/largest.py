@@ -1,10 +1,11 @@
 """The largest value of a field over a rod, and where it is."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Sized
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from isorod import choices
 from isorod.arrays import Array
@@ -22,17 +23,20 @@ _RADII, _ANGLES = 4, 32
 # Elements whose largest values are looked at closer, how often, and at how many points in each direction.
 _CLOSER, _TIMES, _PARTS = 4, 14, 5
 
+# Other peaks of the grid that may be as large as the largest value, but for this share of it, and how many at most.
+_ALIKE, _MANY = 0.02, 8
+
 # What is this close to a knot, or to where two rings meet, belongs to one side of it.
 _SIDE = 1e-9
 
 
 class Largest(NamedTuple):
-    """The largest value, and where it is: axis parameter, which of those that were given, if any, and disk point."""
+    """The largest value, and where it is: axis parameter and disk point; number and place of a given one there."""
 
     value: float
     u: float
     xi: Array
-    which: int | None = None
+    at: tuple[int, float] | None = None
 
 
 class Peak(NamedTuple):
@@ -61,7 +65,7 @@ def largest(
 
     Every element and ring is looked at on a grid, both of its sides included, and more and more closely round the
     largest values of the grid.  These places are a choice (`isorod.choices`): where a largest value is, its derivative
-    is that of the value there.
+    is that of the value there; where it is in several places, they part beside it.
 
     Parameters
     ----------
@@ -75,10 +79,11 @@ def largest(
         Axis parameters that are looked at besides, as where the field begins to count.
     """
     found = choices.chosen(lambda: _peaks(space, field, u, xi, np.asarray(more, dtype=float)))
-    if choices.near() and found:
-        # Where the field begins to count goes along with what it depends on.
-        found = [one._replace(u=one.u if one.which is None else float(more[one.which])) for one in found]
-        values = np.diag(field(np.array([one.u for one in found]), np.array([one.xi for one in found])))
+    if choices.near():
+        # Where the field begins to count goes along with what it depends on, if it is not gone, on its side of a knot.
+        found = [one for one in found if one.at is None or one.at[0] < len(more)]
+        found = [one if one.at is None else one._replace(u=one.u + more[one.at[0]] - one.at[1]) for one in found]
+        values = [field(np.array([one.u]), one.xi[None])[0, 0] for one in found]
         found = [one._replace(value=float(value)) for one, value in zip(found, values, strict=True)]
     return max(found, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
 
@@ -90,10 +95,10 @@ def _peaks(
     xi: Sequence[float] | None,
     more: Array,
 ) -> list[Largest]:
-    """Return the largest values of some elements, those of which they are largest."""
+    """Return the largest values of some elements, those of which they are largest, and others that are as large."""
     angles = max(_ANGLES, 4 * space.points_around)
     rows = _along(space, u, more)
-    boxes: list[tuple[float, _Box]] = []
+    boxes, others = list[tuple[float, _Box]](), list[tuple[float, _Box]]()
     for inner, outer in pairwise(space.rod.rings) if xi is None else [_polar(xi)[:1] * 2]:
         end = outer if xi is not None or outer == space.rod.rings[-1] else outer * (1.0 - _SIDE)
         radii = np.linspace(inner, end, _RADII + 1) if end > inner else np.array([end])
@@ -105,15 +110,37 @@ def _peaks(
             some = rows[first : first + at_once]
             values = field(some.ravel(), _disk(across)).reshape(*some.shape, len(across))
             for row, own in zip(some, values, strict=True):
-                t, q = np.unravel_index(np.argmax(own), own.shape)
                 bounds = np.array([[row[0], row[-1]], [radii[0], radii[-1]]])
                 half = np.array([np.ptp(row) / (2 * space.axis.degree + 1), *sizes])
-                boxes.append((float(own[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half)))
+                most, *alike = (
+                    (float(own[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half))
+                    for t, q in _peaked(own, len(radii))
+                )
+                boxes.append(most)
+                others += alike
     boxes.sort(key=lambda one: -one[0])
-    found = [_closer(field, value, box) for value, box in boxes[:_CLOSER] if value > -np.inf]
+    least = boxes[0][0] * (1.0 - _ALIKE)
+    others = [one for one in others if one[0] >= least > 0.0]
+    several = [*boxes[:_CLOSER], *others[_some(others)]]
+    found = [_closer(field, value, box) for value, box in several if value > -np.inf]
     # Those at a knot may be on either side of it.
-    near = 2.0 * _SIDE * np.ptp(space.axis.breaks)
-    return [one._replace(which=next(iter(np.flatnonzero(np.abs(more - one.u) <= near)), None)) for one in found]
+    near = [np.flatnonzero(np.abs(more - one.u) <= 2.0 * _SIDE * np.ptp(space.axis.breaks)) for one in found]
+    return [one._replace(at=(int(k[0]), more[k[0]]) if k.size else None) for one, k in zip(found, near, strict=True)]
+
+
+def _peaked(own: Array, radii: int) -> list[tuple[int, int]]:
+    """Return where the values of an element are largest, and where others are peaks nearly as large."""
+    first = int(np.argmax(own))
+    grid = own.reshape(len(own), radii, -1)
+    peaks = grid >= maximum_filter(grid, size=3, mode=("nearest", "nearest", "wrap"))
+    alike = np.flatnonzero(peaks & (grid >= (1.0 - _ALIKE) * grid.max()))
+    alike = alike[alike != first]
+    return [divmod(int(k), own.shape[1]) for k in (first, *alike[_some(alike)])]
+
+
+def _some(several: Sized) -> slice:
+    """Return which of several, if there are many, are looked at: from the first to the last."""
+    return slice(None, None, -(-len(several) // _MANY) or None)
 
 
 def _along(space: Space, u: float | None, more: Sequence[float] | Array) -> Array:

@@ -5,11 +5,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.errors import SolveError
 from isorod.options import defaults
 
 # Work space of MUMPS beyond its estimate, per cent.  On several ranks what it takes depends on which of them is first:
 # with its own 20 one in three factorisations of the same matrix of 2,000 unknowns failed (INFOG(1) = -9).
 WORK_SPACE = 200
+
+# What iterations leave of a right-hand side at most: Newton's need fewer digits.
+_LEFT = 1e-8
 
 
 def direct(matrix: PETSc.Mat, options: Mapping[str, object], prefix: str = "") -> PETSc.KSP:
@@ -39,6 +43,11 @@ def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
     """Return the solutions of several right-hand sides, once more of what is left, where factors lose digits.
 
     Factors pass through memory once for all of them.
+
+    Raises
+    ------
+    SolveError
+        If iterations do not converge.
     """
     if not forces:
         return []
@@ -66,9 +75,12 @@ def _solved(ksp: PETSc.KSP, right: PETSc.Mat) -> PETSc.Mat:
     if ksp.getType() == "preonly":
         ksp.getPC().matApply(right, found)
         return found
+    ksp.setTolerances(rtol=min(ksp.getTolerances()[0], _LEFT))
     force, solution = right.createVecLeft(), right.createVecLeft()
     for one, column in zip(right.getDenseArray().T, found.getDenseArray().T, strict=True):
         force.array_w[:] = one
         ksp.solve(force, solution)
+        if ksp.getConvergedReason() < 0:
+            raise SolveError(f"the linear solver failed (KSP reason {ksp.getConvergedReason()}); leave out -ksp_type")
         column[:] = solution.array_r
     return found

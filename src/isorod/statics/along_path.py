@@ -40,6 +40,9 @@ _LEAVES, _MOST = 0.5, 40
 # rounding leaves of these: with the answer's tangent, and with their own.
 _BALANCED, _ROUNDED, _OWN = 1e-6, 4.0, 100.0
 
+# Unknowns of all models that take the path beside the answer at a time: some 5 kB of memory each.
+_TOGETHER = 400_000
+
 # Where the answer is balanced to the last digit.
 _LEAST = 1e-14
 
@@ -223,22 +226,24 @@ def derivatives(
     # Between models that are near few points begin to flow; where none do there is less rounding farther off.
     laws = [law for body in solution.model.bodies for law in body.laws]
     share = NEAR if any(law.kinks or not getattr(law, "stores", True) for law in laws) else BY
-    found, none = dict[str, Measured](), dict[str, str]()
-    steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
-    with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
-        for name in at:
-            try:
-                steps[name], models = beside.models(name, share)
-                runs[name] = [_Run(model, replay.comm) for model in models]
-            except Kinked as problem:
-                none[name] = str(problem)
-        none |= replay.go(runs)
-        values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
-        for name, several in runs.items():
-            try:
-                if name not in none:
-                    ends = [measured(one.answer(solution)) for one in several]
-                    found[name] = steps[name].slopes(ends, values)
-            except Kinked as problem:
-                none[name] = str(problem)
+    names, found, none = list(at), dict[str, Measured](), dict[str, str]()
+    many = max(1, _TOGETHER // (4 * max(solution.model.unknowns, 1)))
+    for first in range(0, max(len(names), 1), many):
+        steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
+        with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
+            for name in names[first : first + many]:
+                try:
+                    steps[name], models = beside.models(name, share)
+                    runs[name] = [_Run(model, replay.comm) for model in models]
+                except Kinked as problem:
+                    none[name] = str(problem)
+            none |= replay.go(runs)
+            values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
+            for name, several in runs.items():
+                try:
+                    if name not in none:
+                        ends = [measured(one.answer(solution)) for one in several]
+                        found[name] = steps[name].slopes(ends, values)
+                except Kinked as problem:
+                    none[name] = str(problem)
     return Derivatives(beside.at, values, found, none)

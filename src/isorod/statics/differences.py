@@ -248,8 +248,11 @@ def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[...
         values = ask(*at)
 
     def asked(*there: Any) -> Measured:
-        with choices.repeated(made, near=True):
-            return ask(*there)
+        try:
+            with choices.repeated(made, near=True):
+                return ask(*there)
+        except InputError as problem:
+            raise Kinked(f"what is measured cannot be had beside it: {problem}") from problem
 
     return values, asked
 
