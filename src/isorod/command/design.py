@@ -162,12 +162,15 @@ def _found(
     concerned: Sequence[str],
 ) -> tuple[Any, Any, float | None]:
     """Return the best, what is measured there of models that know nothing of the way, and the largest error."""
+    from isorod.design import optimise
+
     for _ in range(_ROUNDS):
         best = problem.solve(x, before)
         x = best.x
         before, error, warned = solve_anew(own, x)
         off = max(_apart(best.answer.values[name], before.values[name]) for name in concerned)
-        if off <= SAME:
+        if off <= SAME or best.missed[0] > optimise.MET:
+            # What cannot be met is not sought again.
             break
     else:
         warnings.warn(

@@ -30,6 +30,9 @@ _NEAR = 1e-3
 # Solves after which a search that has not ended does not: what is wanted may not be possible.
 SOLVES = 60
 
+# It ends too where in so many solves nothing comes nearer to what is wanted by this share of what it is missed by.
+_STALLED, _NEARER = 10, 1e-2
+
 # Below this share of what is wanted the logarithm goes on along its tangent: a force may have the wrong sign at first.
 _STRAIGHT = 0.5
 
@@ -44,7 +47,7 @@ _ALIKE = 1e-5
 
 
 class _Enough(Exception):
-    """As many solves as a search may take."""
+    """As many solves as a search may take: says which."""
 
 
 class Design(NamedTuple):
@@ -117,7 +120,8 @@ class Problem:
         self._failed.clear()
         y = np.log(x / self._start)
         self._answers = {y.tobytes(): known}
-        self._last = y
+        self._last, self._vain = y, 0
+        self._nearest = missed_by(known.values, self._wanted)[0]
         if self._objective is not None:
             self._first = abs(known.values[self._objective[0]]) or 1.0
         squared = self._objective is not None and self._objective[0] == MISFIT
@@ -145,8 +149,8 @@ class Problem:
                 y, ended = found.x, "" if found.success else self._dependent(found.x) or str(found.message)
                 between = self._between(y) if ended else None
                 trying, y = (False, y) if between is None else (True, between)
-            except _Enough:
-                y, ended, trying = self._last, f"no end after {SOLVES} solves", False
+            except _Enough as problem:
+                y, ended, trying = self._last, str(problem), False
         best = self._best(y)
         answer = self._answer(best)
         missed = missed_by(answer.values, self._wanted)
@@ -207,13 +211,19 @@ class Problem:
             raise self._failed[key]
         if key not in self._answers:
             if len(self._answers) + len(self._failed) >= SOLVES:
-                raise _Enough
+                raise _Enough(f"no end after {SOLVES} solves")
+            if self._vain >= _STALLED and self._nearest > MET:
+                raise _Enough(f"nothing comes nearer in {_STALLED} solves")
             try:
+                self._vain += 1
                 self._answers[key] = self._evaluations.answer(self._at(y))
             except (InputError, SolveError) as problem:
                 # What cannot be solved takes longest, and is asked for by what is least and each that is wanted.
                 self._failed[key] = problem
                 raise
+            missed = missed_by(self._answers[key].values, self._wanted)[0]
+            if missed < (1.0 - _NEARER) * self._nearest:
+                self._nearest, self._vain = missed, 0
             told = ", ".join(f"{one.name} {self._answers[key].values[one.name]:.6g}" for one in self._wanted[:3])
             if self._objective is not None:
                 told = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {told}"
