@@ -224,7 +224,8 @@ class Pencil:
             found = self._find(wanted, shift, count, purify=1)
         if not self._excess(found, limit)[1] <= limit and PETSc.Options().hasName("st_shift"):
             # What was factorised is singular if the shift is an eigenvalue.
-            found = self._find(wanted, shift, count, aside=_ASIDE)
+            first = float(found.eigenvalues[min(self.rigid, wanted - 1)])
+            found = self._find(wanted, shift, count, aside=_ASIDE * (found.shift or -abs(first)))
         worst, excess = self._excess(found, limit)
         if not excess <= limit:
             raise SolveError(
@@ -257,7 +258,7 @@ class Pencil:
             self.tell(lambda: f"modes: {self.size:,} unknowns, {said}")
 
     def _find(self, wanted: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Found:
-        """Solve once; the shift in force is moved ``aside`` by this share of it."""
+        """Solve once; the shift in force is moved ``aside`` by so much."""
         # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
         # restart.
         eps = self._eps(wanted + 1, shift)
@@ -272,7 +273,7 @@ class Pencil:
                 _, *spaces = eps.getDimensions()
                 eps.setDimensions(min(wanted + 1, self.size), *spaces)
             if aside:
-                eps.getST().setShift((1.0 + aside) * eps.getST().getShift())
+                eps.getST().setShift(eps.getST().getShift() + aside)
             if kind in eigensolvers.PRECONDITIONED and self.rigid:
                 pairs = self._rigid_pairs()
                 eps.setDeflationSpace([vector for _, vector in pairs])
