@@ -40,7 +40,7 @@ def room(comm: PETSc.Comm, prefix: str = "") -> dict[str, object]:
 
 
 def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
-    """Return the solutions of several right-hand sides, twice more of what is left, where factors lose digits.
+    """Return the solutions of several right-hand sides, once more of what is left, where factors lose digits.
 
     Factors pass through memory once for all of them.
 
@@ -57,18 +57,14 @@ def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
     right.getDenseArray()[:] = np.stack([one.array_r for one in forces], axis=1)
     right.assemble()
     found = _solved(ksp, right)
-    # Once does not reach the last digits of slender rods everywhere.
-    for _ in range(2):
-        left = matrix.matMult(found)
-        left.aypx(-1.0, right)
-        more = _solved(ksp, left)
-        found.axpy(1.0, more)
-        for mat in (left, more):
-            mat.destroy()
+    left = matrix.matMult(found)
+    left.aypx(-1.0, right)
+    more = _solved(ksp, left)
+    found.axpy(1.0, more)
     several = [force.duplicate() for force in forces]
     for one, column in zip(several, found.getDenseArray().T, strict=True):
         one.array_w[:] = column
-    for mat in (right, found):
+    for mat in (right, found, more, left):
         mat.destroy()
     return several
 
