@@ -65,7 +65,7 @@ def derivatives(
     sure
         Whether errors of differences are estimated, by two more answers for each parameter.
     begin
-        Is told why they are differences, and how many answers are to be solved for, before it takes that long.
+        Receives, before the first of them, the reason for differences and the number of answers to solve for.
 
     Raises
     ------
