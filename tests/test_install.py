@@ -15,7 +15,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
-APT_NAMES = [name for name in (ROOT / "docker/apt.txt").read_text().splitlines() if not name.startswith("#")]
+APT_LINES = [line for line in (ROOT / "docker/apt.txt").read_text().splitlines() if not line.startswith("#")]
+APT_NAMES = [line.split()[0] for line in APT_LINES]
 TOOLS = (
     "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm "
     "mktemp tail head flock cp chmod id"
@@ -131,6 +132,15 @@ def test_only_what_is_absent_is_asked_of_apt(stage):
     (stage.folder / "installed").write_text("\n".join(set(APT_NAMES) - {"python3-gmsh"}))
     install = next(call for call in stage.run().calls if " install " in call)
     assert install.endswith("--no-install-recommends python3-gmsh")
+
+
+@pytest.mark.parametrize(("version", "there"), [("12", True), ("13", False), ("1", False)])
+def test_a_package_of_one_release_is_asked_of_no_other(stage, version, there):
+    (stage.folder / "os-release").write_text(f'ID=debian\nVERSION_ID="{version}"\n')
+    done = stage.run(GROUND="apt")
+    asked = [name for call in done.calls if " install " in call for name in call.split()]
+    assert ("calculix-ccx" in asked) == there
+    assert ("python3-dolfinx" in asked) == (version != "1")
 
 
 def test_a_package_removed_later_is_noticed(stage):
