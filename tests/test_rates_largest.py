@@ -60,4 +60,4 @@ def test_where_places_are_gone_there_is_none(tmp_path):
     """Only the middle is as far from both ends, and not where the bar is shorter."""
     both = BAR.replace(*HEAVY).replace("[load.tip]", '[support.far]\nend = "end"\n\n[load.tip]')
     _, found = rates(tmp_path, "away = 3.0\n", both)
-    assert "no point of the rod is that far from all supports" in found.none[f"rod.bar.{LENGTH}"]
+    assert "the place of the largest value is not there any more" in found.none[f"rod.bar.{LENGTH}"]
