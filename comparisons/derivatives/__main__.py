@@ -1,7 +1,8 @@
 """``python -m comparisons.derivatives``: solve scenes, run them, differentiate the answers, print all times.
 
-A run is what ``isorod run`` takes: the model, its solution, an estimate of the error, and what is measured.  Times are those of the processor, the least of some runs in turn, as other programs may run beside.  A scene that has
-fewer than twenty numbers is differentiated by one of them and by all, and twenty take as much more as these.
+A run is what ``isorod run`` takes: the model, its solution, an estimate of the error, and what is measured.  Times are
+those of the processor, the least of some runs in turn, as other programs may run beside.  A scene that has fewer than
+twenty numbers is differentiated by one of them and by all, and twenty take as much more as these.
 """
 
 import warnings
