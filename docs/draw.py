@@ -1,6 +1,7 @@
 """The pictures of the gallery, each drawn from its example: python docs/draw.py [NAME ...]."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ VIEWS: dict[str, dict[str, Any]] = {
     "buckling": {"view": (0.3, -1.0, 0.2), "size": UPRIGHT},
     "stent": {"view": (1.0, -1.4, 0.6)},
     "shaker": {"size": (800, 560)},
+    "valve": {"view": (1.0, -1.2, 0.35), "size": UPRIGHT},
     "flower": {"view": (1.0, -1.4, 1.2)},
     "ring": {"view": (1.0, -1.4, 1.2)},
 }
@@ -43,6 +45,7 @@ VIEWS: dict[str, dict[str, Any]] = {
 def draw(name: str, folder: Path) -> Path:
     """Solve an example with nothing chosen, draw it and return the file, which is in the folder."""
     scene = files.find(str(EXAMPLES / f"{name}.toml"))
+    scene = replace(scene, case=scene.cases[-1]) if scene.cases else scene
     if scene.analysis == "geometry":
         picture = _shape(scene.rods(), **VIEWS[name])
     elif scene.analysis == "harmonic":

@@ -181,7 +181,7 @@ def test_a_peak_between_the_points_of_the_grid_is_found(measured):
         polar = np.hypot(*xi.T), np.arctan2(xi[:, 1], xi[:, 0])
         return -((u[:, None] - middle[0]) ** 2) - (polar[0] - middle[1]) ** 2 - (polar[1] - middle[2]) ** 2
 
-    found = largest(space, peak)
+    found, *_ = largest(space, peak)
     assert found.value == pytest.approx(0.0, abs=1e-7)
     assert found.u == pytest.approx(middle[0], abs=1e-3)
 

@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = PAGE.parent / "gallery"
 
 # Those that take long.
-SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw"), pytest.mark.slow)
+SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw", "valve"), pytest.mark.slow)
 
 SECTION = r"""^\((?P<name>\w+)\)=
 ## [^\n]+
@@ -40,7 +41,7 @@ SECTIONS = {one["name"]: one for one in re.finditer(SECTION, PAGE.read_text(), r
 
 def rows(printed):
     """Return the numbers of each label of what a run prints."""
-    found = {}
+    found, last = {"": []}, ""
     for line in printed.splitlines():
         label, rest = line[:20].strip(), line[20:]
         if label:
@@ -60,7 +61,7 @@ def test_every_example_has_its_place():
 def test_an_example_prints_what_the_page_says(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for command in SECTIONS[name]["command"].split(" && "):
-        program, *words = command.split()
+        program, *words = shlex.split(command)
         assert program == "isorod"
         capsys.readouterr()
         assert main(words) == 0

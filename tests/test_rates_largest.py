@@ -4,7 +4,7 @@ import pytest
 from test_rates import logarithmic
 
 from isorod import files, statics
-from isorod.design import derivatives
+from isorod.design import derivatives, parameters
 
 BAR = """
 [rod.bar]
@@ -60,4 +60,27 @@ def test_where_places_are_gone_there_is_none(tmp_path):
     """Only the middle is as far from both ends, and not where the bar is shorter."""
     both = BAR.replace(*HEAVY).replace("[load.tip]", '[support.far]\nend = "end"\n\n[load.tip]')
     _, found = rates(tmp_path, "away = 3.0\n", both)
-    assert "no point of the rod is that far from all supports" in found.none[f"rod.bar.{LENGTH}"]
+    assert "the place of the largest value is not there any more" in found.none[f"rod.bar.{LENGTH}"]
+
+
+def test_where_both_ends_are_alike_there_is_one(tmp_path):
+    """What a length changes at a fixed displacement, and along with it, differs between the ends; the sum does not."""
+    both = BAR.replace(*HEAVY).replace("[load.tip]", '[support.far]\nend = "end"\n\n[load.tip]')
+    text = both + 'component = "von_mises"\naway = 1.5\n'
+    measured, found = rates(tmp_path, "", text)
+    length = f"rod.bar.{LENGTH}"
+    assert not found.none
+    (tmp_path / "bar.toml").write_text(text)
+    scene, step = files.find(str(tmp_path / "bar.toml")), 6e-4
+    less, more = (parameters.at(scene, {length: 6.0 + one}) for one in (-step, step))
+    less, more = (float(one.measure(statics.solve(one.model()))["stress"]) for one in (less, more))
+    assert found.by[length]["stress"] == pytest.approx((more - less) / (2.0 * step), rel=1e-5)
+    assert measured["stress"] == pytest.approx(0.5 * (less + more), rel=1e-6)
+
+
+def test_where_places_part_a_design_takes_their_mean(tmp_path):
+    """Of a circle that is twisted: both axes together change it as the radius does."""
+    _, found = rates(tmp_path, 'component = "von_mises"\nu = 0.5\n')
+    assert set(found.averaged().by) == {*found.by, *found.none}
+    both = sum(float(found.means[f"rod.bar.{one}"]["stress"]) for one in (A, B))
+    assert both == pytest.approx(-3.0 * float(found.values["stress"]), rel=0.02)

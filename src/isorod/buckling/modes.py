@@ -206,7 +206,7 @@ def scaled(model: Model, vector: Array) -> tuple[float, dict[str, float]]:
     def sizes(b: int) -> Field:
         return lambda u, xi: np.linalg.norm(shape.at(b, u, xi), axis=-1)
 
-    found = [largest(body.space, sizes(b)) for b, body in enumerate(model.bodies)]
+    found = [largest(body.space, sizes(b))[0] for b, body in enumerate(model.bodies)]
     body = int(np.argmax([one.value * (1.0 + 1e-9 * (len(found) - k)) for k, one in enumerate(found)]))
     peak = found[body]
     there = shape.at(body, peak.u, peak.xi)

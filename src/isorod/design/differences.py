@@ -109,6 +109,7 @@ def derivatives(
         none,
         {name: one for name, one in errors.items() if name not in none},
         why,
+        exact.means,
     )
 
 

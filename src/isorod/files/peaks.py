@@ -9,7 +9,7 @@ from isorod.arrays import Array
 from isorod.checks import stresses
 from isorod.errors import InputError
 from isorod.output import balance, held
-from isorod.output.largest import Largest, Peak, largest
+from isorod.output.largest import Largest, Peak, largest, peak
 from isorod.output.state import State
 from isorod.output.stress import component
 from isorod.output.words import Component
@@ -49,11 +49,9 @@ class Sought(NamedTuple):
         if u is not None and xi is not None:
             return float(self._at(state, u, np.array(xi)))
         found = self._largest(state, u, xi, away or 0.0)
-        if not np.isfinite(found.value):
+        if not np.isfinite(found[0].value):
             raise InputError(f"away: got {away:g}, but no point of the rod is that far from all supports")
-        angle, radius = np.degrees(np.arctan2(*found.xi[::-1])), np.hypot(*found.xi)
-        value = self._at(state, found.u, found.xi)
-        return Peak(value, {"u": found.u, "angle": float(angle) % 360.0, "radius": float(radius)})
+        return peak(found, lambda u, xi: self._at(state, u, xi))
 
     def warn(self, state: Any, found: float | Peak) -> None:
         """Warn of a stress that is one of an edge, or out of balance."""
@@ -68,7 +66,7 @@ class Sought(NamedTuple):
         gap, width = held.distance(state.model, self.rod, np.array([u]))[0], held.width(state.model, self.rod)
         # Whoever says how far off it is to be knows of the edge, if that is not next to nothing.
         if self.u is None and gap < (_FAR if self.away else 1.0) * width:
-            beyond = self._largest(state, None, self.xi, width).value
+            beyond = self._largest(state, None, self.xi, width)[0].value
             if value * (-1.0 if self.name == "min_principal" or value < 0.0 else 1.0) > _LARGER * beyond:
                 known = f"; farther off than the section is wide (away = {width:.3g}) it is {beyond:.4g}"
                 _say(
@@ -116,8 +114,8 @@ class Sought(NamedTuple):
             return np.asarray(state.amplitude(found, self.name, normals))
         return component(found, self.name, normals)
 
-    def _largest(self, state: Any, u: float | None, xi: tuple[float, float] | None, away: float) -> Largest:
-        """Return the largest stress so far from all that holds the rod: of components that have two signs in size."""
+    def _largest(self, state: Any, u: float | None, xi: tuple[float, float] | None, away: float) -> list[Largest]:
+        """Return where the stress is largest so far from all that holds the rod: of two signs in size."""
 
         def size(u: Array, xi: Array) -> Array:
             found = self._values(state, u, xi)

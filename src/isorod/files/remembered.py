@@ -6,7 +6,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.output.largest import Largest, Peak, largest
+from isorod.output.largest import Largest, largest, peak
 from isorod.output.words import StateComponent
 
 if TYPE_CHECKING:
@@ -64,16 +64,13 @@ def state(
     if xi is not None and np.hypot(*xi) > 1.0 + 1e-9:
         raise InputError(f"xi: got {list(xi)}, need a point of the unit disk")
     if u is not None and xi is not None:
-        one = Largest(0.0, u, np.array(xi))
+        places = [Largest(0.0, u, np.array(xi))]
     else:
-        one = largest(solution.model.bodies[rod].space, size, u, xi)
-    value = float(values(np.array([one.u]), one.xi[None])[0, 0])
-    if np.isnan(value):
-        raise InputError(f"name: the law at u = {one.u:g}, xi = {one.xi.tolist()} has no {name!r}")
-    if u is not None and xi is not None:
-        return value
-    angle = float(np.degrees(np.arctan2(*one.xi[::-1]))) % 360.0
-    return Peak(value, {"u": one.u, "angle": angle, "radius": float(np.hypot(*one.xi))})
+        places = largest(solution.model.bodies[rod].space, size, u, xi)
+    found = peak(places, lambda u, xi: float(values(np.array([u]), xi[None])[0, 0]))
+    if np.isnan(found.value):
+        raise InputError(f"name: the law at u = {places[0].u:g}, xi = {places[0].xi.tolist()} has no {name!r}")
+    return found.value if u is not None and xi is not None else found
 
 
 def dissipated(solution: "Equilibrium", rod: int) -> float:

@@ -368,17 +368,10 @@ class FileScene(Scene):
 
         Of largest values ``places`` has where they are, by their names; of a motion a list, an output each.
         """
-        from isorod.output.largest import Peak
+        from isorod.output.largest import numbers
 
         asked = self._measures if names is None else {name: self._measures[name] for name in names}
-        found: dict[str, Any] = {name: ask(solution=solution) for name, ask in asked.items()}
-        places = {}
-        for name, value in found.items():
-            several = isinstance(value, list)
-            peaks = [one for one in (value if several else [value]) if isinstance(one, Peak)]
-            if peaks:
-                found[name] = [one.value for one in peaks] if several else value.value
-                places[name] = [one.place for one in peaks] if several else value.place
+        found, places = numbers({name: ask(solution=solution) for name, ask in asked.items()})
         if hasattr(solution, "told"):
             found = solution.told(found)
         return found | ({"places": places} if places else {})

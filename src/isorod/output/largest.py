@@ -1,14 +1,15 @@
 """The largest value of a field over a rod, and where it is."""
 
-from collections.abc import Callable, Sequence, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from isorod import choices
 from isorod.arrays import Array
+from isorod.errors import InputError
 from isorod.space.space import Space
 
 # Values of a field at axis parameters ``(t,)`` and disk points ``(q, 2)``, shape ``(t, q)``.
@@ -26,6 +27,12 @@ _CLOSER, _TIMES, _PARTS = 4, 14, 5
 # Other peaks of the grid that may be as large as the largest value, but for this share of it, and how many at most.
 _ALIKE, _MANY = 0.02, 8
 
+# What is added to the name of a largest value for those of all places that tie.
+TIED = " of places that tie"
+
+# Places tie whose values are as near to the largest: where these part beside, it has no derivative.
+_TIED = 1e-5
+
 # What is this close to a knot, or to where two rings meet, belongs to one side of it.
 _SIDE = 1e-9
 
@@ -40,10 +47,11 @@ class Largest(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """The largest stress, and its place in a record: ``u``, ``angle`` in degrees, ``radius``."""
+    """The largest value and its place in a record: ``u``, ``angle`` in degrees, ``radius``; values of all that tie."""
 
     value: float
     place: dict[str, float]
+    tied: tuple[float, ...] = ()
 
 
 class _Box(NamedTuple):
@@ -60,12 +68,12 @@ def largest(
     u: float | None = None,
     xi: Sequence[float] | None = None,
     more: Sequence[float] | Array = (),
-) -> Largest:
-    """Return the largest value of a field over a rod, over a section of it, or over a line along it.
+) -> list[Largest]:
+    """Return the largest value of a field over a rod, over a section of it, or over a line along it; and what ties.
 
     Every element and ring is looked at on a grid, both of its sides included, and more and more closely round the
-    largest values of the grid.  These places are a choice (`isorod.choices`): where a largest value is, its derivative
-    is that of the value there; where it is in several places, they part beside it.
+    largest values of the grid.  These places are a choice (`isorod.choices`): the derivative of a largest value is that
+    of the value where it is.
 
     Parameters
     ----------
@@ -77,15 +85,58 @@ def largest(
         The section, or the line; the rod where neither is given.
     more
         Axis parameters that are looked at besides, as where the field begins to count.
+
+    Returns
+    -------
+    list[Largest]
+        The first is the largest; its value is minus infinity where nothing counts.  Beside an answer, at the same
+        places, its value is not known.
+
+    Raises
+    ------
+    InputError
+        If a place at which the field begins to count is not there any more.
     """
-    found = choices.chosen(lambda: _peaks(space, field, u, xi, np.asarray(more, dtype=float)))
-    if choices.near():
-        # Where the field begins to count goes along with what it depends on, if it is not gone, on its side of a knot.
-        found = [one for one in found if one.at is None or one.at[0] < len(more)]
-        found = [one if one.at is None else one._replace(u=one.u + more[one.at[0]] - one.at[1]) for one in found]
-        values = [field(np.array([one.u]), one.xi[None])[0, 0] for one in found]
-        found = [one._replace(value=float(value)) for one, value in zip(found, values, strict=True)]
-    return max(found, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
+    found = choices.chosen(lambda: _tied(_peaks(space, field, u, xi, np.asarray(more, dtype=float))))
+    if not choices.near():
+        return found
+    if any(one.at is not None and one.at[0] >= len(more) for one in found):
+        raise InputError("the place of the largest value is not there any more")
+    # Where the field begins to count goes along with what it depends on, on its side of a knot.
+    return [one if one.at is None else one._replace(u=one.u + more[one.at[0]] - one.at[1]) for one in found]
+
+
+def peak(several: Sequence[Largest], value: Callable[[float, Array], float]) -> Peak:
+    """Return as a record has it what is largest at the first of several places, of values there that may have signs."""
+    first, values = several[0], tuple(value(one.u, one.xi) for one in several)
+    angle = float(np.degrees(np.arctan2(*first.xi[::-1]))) % 360.0
+    return Peak(values[0], {"u": first.u, "angle": angle, "radius": float(np.hypot(*first.xi))}, values)
+
+
+def numbers(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what is measured with values in the place of peaks, or lists of them, and the places of these.
+
+    Beside an answer ``NAME + TIED`` are the values of all places that tie, a row for each peak of a list.
+    """
+    result, places = dict(found), dict[str, Any]()
+    for name, value in found.items():
+        peaks = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Peak)]
+        if not peaks:
+            continue
+        values, where = [one.value for one in peaks], [one.place for one in peaks]
+        result[name], places[name] = (values, where) if isinstance(value, list) else (value.value, value.place)
+        width = max(len(one.tied) for one in peaks)
+        if width > 1 and choices.near():
+            rows = [one.tied + one.tied[-1:] * (width - len(one.tied)) for one in peaks]
+            result[name + TIED] = rows if isinstance(value, list) else rows[0]
+    return result, places
+
+
+def _tied(several: Sequence[Largest]) -> list[Largest]:
+    """Return the largest and those that tie with it."""
+    first = max(several, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
+    least = first.value - _TIED * abs(first.value)
+    return [first, *(one for one in several if one is not first and one.value >= least)]
 
 
 def _peaks(

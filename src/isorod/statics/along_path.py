@@ -246,4 +246,4 @@ def derivatives(
                         found[name] = steps[name].slopes(ends, values)
                 except Kinked as problem:
                     none[name] = str(problem)
-    return Derivatives(beside.at, values, found, none)
+    return Derivatives(beside.at, values, found, none).of_peaks()

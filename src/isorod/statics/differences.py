@@ -5,7 +5,8 @@ These are on the same discretisation (`isorod.choices`).
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from isorod import choices
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.model.model import Model
+from isorod.output.largest import TIED
 
 # What is measured, by its name: numbers or arrays of them.
 Measured = dict[str, Array]
@@ -35,6 +37,9 @@ APART = 1e-2
 
 # Less than so much of the value for the whole parameter counts as none.
 _NOTHING = 1e-3
+
+
+_JUMPS = "the slope of {} jumps, as where the largest of several changes its place"
 
 
 class Unavailable(InputError):
@@ -60,6 +65,8 @@ class Derivatives:
         of each that is measured, as a share of it; without any where it was not asked for.
     why
         Why these are differences; empty where none are.
+    means
+        Of parameters by which there is none as places that tie for a largest value part, the mean of theirs.
     """
 
     parameters: Mapping[str, float]
@@ -68,6 +75,29 @@ class Derivatives:
     none: Mapping[str, str] = field(default_factory=dict)
     errors: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     why: str = ""
+    means: Mapping[str, Measured] = field(default_factory=dict)
+
+    def of_peaks(self) -> "Derivatives":
+        """Return them without those of places that tie for a largest value, which has one where theirs agree."""
+        by, means, none = dict[str, Measured](), dict[str, Measured](), dict(self.none)
+        for name, rates in self.by.items():
+            own, size = _without_ties(rates), abs(self.parameters[name])
+            tied = {one: rates[one + TIED] for one in own if one + TIED in rates}
+            parted = {
+                one: several.mean(axis=-1)
+                for one, several in tied.items()
+                if largest(np.ptp(several, axis=-1)) > APART * scale(several, self.values[one], size)
+            }
+            if parted:
+                none[name], means[name] = _JUMPS.format(next(iter(parted))), own | parted
+            else:
+                by[name] = own
+        return replace(self, values=_without_ties(self.values), by=by, none=none, means=means)
+
+    def averaged(self) -> "Derivatives":
+        """Return them with means where places that tie part, which will do in a search for a limit or a minimum."""
+        none = {name: why for name, why in self.none.items() if name not in self.means}
+        return replace(self, by={**self.by, **self.means}, none=none, means={})
 
     def told(self) -> "Derivatives":
         """Return them; raises `InputError` where there is none by one of the parameters."""
@@ -144,7 +174,7 @@ class Steps:
             jump = largest(np.einsum("i,i...->...", self.jumps, rows))
             whole = found[name] if others is None else found[name] + others[name]
             if not jump <= APART * scale(whole, value, self.size):
-                raise Kinked(f"the slope of {name} jumps, as where the largest of several changes its place")
+                raise Kinked(_JUMPS.format(name.removesuffix(TIED)))
         return found
 
 
@@ -239,7 +269,7 @@ class Beside:
             left = [name for name in left if name not in found]
         # In the order of the parameters.
         by = {name: found[name] for name in self.at if name in found}
-        return Derivatives(self.at, values, by, {name: none[name] for name in left})
+        return Derivatives(self.at, values, by, {name: none[name] for name in left}).of_peaks()
 
 
 def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[..., Measured]]:
@@ -254,7 +284,15 @@ def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[...
         except InputError as problem:
             raise Kinked(f"what is measured cannot be had beside it: {problem}") from problem
 
+    # Beside them there are places that tie; what cannot be had again cannot by any parameter.
+    with suppress(Kinked):
+        values = asked(*at)
     return values, asked
+
+
+def _without_ties(found: Measured) -> Measured:
+    """Return what is measured without the values of places that tie."""
+    return {name: one for name, one in found.items() if not name.endswith(TIED)}
 
 
 def scale(rate: Array, value: Array, size: float) -> float:
