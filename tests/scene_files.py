@@ -90,6 +90,7 @@ MOTION: dict[str, Any] = {
             "section": {"flower": {"n": 4, "petals": 0, "radius": 0.5, "depth": 0.0}},
             "law": {"Muscle": {"E": 30.0, "nu": 0.3, "sigma_max": 10.0, "m1": 1.0, "m2": 0.5, "activation": 1.0}},
             "density": 1.0,
+            "space": {"section_degree": 2, "elements": 2},
         }
     },
     "support": {"root": {"end": "start"}},
@@ -103,12 +104,14 @@ WELD: dict[str, Any] = {
             "section": {"circle": 1.0},
             "law": {"LinearElastic": {"E": 26.0, "nu": 0.3}},
             "density": 2.0,
+            "space": {"section_degree": 2, "elements": 2},
         },
         "upper": {
             "curve": {"straight": {"length": 3.0, "start": [0.0, 0.0, 4.0]}},
             "section": {"circle": 1.0},
             "law": {"LinearElastic": {"E": 2.4, "nu": 0.2}},
             "density": 1.0,
+            "space": {"section_degree": 2, "elements": 2},
         },
     },
     "support": {"foot": {"end": "start", "rod": "lower"}},

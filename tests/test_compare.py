@@ -16,6 +16,8 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("rich")
 
+from test_compare_numbers import FILE
+
 from comparisons import __main__ as comparisons
 from comparisons import compare
 from comparisons.measure import rod, sampled, timing
@@ -29,7 +31,6 @@ from isorod.files.scene import FileScene
 from isorod.scenes.blade import Blade
 from isorod.space.basis import FAMILIES
 from meshes import rods
-from tests.test_compare_numbers import FILE
 
 MODES = """
 [rod.bar]

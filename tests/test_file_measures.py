@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scene_files import MOTION, text
 
 from isorod import InputError, dynamics, statics
 from isorod.command import solving
@@ -15,7 +16,6 @@ from isorod.files.measures import stiffness
 from isorod.files.scene import FileScene
 from isorod.output import held
 from isorod.output.largest import largest
-from tests.scene_files import MOTION, text
 
 E, NU, RADIUS, LENGTH = 200.0, 0.3, 0.5, 4.0
 AREA, INERTIA = np.pi * RADIUS**2, 0.25 * np.pi * RADIUS**4

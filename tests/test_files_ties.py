@@ -4,12 +4,12 @@ import copy
 
 import numpy as np
 import pytest
+from scene_files import WELD, text
 
 from isorod import InputError, modal, statics
 from isorod.command import printing, solving
 from isorod.files.scene import FileScene
 from isorod.model.tie import EndFace, LateralSurface
-from tests.scene_files import WELD, text
 
 # A bar in a sleeve, bonded over a part of its length.
 SLEEVE = """

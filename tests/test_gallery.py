@@ -15,7 +15,7 @@ PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = PAGE.parent / "gallery"
 
 # Those that take long.
-SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw"), pytest.mark.slow)
+SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw", "stent"), pytest.mark.slow)
 
 SECTION = r"""^\((?P<name>\w+)\)=
 ## [^\n]+
