@@ -90,7 +90,6 @@ MOTION: dict[str, Any] = {
             "section": {"flower": {"n": 4, "petals": 0, "radius": 0.5, "depth": 0.0}},
             "law": {"Muscle": {"E": 30.0, "nu": 0.3, "sigma_max": 10.0, "m1": 1.0, "m2": 0.5, "activation": 1.0}},
             "density": 1.0,
-            "space": {"section_degree": 2, "elements": 2},
         }
     },
     "support": {"root": {"end": "start"}},

@@ -271,7 +271,7 @@ def test_two_ranks_move_as_one(on_ranks, tmp_path):
 
 
 SCENE = f"""
-analysis = {{dynamics = {{end_time = 2.0, time_step = 0.05, outputs = 10, integrator = "implicit"}}}}
+analysis = {{dynamics = {{end_time = 1.0, time_step = 0.05, outputs = 5, integrator = "implicit"}}}}
 {BAR_ON_BOX.replace("0.29", "0.31")}
 friction = 0.2
 [load.weight]

@@ -306,6 +306,7 @@ def test_what_cannot_be_measured_is_one_line(asked, said, measured):
 
 def test_modes_have_no_stress_and_motions_have_one_an_output(tmp_path, command):
     table = copy.deepcopy(MOTION)
+    table["rod"]["muscle"]["space"] = {"section_degree": 2, "elements": 2}
     table["measure"] = {"peak": {"stress": "muscle"}, "at": {"stress": "muscle", "u": 0.5, "xi": [1.0, 0.0]}}
     table["measure"] |= {"work": {"energy": "muscle"}, "six": {"section_force": "muscle", "u": 0.5}}
     path = tmp_path / "my.toml"
