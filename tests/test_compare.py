@@ -339,10 +339,7 @@ def test_the_command_becomes_the_comparison_of_the_checkout(monkeypatch, tmp_pat
             "isorod: compare: dolfinx is not installed; Debian: apt install python3-dolfinx-real; elsewhere: pip",
         ),
         ({"rich", "pyvista"}, "isorod: compare: pyvista, rich are not installed; pip install 'isorod[compare]'\n"),
-        (
-            {"comparisons"},
-            "isorod: compare: the comparisons are not installed: pip install 'isorod[compare]', or run in",
-        ),
+        ({"comparisons"}, "isorod: compare: the comparisons are not installed: pip install 'isorod[compare]', or run"),
     ],
 )
 def test_what_is_not_installed_is_said_with_how_to_get_it(missing, said, monkeypatch, capsys, tmp_path):

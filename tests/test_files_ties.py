@@ -23,6 +23,7 @@ curve = {straight = 5.0}
 section = {circle = 3.0}
 rings = [0.33333333333333333, 1.0]
 law = {LinearElastic = {E = 1.0, nu = 0.3}}
+space = {section_degree = 3}
 [support.foot]
 end = "start"
 rod = "sleeve"
