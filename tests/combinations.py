@@ -1,9 +1,11 @@
 """What can be combined, as small scenes in files: analyses with features and options, and with sections."""
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 ANALYSES = {
@@ -136,8 +138,10 @@ def of_section(case: str, section: str, second: str = "steel") -> str:
     return f'title = "{section}"\n{rod}{_HELD}{rest}{analysis}\n'
 
 
-def outcome(table: str, row: str, column: str, folder: Path, seconds: float = 120.0) -> tuple[int, str, str]:
-    """Run a cell of a table; return exit code, standard output and standard error."""
+def outcome(
+    table: str, row: str, column: str, folder: Path, seconds: float = 120.0, here: Callable | None = None
+) -> tuple[int, str, str]:
+    """Run a cell of a table, or have its words run ``here``; return exit code, standard output and standard error."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     words = ["run", "scene.toml", "--json"]
@@ -147,6 +151,9 @@ def outcome(table: str, row: str, column: str, folder: Path, seconds: float = 12
         text, ranks = scene(table, row), 2 if column == "two ranks" else 1
         words = ["compare", "scene.toml"] if column == "compare" else [*words, *OPTIONS[column]]
     (folder / "scene.toml").write_text(text)
+    if here is not None:
+        with contextlib.chdir(folder):
+            return here(words)
     call = [sys.executable, "-m", "isorod", *words]
     if ranks > 1:
         call = ["mpirun", "-n", str(ranks), *call]

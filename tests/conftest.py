@@ -30,6 +30,8 @@ os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
 settings.register_profile("isorod", deadline=None, derandomize=True, max_examples=60, database=None)
 settings.load_profile("isorod")
 
+# What ranks that wait call to run the `isorod` command with their arguments.
+ON_RANKS = "isorod.command.cli.main(sys.argv[1:])"
 COMMAND = [sys.executable, "-c", "import sys; from isorod.command.cli import main; sys.exit(main())"]
 
 
@@ -239,8 +241,8 @@ def mpirun(launcher) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture(scope="session")
-def on_ranks(launcher, tmp_path_factory) -> Iterator[Callable[..., None]]:
-    """Call a function of a test file on several ranks: ``on_ranks(2, "test_matrix.add_up()")``."""
+def on_ranks(launcher, tmp_path_factory) -> Iterator[Callable[..., str]]:
+    """Call a function on several ranks, ``on_ranks(2, "test_matrix.add_up()")``; return what they print."""
     from waiting_ranks import Ranks
 
     waiting: dict[int, Ranks] = {}
@@ -249,12 +251,12 @@ def on_ranks(launcher, tmp_path_factory) -> Iterator[Callable[..., None]]:
         for count in counts & set(waiting):
             waiting.pop(count).end()
 
-    def run(ranks: int, call: str, *arguments: str) -> None:
+    def run(ranks: int, call: str, *arguments: str) -> str:
         # Most tests ask for two, which wait on; of others only those asked last: each holds the memory of a process.
         end({count for count, one in waiting.items() if not one.alive or count not in (2, ranks)})
         if ranks not in waiting:
             waiting[ranks] = Ranks(launcher, ranks, tmp_path_factory.mktemp("ranks"))
-        waiting[ranks](call, *arguments)
+        return waiting[ranks](call, *arguments)
 
     yield run
     end({*waiting})

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("rich")
 Image = pytest.importorskip("PIL.Image")
-report_page = pytest.importorskip("tests.test_report_page")
+report_page = pytest.importorskip("test_report_page")
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 OPTIONS = (

@@ -61,7 +61,7 @@ def column(wave):
     )
 
 
-@pytest.mark.parametrize("length", [20.0, 40.0, 100.0, 400.0])
+@pytest.mark.parametrize("length", [20.0, 400.0])
 @pytest.mark.parametrize(("more", "halves"), [("", 0.5), (GUIDED, 2.0)])
 def test_columns_buckle_at_eulers_load_less_what_they_shear(more, halves, length, scene):
     found = solved(scene(COLUMN + more + PRESSED, length=length, force=-1000.0))
@@ -85,9 +85,10 @@ def test_the_linear_factor_is_that_of_the_stress_alone(scene):
     found = solved(one, linear_at=0.0)
     assert 1000.0 * found.factors == pytest.approx(linear, rel=5e-3)
     assert found.about == "the state of rest (linear)" and found.estimate() is None
-    assert solved(one).linear == pytest.approx(found.factors, rel=1e-9)
+    whole = solved(one)
+    assert whole.linear == pytest.approx(found.factors, rel=1e-9)
     # The nearer to the factor, the nearer is what is told.
-    exact = solved(one).factors[0]
+    exact = whole.factors[0]
     errors = [abs(solved(one, linear_at=share * exact).factors[0] / exact - 1.0) for share in (0.5, 0.9, 0.99)]
     assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2]
 
@@ -129,6 +130,7 @@ def test_a_strip_buckles_sideways_under_end_moments(scene):
     """Clamped against sideways turns: ``2 pi sqrt(B C) / l``, over the root of what it bends before."""
     text, changes = strip(20.0, GUIDED + "rotation = [-1.0, 0.0, 0.0]\n")
     text = text.replace('end = "start"\n', 'end = "start"\nrotation = [1.0, 0.0, 0.0]\n')
+    text = text.replace("density", "space = {{section_degree = 6, elements = 4, degree = 4}}\ndensity")
     model = scene(text, **changes).model()
     found = buckling.solve(model)
     *_, torsion, first, second = np.diag(section_properties(model.bodies[0]).stiffness)
@@ -200,12 +202,12 @@ def ring(thickness, follows):
     return Model([Body(space, NeoHookean(1000.0, 0.0))], held, loads=[Pressure(1.0, follows=follows)])
 
 
-@pytest.mark.parametrize("thickness", [0.1, 0.05])
-def test_a_ring_under_pressure_buckles_into_an_oval(thickness):
+def test_a_ring_under_pressure_buckles_into_an_oval():
     """Under water ``3 EI / R^3`` (Levy 1884), under forces that keep their directions ``4 EI / R^3`` (Boresi 1955).
 
     The former on the outer radius alone; the latter are ``1 + t / 2R`` as many there, and turn the wall as much.
     """
+    thickness = 0.1
     stiffness = 1000.0 * thickness**3 / 12.0
     found = buckling.solve(ring(thickness, True), modes=2)
     assert found.factors / stiffness == pytest.approx(3.0, rel=5e-3)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from refused import refused
 
 from isorod import (
     Axis,
@@ -78,9 +79,9 @@ def test_what_is_printed_and_kept(file, tmp_path, capsys):
 
 
 def test_spaces_are_refined_to_a_tolerance(file, capsys):
-    assert main(["run", file, "--elements", "2", "--degree", "2", "--modes", "1", "--tolerance", "1e-4", "--json"]) == 0
+    assert main(["run", file, "--elements", "1", "--degree", "2", "--modes", "1", "--tolerance", "1e-3", "--json"]) == 0
     record = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert record["error_estimate"] <= 1e-4 and record["refinements"]
+    assert record["error_estimate"] <= 1e-3 and record["refinements"]
 
 
 def test_factors_know_no_place_and_no_direction():
@@ -206,22 +207,17 @@ def test_modes_answer_for_any_point_of_them():
         statics.solve(column(force=(0.0, 0.0, -1.1 * found.factors[0])))
 
 
-@pytest.mark.parametrize(
-    ("model", "settings", "said"),
-    [
-        (column(force=(0.0, 0.0, 0.0)), {}, "nothing loads the model"),
-        (column(force=(0.0, 0.0, 1.0)), {}, "never make the tangent stiffness singular"),
-        (column(material=LinearElastic(1000.0, 0.3)), {}, "body 0 is linear elastic, without geometric stiffness"),
-        (column(), {"modes": 0}, "modes: got 0, need an integer from 1"),
-        (column(), {"linear_at": -1.0}, "linear_at: got -1, need a load factor from 0 on"),
-        (column(), {"linear_at": 2.0}, "linear_at 2 is beyond 2 load factors"),
-        (column(force=(0.3, 0.0, -1.0)), {}, "the path bends before factor 1"),
-    ],
+test_what_has_no_load_factors_is_refused_in_one_line = refused(
+    (column(force=(0.0, 0.0, 0.0)), {}, "nothing loads the model"),
+    (column(force=(0.0, 0.0, 1.0)), {}, "never make the tangent stiffness singular"),
+    (column(material=LinearElastic(1000.0, 0.3)), {}, "body 0 is linear elastic, without geometric stiffness"),
+    (column(), {"modes": 0}, "modes: got 0, need an integer from 1"),
+    (column(), {"linear_at": -1.0}, "linear_at: got -1, need a load factor from 0 on"),
+    (column(), {"linear_at": 2.0}, "linear_at 2 is beyond 2 load factors"),
+    (column(force=(0.3, 0.0, -1.0)), {}, "the path bends before factor 1"),
+    by=lambda model, settings: buckling.solve(model, **settings),
+    error=(InputError, SolveError),
 )
-def test_what_has_no_load_factors_is_refused_in_one_line(model, settings, said):
-    with pytest.raises((InputError, SolveError), match=said) as caught:
-        buckling.solve(model, **settings)
-    assert "\n" not in str(caught.value)
 
 
 def test_what_is_not_known_is_refused_in_one_line():

@@ -5,12 +5,12 @@ import json
 
 import numpy as np
 import pytest
+from scene_files import text
+from test_file_measures import bar
 
 from isorod import InputError
 from isorod.command import cli
 from isorod.files.scene import FileScene
-from tests.scene_files import text
-from tests.test_file_measures import bar
 
 CASES = {
     "dead": {"loads": ["gravity"]},

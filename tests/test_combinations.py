@@ -31,9 +31,13 @@ CELLS = [
     ("analysis", "feature", "option"),
     [pytest.param(*cell, marks=() if cell in QUICK else pytest.mark.slow) for cell in CELLS],
 )
-def test_a_combination_is_answered_or_refused_in_one_line_as_it_was_recorded(analysis, feature, option, tmp_path):
+def test_a_combination_is_answered_or_refused_in_one_line_as_it_was_recorded(
+    analysis, feature, option, tmp_path, command
+):
     """Whether, not in which words: these may be of other numbers."""
-    refused = combinations.refusal(*combinations.outcome(analysis, feature, option, tmp_path / "cell", 600.0))
+    cell = analysis, feature, option
+    here = command._run if cell in QUICK else None
+    refused = combinations.refusal(*combinations.outcome(*cell, tmp_path / "cell", 600.0, here))
     before = combinations_page.read()[analysis][feature][option]
     assert "unfinished" in before or bool(refused) == bool(before["refused"]), refused
 

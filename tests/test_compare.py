@@ -16,6 +16,8 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("rich")
 
+from test_compare_numbers import FILE
+
 from comparisons import __main__ as comparisons
 from comparisons import compare
 from comparisons.measure import rod, sampled, timing
@@ -29,7 +31,6 @@ from isorod.files.scene import FileScene
 from isorod.scenes.blade import Blade
 from isorod.space.basis import FAMILIES
 from meshes import rods
-from tests.test_compare_numbers import FILE
 
 MODES = """
 [rod.bar]
@@ -338,10 +339,7 @@ def test_the_command_becomes_the_comparison_of_the_checkout(monkeypatch, tmp_pat
             "isorod: compare: dolfinx is not installed; Debian: apt install python3-dolfinx-real; elsewhere: pip",
         ),
         ({"rich", "pyvista"}, "isorod: compare: pyvista, rich are not installed; pip install 'isorod[compare]'\n"),
-        (
-            {"comparisons"},
-            "isorod: compare: the comparisons are not installed: pip install 'isorod[compare]', or run in",
-        ),
+        ({"comparisons"}, "isorod: compare: the comparisons are not installed: pip install 'isorod[compare]', or run"),
     ],
 )
 def test_what_is_not_installed_is_said_with_how_to_get_it(missing, said, monkeypatch, capsys, tmp_path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import straight
 
 from comparisons.measure import quantities, sampled
 from comparisons.measure.distance import Judge
@@ -20,7 +21,6 @@ from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space.space import Space
 from meshes import rods
-from tests.conftest import straight
 
 SIZES = [1.0, 0.5, 0.25]
 

@@ -51,7 +51,7 @@ def test_parts_add_the_full_product():
 
 
 def test_parts_of_ranks_add_the_full_product(on_ranks):
-    on_ranks(3, "test_condensed.check()")
+    on_ranks(2, "test_condensed.check()")
 
 
 def test_tangents_are_those_of_the_state_whoever_asked_last():

@@ -95,7 +95,7 @@ def test_starts_are_all_the_history_there_is(crossing):
     model, states = crossing
     first = pack(model)
     touched = 0
-    for x in states:
+    for x in states[::3]:
         second = pack(model)
         second.starts[:] = first.starts
         one, other, fresh = (np.zeros_like(x) for _ in range(3))
@@ -107,7 +107,7 @@ def test_starts_are_all_the_history_there_is(crossing):
         other[:] = 0.0
         assert add_forces(second, x, other) == add_forces(pack(model), x, fresh)
         assert np.array_equal(other, fresh)
-    assert 20 < touched < 280
+    assert 10 < touched < 90
 
 
 def test_searches_left_out_change_nothing(crossing):
@@ -220,7 +220,7 @@ def test_what_is_known_to_be_far_changes_no_force_of_a_coil_that_is_shaken_hard(
     known, fresh = (ContactOperator(model, PETSc.COMM_SELF) for _ in range(2))
     rng, pressed = np.random.default_rng(0), 0
     places = (space.positions - space.positions[space.is_carrier].mean(axis=0)) * space.is_carrier[:, None]
-    for _ in range(60):
+    for _ in range(30):
         turn, bend = 0.3 * rng.standard_normal((3, 3)), 0.06 * rng.standard_normal((3, 3))
         motion = (places @ turn.T + places * np.roll(places, 1, axis=1) @ bend.T).ravel()
         for one in (known, fresh):
@@ -229,4 +229,4 @@ def test_what_is_known_to_be_far_changes_no_force_of_a_coil_that_is_shaken_hard(
         forces, expected = (one.forces(motion)[0] for one in (known, fresh))
         np.testing.assert_allclose(forces, expected, atol=1e-12 * max(np.abs(expected).max(), 1.0))
         pressed += int((fresh.packed.states["pressure"] > 0.0).sum())
-    assert pressed > 500
+    assert pressed > 250

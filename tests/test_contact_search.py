@@ -70,7 +70,11 @@ WANDERING = [
 ]
 
 
-@pytest.mark.parametrize(("scene", "seed", "room"), WANDERING)
+# The first walk of each at once, the others where time is.
+@pytest.mark.parametrize(
+    ("scene", "seed", "room"),
+    [pytest.param(*one, marks=pytest.mark.slow if one[1] in (1, 2, 3) else ()) for one in WANDERING],
+)
 def test_bodies_that_wander_touch_as_fresh_searches_say(scene, seed, room, monkeypatch):
     """Searches left out, lists kept, and lists that overflow change nothing."""
     model = scene()

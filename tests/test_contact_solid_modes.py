@@ -139,8 +139,8 @@ def test_a_shaft_that_presses_all_round_vibrates_as_one_that_is_tied(kind, frict
     assert pressed.contacts[0].slipping == 0
     assert pressed.frequencies == pytest.approx(tied.frequencies, rel=near)
     assert np.abs(pressed.frequencies / tied.frequencies - 1.0).max() < pressed.contact_error()
-    apart = modal.solve(Model(tied.model.bodies, tied.model.supports, solids=tied.model.solids), 6)
-    assert np.abs(apart.frequencies / tied.frequencies - 1.0).max() > 0.1
+    apart = modal.solve(Model(tied.model.bodies, tied.model.supports, solids=tied.model.solids), 1)
+    assert abs(apart.frequencies[0] / tied.frequencies[0] - 1.0) > 0.1
 
 
 def frequencies():

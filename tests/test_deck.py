@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix import BOUNDS, EXAMPLES, GEOMETRY, LEVELS, LONG, REFUSED, answers, beside, calculix, found, nodes
 
 from isorod import InputError, LinearElastic, files
 from isorod.material.gent import Gent
@@ -15,7 +16,6 @@ from isorod.material.ogden import Ogden
 from isorod.material.yeoh import Yeoh
 from meshes import deck_laws, nodal, rods
 from meshes.__main__ import main
-from tests.calculix import BOUNDS, EXAMPLES, GEOMETRY, LEVELS, LONG, REFUSED, answers, beside, calculix, found, nodes
 
 BAR = """[rod.beam]
 curve = {straight = 4.0}

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix import answers, calculix
+from test_deck import BAR as THICK
+from test_deck import folder, rows, written
 
 from meshes.__main__ import main
-from tests.calculix import answers, calculix
-from tests.test_deck import BAR as THICK
-from tests.test_deck import folder, rows, written
 
 __all__ = ["folder"]
 

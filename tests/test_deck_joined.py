@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix import answers, calculix
+from test_deck import BAR, blocks, folder, rows
+from test_deck_means import equations
 
 from isorod import files
 from meshes import deck_embedded, rods
 from meshes.__main__ import main
-from tests.calculix import answers, calculix
-from tests.test_deck import BAR, blocks, folder, rows
-from tests.test_deck_means import equations
 
 __all__ = ["folder"]
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix import answers, calculix, nodes
 from scipy.integrate import trapezoid
+from test_deck import blocks, folder, rows
 
 from isorod import files
 from meshes.__main__ import main
-from tests.calculix import answers, calculix, nodes
-from tests.test_deck import blocks, folder, rows
 
 __all__ = ["folder"]
 

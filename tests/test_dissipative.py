@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import sympy as sp
+from refused import refused
 from scipy.spatial.transform import Rotation
 
 from isorod import Body, Dissipative, Model, SolveError, Space, Support, circle, dynamics, statics, straight
 from isorod.files.material import dissipative
 from isorod.material.symbols import internal, strain
-from tests.refused import refused
 
 MU, TAU, BULK = 2.0, 0.7, 5.0
 

@@ -157,7 +157,7 @@ def test_order_1_does_not_hold_the_warping_of_flexure(n):
     assert min(Bar(flexure, "circle", n, 1, nu=0.0).error) > 0.01
 
 
-@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("section", [pytest.param("circle", marks=pytest.mark.slow), "ellipse"])
 @pytest.mark.parametrize("field", [bending, pytest.param(flexure, marks=pytest.mark.slow)])
 def test_order_2_converges_with_the_arcs_as_theory_says(field, section):
     found = []

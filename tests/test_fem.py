@@ -1,9 +1,6 @@
 """The finite element side: patch tests, the spring's force, ranks, solvers, and bad input."""
 
-import contextlib
-import io
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,6 @@ from mpi4py import MPI
 from test_fem_presets import configuration
 
 from comparisons.fem import quadrature
-from comparisons.fem.__main__ import main
 from comparisons.fem.domain import Domain
 from comparisons.fem.presets import spring as presets
 from comparisons.fem.published import Spring as Configuration
@@ -162,22 +158,13 @@ def test_reactions_balance():
         assert reactions[1, 2] > 1.0
 
 
-def write(path, words):
-    """Write what ranks print together (called under mpirun)."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
-        assert main(words) == 0
-    if MPI.COMM_WORLD.rank == 0:
-        Path(path).write_text(said.getvalue())
-    else:
-        assert not said.getvalue()
+# What ranks that wait call to run ``python -m comparisons.fem`` with their arguments.
+ON_RANKS = "comparisons.fem.__main__.main(sys.argv[1:])"
 
 
 @pytest.mark.mpi
-def test_two_ranks_give_the_serial_force(on_ranks, tmp_path):
-    words = "spring --around 4 --layers 12".split()
-    on_ranks(2, f"test_fem.write({str(tmp_path / 'record')!r}, {words!r})")
-    parallel = json.loads((tmp_path / "record").read_text())
+def test_two_ranks_give_the_serial_force(on_ranks):
+    parallel = json.loads(on_ranks(2, ON_RANKS, *"spring --around 4 --layers 12".split()))
     assert parallel["ranks"] == 2
     serial = run(Configuration(**SMALL))
     assert parallel["dofs"] == serial["dofs"]

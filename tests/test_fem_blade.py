@@ -9,6 +9,7 @@ from reference import BLADE_FREQUENCIES as CONVERGED
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
+from test_fem import ON_RANKS
 from test_fem_presets import configuration as configured
 
 from comparisons.fem.domain import Domain
@@ -113,8 +114,7 @@ def test_shapes_at_nodes_are_those_of_the_function(arguments):
 def test_two_ranks_give_the_serial_modes(on_ranks, fem, tmp_path, arguments):
     file, other = tmp_path / "parallel.npz", tmp_path / "serial.npz"
     words = ["blade", *arguments.split(), "--modes-file"]
-    on_ranks(2, f"test_fem.write({str(tmp_path / 'record')!r}, {[*words, str(file)]!r})")
-    parallel = json.loads((tmp_path / "record").read_text())
+    parallel = json.loads(on_ranks(2, ON_RANKS, *words, str(file)))
     serial = json.loads(fem.prints(*words, other))
     assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
     assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]

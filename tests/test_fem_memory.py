@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from test_memory_statics import NU, SHEAR, YIELD, E, G, _bar
+
 from comparisons.fem import known
 from comparisons.fem.rods.run import mesh_of
 from comparisons.fem.rods.solving import solve
@@ -13,7 +15,6 @@ from isorod.errors import InputError
 from isorod.geometry.coils import helix
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Creep, Viscoelastic
-from tests.test_memory_statics import NU, SHEAR, YIELD, E, G, _bar
 
 
 def _both(law, x, history):

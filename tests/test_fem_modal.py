@@ -25,9 +25,9 @@ def bar(rod, kind: str, layers: int = 8, around: int = 8) -> Domain:
     return Domain.distribute(bricks(rod, o_grid(around, 1, int(kind[1])), layers))
 
 
-@pytest.mark.parametrize("kind, tolerance", [("Q2", 2e-3), ("Q3", 1e-4), ("P2", 1e-2)])
-def test_free_bar_has_six_rigid_modes_and_the_exact_torsion(cylinder, kind, tolerance):
-    found = solve(bar(cylinder(height=6.0), kind), STEEL, modes=8, element=Element(int(kind[1])))
+@pytest.mark.parametrize("kind, layers, tolerance", [("Q2", 8, 2e-3), ("Q3", 4, 1e-4), ("P2", 8, 1e-2)])
+def test_free_bar_has_six_rigid_modes_and_the_exact_torsion(cylinder, kind, layers, tolerance):
+    found = solve(bar(cylinder(height=6.0), kind, layers), STEEL, modes=8, element=Element(int(kind[1])))
     # The last one's twin may lie beyond.
     assert found.rigid == RIGID and found.below in (RIGID + 8, RIGID + 9)
     assert found.eigenvalues[:RIGID] == pytest.approx(0.0, abs=1e-6 * found.eigenvalues[RIGID])
@@ -49,12 +49,12 @@ def test_twins_of_a_symmetric_bar_are_found(cylinder):
         assert len(found.frequencies) == modes and modes <= found.below <= modes + 1
 
 
-@pytest.mark.parametrize("kind, element", [("Q2", Element(2)), ("Q2", Element(2, "irons14")), ("Q3", Element(3))])
-def test_slender_cantilever_is_eulers_and_bernoullis(cylinder, kind, element):
+@pytest.mark.parametrize("element", [Element(2), Element(2, "irons14")])
+def test_slender_cantilever_is_eulers_and_bernoullis(cylinder, element):
     wave = np.array([1.8751041, 4.6940911])
     excess = []
     for length in (30.0, 60.0):
-        found = solve(bar(cylinder(height=length), kind, layers=16), STEEL, ["start"], 4, element)
+        found = solve(bar(cylinder(height=length), "Q2", layers=16), STEEL, ["start"], 4, element)
         exact = wave**2 / (2.0 * np.pi * length**2) * np.sqrt(STEEL.E / STEEL.density * 0.25)
         assert found.frequencies[[1, 3]] == pytest.approx(found.frequencies[[0, 2]], rel=1e-6)
         excess.append(found.frequencies[[0, 2]] / exact - 1.0)
@@ -84,7 +84,7 @@ def test_stiffness_and_mass_scale_as_they_should(cylinder):
 
 
 @pytest.mark.parametrize("held", [["start"], []], ids=["clamped", "free"])
-@pytest.mark.parametrize("error", [-1, 1, 5])
+@pytest.mark.parametrize("error", [-1, 1])
 def test_a_count_that_disagrees_is_refused(error, held, monkeypatch):
     """More or fewer eigenvalues found than the inertia of K - tau M tells; of a bar without equal ones."""
     rod = center_line.straight(6.0).sweep(ellipse(8, 1.0, 0.6))

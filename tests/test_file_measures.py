@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scene_files import MOTION, text
 
 from isorod import InputError, dynamics, statics
 from isorod.command import solving
@@ -15,7 +16,6 @@ from isorod.files.measures import stiffness
 from isorod.files.scene import FileScene
 from isorod.output import held
 from isorod.output.largest import largest
-from tests.scene_files import MOTION, text
 
 E, NU, RADIUS, LENGTH = 200.0, 0.3, 0.5, 4.0
 AREA, INERTIA = np.pi * RADIUS**2, 0.25 * np.pi * RADIUS**4
@@ -306,6 +306,7 @@ def test_what_cannot_be_measured_is_one_line(asked, said, measured):
 
 def test_modes_have_no_stress_and_motions_have_one_an_output(tmp_path, command):
     table = copy.deepcopy(MOTION)
+    table["rod"]["muscle"]["space"] = {"section_degree": 2, "elements": 2}
     table["measure"] = {"peak": {"stress": "muscle"}, "at": {"stress": "muscle", "u": 0.5, "xi": [1.0, 0.0]}}
     table["measure"] |= {"work": {"energy": "muscle"}, "six": {"section_force": "muscle", "u": 0.5}}
     path = tmp_path / "my.toml"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_files import BEAM, LINE, MODES, MOTION, OUTLINE, PAIR, RING, VALID, text
 
 from isorod import InputError, Pressure, files, modal, statics
 from isorod.command import new, solving
@@ -18,7 +19,6 @@ from isorod.geometry import center_line, section
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from tests.scene_files import BEAM, LINE, MODES, MOTION, OUTLINE, PAIR, RING, VALID, text
 
 EXAMPLES = Path(new.__file__).parent.parent / "files" / "examples"
 

@@ -5,9 +5,9 @@ import random
 import re
 
 import pytest
+from scene_files import BEAM, LINE, OUTLINE, VALID, mutants, text
 
 from isorod.files.lines import lines
-from tests.scene_files import BEAM, LINE, OUTLINE, VALID, mutants, text
 
 ALL = list(mutants())
 

@@ -2,9 +2,8 @@
 
 import pytest
 from conftest import packages
-
-from tests.scene_files import MODES, text
-from tests.test_scenes import FOREIGN
+from scene_files import MODES, text
+from test_scenes import FOREIGN
 
 
 def test_modes_of_a_passive_body_load_no_contact_dynamics_muscle_or_pictures(modules, tmp_path):

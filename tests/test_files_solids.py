@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import solids
+from msh import box, content
 
 from isorod import InputError, LinearElastic, SolveError, files, modal, statics
 from isorod.command import cli, printing, solving
@@ -13,7 +14,6 @@ from isorod.design import derivatives
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.space import choice
-from tests.msh import box, content
 
 pytest.importorskip("dolfinx")
 

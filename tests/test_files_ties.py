@@ -4,12 +4,12 @@ import copy
 
 import numpy as np
 import pytest
+from scene_files import WELD, text
 
 from isorod import InputError, modal, statics
 from isorod.command import printing, solving
 from isorod.files.scene import FileScene
 from isorod.model.tie import EndFace, LateralSurface
-from tests.scene_files import WELD, text
 
 # A bar in a sleeve, bonded over a part of its length.
 SLEEVE = """
@@ -23,6 +23,7 @@ curve = {straight = 5.0}
 section = {circle = 3.0}
 rings = [0.33333333333333333, 1.0]
 law = {LinearElastic = {E = 1.0, nu = 0.3}}
+space = {section_degree = 3}
 [support.foot]
 end = "start"
 rod = "sleeve"

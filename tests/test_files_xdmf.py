@@ -12,6 +12,8 @@ import dolfinx.mesh
 import solids
 from dolfinx.io import XDMFFile
 from mpi4py import MPI
+from msh import box, content
+from test_files_solids import SCENE
 
 from isorod import InputError, fenics, statics
 from isorod.command import solving
@@ -21,8 +23,6 @@ from isorod.files import xdmf
 from isorod.files.document import Document
 from isorod.files.scene import FileScene
 from isorod.material import LinearElastic
-from tests.msh import box, content
-from tests.test_files_solids import SCENE
 
 ENCODINGS = [XDMFFile.Encoding.HDF5, XDMFFile.Encoding.ASCII]
 LOADED = '[load.pull]\nend = "end"\nforce = [1e-6, 0.0, 1e-6]\n'

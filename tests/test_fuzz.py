@@ -62,7 +62,7 @@ TEXTS = st.one_of(
 )
 RULES = st.one_of(
     st.sampled_from(["auto", "full", "paper", "2x1", "2x1x3", "1x1x1", "64x64x65", "0x2x2", "999x9x9", "2x-1", "2x1x"]),
-    st.from_regex(r"[0-4]{1,2}x[0-4](x[0-5])?", fullmatch=True),
+    st.from_regex(r"1?[0-4]x[0-4](x[0-5])?", fullmatch=True),
     TEXTS,
 )
 CHOICES = {

@@ -16,7 +16,7 @@ PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = PAGE.parent / "gallery"
 
 # Those that take long.
-SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw", "valve"), pytest.mark.slow)
+SLOW = dict.fromkeys(("crossing", "wing", "cable", "screw", "valve", "stent"), pytest.mark.slow)
 
 SECTION = r"""^\((?P<name>\w+)\)=
 ## [^\n]+

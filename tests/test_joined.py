@@ -10,6 +10,8 @@ import pytest
 pytest.importorskip("gmsh")
 pytest.importorskip("dolfinx")
 
+from test_joined_refused import BLOCK, block
+
 import isorod
 from comparisons.fem.contact.facets import facet_of
 from comparisons.fem.contact.facets import gauss as facet_points
@@ -22,7 +24,6 @@ from isorod.command import new
 from meshes import gmsh_model, inverse, occ_rods
 from meshes.gmsh_model import gmsh_session
 from meshes.joined_mesh import body_file
-from tests.test_joined_refused import BLOCK, block
 
 BARS = """
 [rod.steel]

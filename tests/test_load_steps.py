@@ -5,11 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
+from scene_files import text
 
 from isorod import InputError
 from isorod.files.scene import FileScene
 from isorod.output import curves
-from tests.scene_files import text
 
 PULLED = {
     "analysis": "statics",

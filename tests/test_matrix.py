@@ -90,11 +90,11 @@ def test_no_entries_make_an_empty_matrix():
     assert matrix.norm() == 0.0
 
 
-def add_up():
+def add_up(*rows_of_ranks):
     """Set a matrix twice from entries that each rank has anywhere, some held, some at one place (under mpirun)."""
     comm = PETSc.COMM_WORLD
     rank, n = comm.getRank(), 23
-    own = [7, 0, 16, 0][rank]
+    own = rows_of_ranks[rank]
     rng = np.random.default_rng(rank)
     rows, columns = rng.integers(-1, n, (2, 300))
     made = create_matrix(comm, (own, n), 1, lambda: (rows, columns))
@@ -115,7 +115,8 @@ def add_up():
 @pytest.mark.mpi
 def test_entries_of_all_ranks_are_added_up(on_ranks):
     """Also where some have no rows."""
-    on_ranks(4, "test_matrix.add_up()")
+    for rows in ("7, 16", "0, 23", "23, 0"):
+        on_ranks(2, f"test_matrix.add_up({rows})")
 
 
 def fails_on(rank):
@@ -124,9 +125,8 @@ def fails_on(rank):
 
 @pytest.mark.mpi
 def test_what_fails_on_a_rank_fails(on_ranks):
-    # It ends them: after what else asks for four.
-    with pytest.raises(AssertionError, match=r"(?s)fails_on\(3\) on 4 ranks:.*AssertionError: as it should"):
-        on_ranks(4, "test_matrix.fails_on(3)")
+    with pytest.raises(AssertionError, match=r"(?s)fails_on\(1\) on 2 ranks:.*AssertionError: as it should"):
+        on_ranks(2, "test_matrix.fails_on(1)")
 
 
 def banded(random, layers, size, gaps):

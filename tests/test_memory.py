@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from refused import refused
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from isorod.material.plastic import Plastic, Viscoplastic
 from isorod.material.viscous import Creep, Viscoelastic
-from tests.refused import refused
 
 TABLE = [[0.0, 400.0], [0.01, 420.0], [0.1, 500.0]]
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refused import refused
 
 from isorod import (
     Body,
@@ -22,7 +23,6 @@ from isorod import (
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Viscoelastic
 from isorod.output import checkpoint, vtk
-from tests.refused import refused
 
 E, NU, YIELD = 200e3, 0.3, 400.0
 G, SHEAR = E / (2.0 + 2.0 * NU), YIELD / np.sqrt(3.0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refused import refused
 from scipy.optimize import least_squares
 
 from isorod import Body, InputError, Model, Muscle, Space, Support, circle, dynamics, straight
@@ -10,7 +11,6 @@ from isorod.dynamics.implicit import newton
 from isorod.material.plastic import Plastic, Viscoplastic
 from isorod.material.viscous import Creep, Viscoelastic
 from isorod.output import checkpoint
-from tests.refused import refused
 
 # k c0 tau = 1 of the first torsional mode, k = pi / (2 L), c0 = 1.
 LENGTH, SPIN = 10.0, 1e-3

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from test_load_history import on_plane
+from test_memory_statics import NU, YIELD, E, _bar, _twisted
 
 import isorod
 from isorod import Model, SectionLoad, Support, statics
@@ -9,8 +11,6 @@ from isorod.errors import InputError
 from isorod.material.plastic import Plastic
 from isorod.scenes.creep import Creep
 from isorod.scenes.set import Set
-from tests.test_load_history import on_plane
-from tests.test_memory_statics import NU, YIELD, E, _bar, _twisted
 
 
 class _FewSteps(Set):

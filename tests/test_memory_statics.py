@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refused import refused
 
 from isorod import (
     Body,
@@ -22,7 +23,6 @@ from isorod import (
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Creep, Viscoelastic
-from tests.refused import refused
 
 E, NU, YIELD = 200e3, 0.3, 400.0
 G, SHEAR = E / (2.0 + 2.0 * NU), YIELD / np.sqrt(3.0)
@@ -216,12 +216,12 @@ def _brittle(F_old, F, state, dt, constants):
     ("law", "pull", "said"),
     [
         (
-            Plastic(E, NU, [[0.0, 1e5], [5.0, 1e8]]),
+            lambda: Plastic(E, NU, [[0.0, 1e5], [5.0, 1e8]]),
             100.0,
             r"Plastic: stretches beyond 12 .*u = .*: stretches \S+ to 1\d",
         ),
         (
-            UserMaterial(_brittle, 0),
+            lambda: UserMaterial(_brittle, 0),
             4.0,
             r"UserMaterial: its local solution does not converge .*: stretches \S+ to 1\.",
         ),
@@ -229,7 +229,7 @@ def _brittle(F_old, F, state, dt, constants):
     ids=["stretch", "routine"],
 )
 def test_a_law_without_a_stress_is_named_with_its_place(law, pull, said) -> None:
-    made, body = _bar(law)
+    made, body = _bar(law())
     model = Model([body], [Support.end(made, "start"), Support.end(made, "end", displacement=(0.0, 0.0, pull))])
     with pytest.raises(SolveError, match=said):
         statics.solve(model, 4, end_time=1.0)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from refused import refused
+from test_memory_motion import bar
 
 from isorod import Thermal, dynamics, files
 from isorod.command import solving
 from isorod.material.plastic import Plastic
 from isorod.material.viscous import Creep, Viscoelastic
-from tests.refused import refused
-from tests.test_memory_motion import bar
 
 RNG = np.random.default_rng(3)
 LAWS = (

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calculix import EXAMPLES
 
 import isorod
 from isorod import files
 from meshes.__main__ import main
-from tests.calculix import EXAMPLES
 
 pytest.importorskip("gmsh")
 

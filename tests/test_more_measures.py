@@ -5,6 +5,8 @@ import warnings
 
 import numpy as np
 import pytest
+from scene_files import text
+from test_file_measures import INERTIA, LENGTH, NU, RADIUS, SHEAR, E, bar
 
 from isorod import InputError, LinearElastic, NeoHookean, Space, circle, ellipse, modal, statics, straight
 from isorod.files.contacts import _edge, _places
@@ -13,8 +15,6 @@ from isorod.modal import kinds
 from isorod.model import Body, Model, Support
 from isorod.output import rotations
 from isorod.tensors import rotation
-from tests.scene_files import text
-from tests.test_file_measures import INERTIA, LENGTH, NU, RADIUS, SHEAR, E, bar
 
 STEEL, HEAVY = 2.1e5, 7.8e-9
 

@@ -255,9 +255,12 @@ def test_what_a_file_says_wrong_is_refused_in_a_line(tmp_path, old, new, said):
     assert "\n" not in str(caught.value)
 
 
-def test_a_drum_hauls_a_rope_as_a_capstan_does():
+def test_a_drum_hauls_a_rope_as_a_capstan_does(tmp_path):
     """Half a turn: tensions by exp of friction times angle, times the drum's radius over that of the rope's axis."""
-    scene = FileScene(str(Path(files.__file__).parent / "examples" / "contact" / "drum.toml"))
+    path, example = tmp_path / "drum.toml", Path(files.__file__).parent / "examples" / "contact" / "drum.toml"
+    # All of it slips long before the end of the example's 20 degrees.
+    path.write_text(example.read_text().replace("[1, 20]", "[1, 3]"))
+    scene = FileScene(str(path))
     solution = statics.solve(scene.model(), **scene.settings())
     found = scene.measure(solution)
     assert -found["pull"] == pytest.approx(np.exp(-0.2 * np.pi * 20.0 / 20.25), rel=2e-3)

@@ -85,13 +85,13 @@ def test_the_run_has_all_there_is_of_state(whole):
 
 
 def test_a_killed_run_continues_to_the_last_bit(whole, tmp_path):
-    """Killed without warning three times, at random."""
+    """Killed without warning twice, at random."""
     file = tmp_path / "state"
     chance = random.Random(1)
     folder = os.path.dirname(__file__)
     script = SCRIPT.format(folder=folder, file=str(file), resume="{resume}")
     reached = []
-    for attempt in range(3):
+    for attempt in range(2):
         code = script.format(resume=attempt > 0)
         process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
         before = file.stat().st_mtime_ns if file.exists() else 0

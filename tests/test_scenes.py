@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from conftest import packages
+from scene_files import OUTLINE, RING, text
 
 import isorod
 from isorod import scenes
 from isorod.command import cli
 from isorod.errors import InputError
-from tests.scene_files import OUTLINE, RING, text
 
 # What makes a long run short.
 SHORT = {

@@ -15,10 +15,12 @@ section = {circle = 2.0}
 rings = [0.0, 0.5, 1.0]
 law = [{LinearElastic = {E = 10.0, nu = 0.3}}, {LinearElastic = {E = 40.0, nu = 0.3}}]
 density = [3.0, 1.0]
+space = {section_degree = 2, elements = 2, degree = 2}
 [rod.rubber]
 curve = {arc = {radius = 5.0, angle = 90.0}}
 section = {ellipse = {a = 1.0, b = 0.5}}
 law = {NeoHookean = {E = 1.0, nu = 0.49}}
+space = {section_degree = 2, elements = 2, degree = 2}
 [support.wall]
 rod = "cable"
 end = "start"

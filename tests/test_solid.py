@@ -6,9 +6,12 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx.fem
+import solids
 import ufl
 from conftest import as_array
 from mpi4py import MPI
+from refused import refused
+from solids import LAW, SHAPES, box, mesh, sector, solid, space
 
 from isorod.errors import InputError
 from isorod.fenics import compat
@@ -20,9 +23,6 @@ from isorod.material.ogden import Ogden
 from isorod.material.orthotropic import Orthotropic
 from isorod.material.yeoh import Yeoh
 from isorod.tensors import rotation
-from tests import solids
-from tests.refused import refused
-from tests.solids import LAW, SHAPES, box, mesh, sector, solid, space
 
 MUSCLE = Muscle(E=2.0, nu=0.3, sigma_max=1.5, m1=0.4, m2=2.0, activation=0.8, fibre=(1.0, 2.0, 2.0))
 

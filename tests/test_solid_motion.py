@@ -8,8 +8,14 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx.fem
+import solids
 import ufl
+from motions import momenta
 from mpi4py import MPI
+from msh import box, content
+from refused import refused
+from solids import mesh, space
+from test_files_solids import SCENE
 
 from isorod import (
     LinearElastic,
@@ -29,12 +35,6 @@ from isorod.files.scene import FileScene
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Support
 from isorod.model.tie import EndFace, SolidSurface, Tie
-from tests import solids
-from tests.motions import momenta
-from tests.msh import box, content
-from tests.refused import refused
-from tests.solids import mesh, space
-from tests.test_files_solids import SCENE
 
 LAW = NeoHookean(10.0, 0.3)
 SPIN, AHEAD = np.array([0.3, 0.8, 0.2]), np.array([1.0, -0.5, 0.2])

@@ -6,13 +6,13 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx.mesh
+import solids
 from mpi4py import MPI
+from refused import refused
+from solids import SHAPES, SIZES, box, mesh, sector, space, where
 
 from isorod.fenics.boxes import Boxes
 from isorod.fenics.surface import Surface
-from tests import solids
-from tests.refused import refused
-from tests.solids import SHAPES, SIZES, box, mesh, sector, space, where
 
 # Shape of cells, their degree, that of the space, and where they are.
 KINDS = [(shape, 1, degree, box) for shape in SHAPES for degree in (1, 2, 3)]

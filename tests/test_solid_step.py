@@ -6,15 +6,15 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import dolfinx.fem
+import solids
 import ufl
+from solids import mesh, solid, space
+from test_solid import LAWS, MUSCLE, noise
 
 from isorod import LinearElastic, NeoHookean, StVenantKirchhoff
 from isorod.fenics.solid import Solid
 from isorod.fenics.step import Step
 from isorod.material.gent import Gent
-from tests import solids
-from tests.solids import mesh, solid, space
-from tests.test_solid import LAWS, MUSCLE, noise
 
 LAW = NeoHookean(10.0, 0.3)
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from motions import change_of_momenta
 from mpi4py import MPI
+from refused import refused
 from test_ties import WELD, bar
 
 from isorod import NeoHookean, dynamics
 from isorod.assembly.constraints import Constraints
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.model.tie import EndFace, LateralSurface, Tie
-from tests.refused import refused
 
 LAW = NeoHookean(10.0, 0.3)
 KINDS = {"order": 2, "degree": 3, "continuity": 0}

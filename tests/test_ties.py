@@ -301,7 +301,7 @@ def test_a_disk_swings_on_its_bond():
     frequency = np.sqrt(bond / (density * thick))
     period = 2.0 * np.pi / frequency
     # That of the trapezoidal rule.
-    step = period / 40
+    step = period / 24
     late = 2.0 / step * np.arctan(0.5 * frequency * step)
     way = np.zeros((model.dofs // 3, 3))
     way[lower.nodes :, 0] = 0.1 * disk.is_carrier

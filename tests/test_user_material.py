@@ -7,6 +7,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from refused import refused
 from scipy.spatial.transform import Rotation
 
 from isorod import (
@@ -26,7 +27,6 @@ from isorod import (
 from isorod.errors import InputError
 from isorod.files.scene import FileScene
 from isorod.material.user import _code, library
-from tests.refused import refused
 
 SOURCES = Path(__file__).parent / "routines"
 E, NU = 10.0, 0.3

@@ -10,21 +10,26 @@ from pathlib import Path
 
 # One pipe each, since a rank that waits for others in MPI takes all of a processor. One that fails takes all with it.
 EACH = """
-import isorod, importlib, json, os, sys, traceback, warnings
+import isorod, io, json, os, sys, traceback, warnings
+from contextlib import redirect_stderr, redirect_stdout
 sys.path[:0] = [{here!r}]
 from petsc4py import PETSc
-with open(f"{folder}/calls-{{PETSc.COMM_WORLD.getRank()}}") as calls:
+rank = PETSc.COMM_WORLD.getRank()
+with open(f"{folder}/calls-{{rank}}") as calls:
     for line in calls:
-        (call, *sys.argv[1:]), module = json.loads(line), json.loads(line)[0].partition(".")[0]
+        call, *sys.argv[1:] = json.loads(line)
+        module, printed = call.partition("(")[0].rpartition(".")[0], io.StringIO()
         try:
-            with warnings.catch_warnings():
-                exec(call, {{"sys": sys, module: importlib.import_module(module)}})
+            with warnings.catch_warnings(), redirect_stdout(printed), redirect_stderr(printed):
+                exec(call, {{"sys": sys, module.partition(".")[0]: __import__(module)}})
         except BaseException:
-            traceback.print_exc()
-            sys.stderr.flush()
+            print(printed.getvalue(), traceback.format_exc(), file=sys.stderr, flush=True)
             os._exit(1)
+        # By a file: what the launcher passes on comes when it comes.
+        with open(f"{folder}/printed-{{rank}}", "w") as file:
+            file.write(printed.getvalue())
         with open("{folder}/done", "w") as done:
-            print(PETSc.COMM_WORLD.getRank(), file=done)
+            print(rank, file=done)
 """
 
 
@@ -33,6 +38,7 @@ class Ranks:
 
     def __init__(self, launcher: list[str], count: int, folder: Path) -> None:
         self.count, self._said, names = count, folder / "said", [f"calls-{rank}" for rank in range(count)]
+        self._printed = [folder / f"printed-{rank}" for rank in range(count)]
         for name in ("done", *names):
             os.mkfifo(folder / name)
         script = EACH.format(here=os.path.dirname(__file__), folder=folder)
@@ -49,8 +55,8 @@ class Ranks:
         """Whether they can be called."""
         return self._process.poll() is None
 
-    def __call__(self, call: str, *arguments: str, timeout: float = 300.0) -> None:
-        """Have each rank make a call, behind whose arguments ``sys.argv`` has others; what fails is told."""
+    def __call__(self, call: str, *arguments: str, timeout: float = 300.0) -> str:
+        """Have each rank make a call, for which ``sys.argv`` has the arguments; return what they print."""
         os.truncate(self._said, 0)
         done, *calls = self._pipes
         for pipe in calls:
@@ -62,6 +68,7 @@ class Ranks:
         if answers < self.count:
             self.end()
             raise AssertionError(f"{call} on {self.count} ranks:\n{self._said.read_text(errors='replace')}")
+        return "".join(file.read_text() for file in self._printed)
 
     def end(self) -> None:
         """End them."""
