@@ -88,7 +88,7 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
     )
     run.record("motion", motion())
     run.record("fem motion", fem_motion())
-    run.record("picture", {"file": "a.png", "animation": "a.gif", "dofs": [768, 20000]})
+    run.record("picture", {"file": "a.png", "dofs": [768, 20000]})
     run.record("end", {})
     found = records.newest(tmp_path, "biceps")
     page = "\n".join(report_biceps.section(found, tmp_path))

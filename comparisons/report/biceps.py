@@ -43,12 +43,6 @@ def section(records: list[Record], folder: Path) -> list[str]:
                     "scale without light or shade: the bellies swell towards each other, and both sides show the same "
                     "stress at the same time.",
                 ),
-                figure(
-                    picture["animation"],
-                    "both motions, animated",
-                    "The motion, left isorod, right dolfinx.",
-                    fits=True,
-                ),
             ],
             "the motion against time": figure(
                 "biceps-motion.png",
