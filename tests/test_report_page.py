@@ -79,7 +79,7 @@ def made(study, folder, versions=("0.5.2",)):
             seconds = {name: faster * value for name, value in one["seconds"].items()}
             found = {"target": target, "holds": True, "finer": [{"error": 1e-4}] * 2, "seconds": seconds}
             run.record("confirm", one | found)
-    run.record("picture", {"file": f"{study}.png", "largest_von_mises": [1.0, 2.0]})
+    run.record("picture", {"file": f"{study}.png", "alt": "both"})
     (folder / f"{study}.png").write_bytes(b"")
     extra = run_of(study, "fem", "", 0, 1.0, 0.0)
     if study == "spring":
@@ -317,7 +317,7 @@ def test_what_holds_within_a_smaller_error_holds_within_a_larger_one(tmp_path):
 def test_records_of_another_version_are_said_to_be(tmp_path):
     made("spring", tmp_path)
     path = tmp_path / "spring.jsonl"
-    path.write_text(path.read_text().replace('"largest_von_mises"', '"other"'))
+    path.write_text(path.read_text().replace('"alt"', '"other"'))
     with pytest.raises(page.InputError, match="damaged or of another version"):
         write(tmp_path)
 

@@ -1,5 +1,6 @@
 """Fields of both sides at the same points of the rods, given by parameters, and how far they are apart."""
 
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from comparisons.measure import timing
+from comparisons.measure.records import Record
 from isorod.arrays import Array, Index
 from meshes import within
 from meshes.mesh import gauss
@@ -135,6 +138,14 @@ class Sample:
             return {"modes": self.modes[:, rows]}
         assert self.displacement is not None
         return {"displacement": self.displacement[rows]}
+
+
+def of_finite_elements(scene: str, *words: str) -> tuple[Record, Sample]:
+    """Return the record of a scene in dolfinx, and its fields."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "fields.npz"
+        record = timing.run("comparisons.fem", ["rods", scene, *words, "--fields", str(file)])
+        return record, Sample.read(file, record.get("rigid", 0))
 
 
 def fields(solution: Any, places: Places) -> dict[str, Array]:
