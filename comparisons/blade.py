@@ -1,4 +1,4 @@
-"""Study ``blade``: Table 2, Fig. 12 and Fig. 13 of Lu & Zhou (2011), and error against run time for ten modes."""
+"""Study ``blade``: Table 2 and Fig. 13 of Lu & Zhou (2011), mode shapes, and error against run time for ten modes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,8 +8,8 @@ from comparisons.measure import mac, published, rod, sampled, timing
 from comparisons.measure.scene import Scene
 from comparisons.measure.study import Run
 from comparisons.measure.work import Curve, fem_curves, with_others
-from comparisons.report import pictures
-from isorod import modal, options, scenes
+from comparisons.report import rod_pictures
+from isorod import options, scenes
 
 # Largest error of the ten frequencies at which run times are compared.
 TARGETS = {"quick": (1e-2, 5e-3), "full": (1e-2, 5e-3, 3e-3, 1e-3, 5e-4)}
@@ -31,9 +31,6 @@ ELEMENTS: dict[str, dict[str, Any]] = {
     "polynomials, N = 5": {"section_degree": 5, "elements": 20, "degree": 5},
 }
 
-
-# Of the mesh whose mode shapes are compared with (`meshes.rods.build`).
-LEVEL = "2"
 
 # On a mesh of the paper's density: 14 layers of 49 straight-sided bricks.
 PAPER = {
@@ -113,7 +110,7 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
     known = {target: (*BEST[target], *presets.BEST[target]) for target in TARGETS[study.level]}
     curves, family = with_others(CURVES[study.level], others), presets.CONVERGED[study.level]
     measured = Scene("blade", ("frequencies",), family, curves, known, FINER)
-    with study.progress(1 + len(PAPER) + len(ELEMENTS) + measured.steps + 2) as steps:
+    with study.progress(1 + len(PAPER) + len(ELEMENTS) + measured.steps + 1) as steps:
         with steps.step("Table 2"):
             _table(study)
         for name, arguments in PAPER.items():
@@ -125,12 +122,8 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 found = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
                 study.record("element", found | {"label": label})
         measured.run(study, steps)
-        scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
-        shapes = modal.solve(scene.model())
-        with steps.step("modal assurance criterion"):
-            _assurance(study, shapes)
         with steps.step("mode shapes"):
-            pictures.modes(study, shapes)
+            _shapes(study)
 
 
 def _table(study: Run) -> None:
@@ -149,9 +142,10 @@ def _table(study: Run) -> None:
         study.record("table 2", found | {"published": frequencies, "elements": elements})
 
 
-def _assurance(study: Run, found: modal.Modes) -> None:
-    """Record the MAC matrix of our modes and the finite elements'."""
-    record, theirs = sampled.of_finite_elements("blade", "--level", LEVEL)
+def _shapes(study: Run) -> None:
+    """Draw the first mode shapes of both sides, and record the MAC matrix."""
+    scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
+    found, theirs = rod_pictures.of_scene(study, scene)
     assert theirs.modes is not None
     matrix = mac.matrix(sampled.fields(found, theirs.places)["modes"], theirs.modes)
-    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, record["dofs"]]})
+    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, theirs.points.size]})

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from comparisons.fem.presets import spring as presets
-from comparisons.measure import published, rod, sampled, timing
+from comparisons.measure import published, rod, timing
 from comparisons.measure.scene import Scene
 from comparisons.measure.study import Run
 from comparisons.measure.work import Curve, fem_curves, with_others
 from comparisons.report import rod_pictures
 from isorod import options, scenes
-from isorod.command import solving
 
 # Errors at which run times are compared: the quick level's reference is not good for the last.
 TARGETS = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
@@ -85,17 +84,7 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
         scene.run(study, steps)
         with steps.step("von Mises stress"):
-            _picture(study)
-
-
-def _picture(study: Run) -> None:
-    """Draw the pulled spring of both sides, coloured by von Mises stress."""
-    scene = scenes.find("spring")()
-    settings = scene.settings()
-    solution, seconds = solving.solve(scene, settings)
-    ours = solving.record(scene, solution, seconds, settings) | solving.estimate(solution, True)
-    theirs, sample = sampled.of_finite_elements("spring", "--level", "2")
-    rod_pictures.write(study, solution, [ours, theirs], sample)
+            rod_pictures.of_scene(study, scenes.find("spring")())
 
 
 def _table(study: Run, extra: int) -> None:
