@@ -49,12 +49,6 @@ class Places:
     stress_u: Array
 
     @classmethod
-    def of_shapes(cls, xi: Array, u: Array) -> "Places":
-        """Return points ``(n, 2)``, ``(n,)`` of the first rod, at which shapes are compared and no stresses."""
-        none = np.zeros(0)
-        return cls(np.zeros(len(u), dtype=np.int64), xi, u, none.astype(np.int64), none.reshape(0, 2), none)
-
-    @classmethod
     def read(cls, path: Path) -> "Places":
         """Return what `write` wrote."""
         with np.load(path) as arrays:

@@ -251,7 +251,7 @@ def _stress_off(one: Array, exact: Array) -> float:
 
 
 def coarser(space: Space, seed: int) -> Space:
-    """Return a random space on the rod of a chosen one, with at most as many functions across and along."""
+    """Return a random space on the rod of a chosen one, with at most as many elements."""
     rng, rod = np.random.default_rng([seed, 37]), space.rod
     degree = int(rng.integers(max(2, rod.axis.degree), 6))
     elements = int(rng.integers(1, 1 + cast(int, space.elements) // rod.axis.elements)) * rod.axis.elements
