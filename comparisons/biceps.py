@@ -24,69 +24,31 @@ QUANTITIES = {"end_force": 0.02, "belly_bulge": 0.02, "contact_force": 0.05}
 # Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in
 # shares of the work done.
 AT_REST, BALANCE = 5e-3, 1e-3
-# Its time over that of explicit dynamics with finite elements.
-SPEED = 1e-2
 END_TIME = 0.25
 
-# Curves of spaces for the equilibrium, coarse to fine.
-SPACES: dict[str, dict[str, tuple[str, ...]]] = {
-    "quick": {
-        "paper: K = 1, n = 8, 5 elements": ("--order 1 --elements 5 --end-elements 0",),
-        "K = 1, n = 8": ("--order 1 --elements 10",),
-        "K = 2, n = 8": ("--order 2 --elements 10",),
-    },
-    "full": {
-        "paper: K = 1, n = 8, 5 elements": ("--order 1 --elements 5 --end-elements 0",),
-        "K = 1, n = 8": ("--order 1 --elements 5", "--order 1 --elements 10", "--order 1 --elements 20"),
-        "K = 2, n = 8": ("--order 2 --elements 5", "--order 2 --elements 10"),
-        "K = 2, n = 8, two end elements": (
-            "--order 2 --elements 5 --end-elements 2",
-            "--order 2 --elements 10 --end-elements 2",
-        ),
-        "K = 2, n = 12": ("--order 2 --section-points 12 --elements 5", "--order 2 --section-points 12 --elements 10"),
-        "K = 2, n = 16": ("--order 2 --section-points 16 --elements 10",),
-    },
-}
-# Runs of each, the first one cold.
-REPEAT = {"quick": 2, "full": 4}
-
-# Uniformly refined meshes whose extrapolated values are the reference, and others that are measured beside them.
+# Uniformly refined meshes whose extrapolated values are the reference.
 CONVERGED = {
     "quick": presets.CONVERGED.arguments[:2],
     "full": presets.CONVERGED.arguments[:3],
 }
-# The mesh of pictures and curves, one of these.
+# The mesh of pictures and courses, one of these.
 BRICKS = {"quick": CONVERGED["quick"][0], "full": CONVERGED["full"][1]}
-OTHERS: dict[str, dict[str, tuple[str, ...]]] = {
-    "quick": {},
-    "full": {"P1 tetrahedra": ("--degree 1 --size 0.5", "--degree 1 --size 0.3325")},
-}
-
 # The motion: with the paper's element refined, and with biharmonic functions of the section, in the paper's time steps.
 MOTIONS: dict[str, dict[str, Any]] = {f"K = {order}": {"order": order, "time_step": 2.5e-5} for order in (1, 2)}
 PICTURED = "K = 2"
 INTERVALS = 500
 
-# Seconds and samples of the motion on the paper's mesh, and on that of the pictures.
-SHORT = {"quick": (1e-3, 2), "full": (0.015, 30)}
+# Seconds and samples of the finite elements' motion.
 LONG = {"quick": (0.015, 15), "full": (0.030, 60)}
 
 
 def run(study: Run) -> None:
     """Run the study and append its records."""
     options.initialize([])
-    level = study.level
-    total = (
-        len(CONVERGED[level])
-        + sum(map(len, SPACES[level].values()))
-        + sum(map(len, OTHERS[level].values()))
-        + len(MOTIONS)
-    )
-    with study.progress(total + 3) as steps:
-        reference = _converged(study, steps)
-        _statics(study, steps, reference)
+    with study.progress(len(CONVERGED[study.level]) + len(MOTIONS) + 2) as steps:
+        _converged(study, steps)
         _motions(study, steps)
-        _fem_motions(study, steps)
+        _fem_motion(study, steps)
         with steps.step("pictures"):
             biceps_pictures.run(study, Biceps(**MOTIONS[PICTURED]))
 
@@ -96,10 +58,16 @@ def errors(found: Record, reference: Record) -> dict[str, float]:
     return {name: float(np.max(np.abs(np.array(found[name]) / np.array(reference[name]) - 1.0))) for name in QUANTITIES}
 
 
-def _converged(study: Run, steps: Steps) -> Record:
-    """Record equilibria on finer and finer meshes, and what they tend to; return that."""
-    label = presets.CONVERGED.label
-    found = [_fem(study, steps, "convergence", label, arguments) for arguments in CONVERGED[study.level]]
+def _converged(study: Run, steps: Steps) -> None:
+    """Record equilibria on finer and finer meshes, and what they tend to."""
+    label, found = presets.CONVERGED.label, []
+    for arguments in CONVERGED[study.level]:
+        with steps.step(f"equilibrium, {label} {arguments}"):
+            words = ["biceps", *arguments.split()]
+            if arguments == BRICKS[study.level]:
+                words += ["--fields", str(study.folder / biceps_pictures.FEM_REST)]
+            record = timing.run("comparisons.fem", words) | {"arguments": arguments, "curve": label}
+            found.append(study.record("convergence", record))
     values: Record = {}
     told: dict[str, Any] = {}
     for name, every in limits(found, QUANTITIES).items():
@@ -108,37 +76,6 @@ def _converged(study: Run, steps: Steps) -> Record:
         worst = max(every, key=lambda limit: limit.distance / abs(limit.value))
         told[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
     study.record("converged", values | {"limits": told, "element": label})
-    for record in found:
-        _work(study, record, values)
-    return values
-
-
-def _fem(study: Run, steps: Steps, part: str, curve: str, arguments: str) -> Record:
-    """Record an equilibrium of finite elements."""
-    with steps.step(f"equilibrium, {curve} {arguments}"):
-        words = ["biceps", *arguments.split()]
-        if arguments == BRICKS[study.level]:
-            words += ["--fields", str(study.folder / biceps_pictures.FEM_REST)]
-        found = timing.run("comparisons.fem", words)
-        return study.record(part, found | {"arguments": arguments, "curve": curve})
-
-
-def _work(study: Run, found: Record, reference: Record) -> None:
-    """Record a run of the work-precision diagram."""
-    study.record("work", found | {"error": errors(found, reference)})
-
-
-def _statics(study: Run, steps: Steps, reference: Record) -> None:
-    """Record error and run time of the equilibrium, element and finite elements."""
-    for curve, every in SPACES[study.level].items():
-        for arguments in every:
-            with steps.step(f"equilibrium, {curve} {arguments}"):
-                words = ["biceps", "--statics", *arguments.split(), "--repeat", str(REPEAT[study.level])]
-                found = timing.run("comparisons.measure.rod", words)
-            _work(study, found | {"arguments": arguments, "curve": curve}, reference)
-    for curve, every in OTHERS[study.level].items():
-        for arguments in every:
-            _work(study, _fem(study, steps, "other mesh", curve, arguments), reference)
 
 
 def _motions(study: Run, steps: Steps) -> None:
@@ -167,24 +104,12 @@ def _save(path: Path, history: History, still: Equilibrium) -> None:
     write_arrays(path, times=history.times, displacement=displacement, equilibrium=still.displacement)
 
 
-def _fem_motions(study: Run, steps: Steps) -> None:
-    """Record a part of the motion on the paper's mesh, and on bricks, whose fields go to a file for pictures."""
-    end, outputs = SHORT[study.level]
-    with steps.step(f"motion to {end:g} s, the paper's mesh"):
-        words = [*presets.PRESETS["paper"].split(), "--end-time", str(end), "--outputs", str(outputs)]
-        found = timing.run("comparisons.fem", ["biceps", *words])
-        study.record("fem motion", found | {"label": "P1 tetrahedra", "arguments": " ".join(words)})
+def _fem_motion(study: Run, steps: Steps) -> None:
+    """Record a part of the motion on bricks, whose fields go to a file for pictures."""
     end, outputs = LONG[study.level]
     with steps.step(f"motion to {end:g} s, bricks"):
-        words = [
-            "--analysis",
-            "dynamics",
-            *BRICKS[study.level].split(),
-            "--end-time",
-            str(end),
-            "--outputs",
-            str(outputs),
-        ]
+        words = [*BRICKS[study.level].split(), "--analysis", "dynamics"]
+        words += ["--end-time", str(end), "--outputs", str(outputs)]
         file = study.folder / biceps_pictures.FEM_MOTION
         found = timing.run("comparisons.fem", ["biceps", *words, "--fields", str(file)])
         study.record("fem motion", found | {"label": "Q2 bricks", "arguments": " ".join(words), "file": file.name})

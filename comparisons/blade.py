@@ -1,19 +1,15 @@
-"""Study ``blade``: Table 2, Fig. 12 and Fig. 13 of Lu & Zhou (2011), and error against run time for ten modes."""
+"""Study ``blade``: Table 2 and Fig. 13 of Lu & Zhou (2011), mode shapes, and error against run time for ten modes."""
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from comparisons.fem.presets import blade as presets
 from comparisons.measure import mac, published, rod, sampled, timing
 from comparisons.measure.scene import Scene
 from comparisons.measure.study import Run
 from comparisons.measure.work import Curve, fem_curves, with_others
-from comparisons.report import pictures
-from isorod import modal, options, scenes
+from comparisons.report import rod_pictures
+from isorod import options, scenes
 
 # Largest error of the ten frequencies at which run times are compared.
 TARGETS = {"quick": (1e-2, 5e-3), "full": (1e-2, 5e-3, 3e-3, 1e-3, 5e-4)}
@@ -114,7 +110,7 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
     known = {target: (*BEST[target], *presets.BEST[target]) for target in TARGETS[study.level]}
     curves, family = with_others(CURVES[study.level], others), presets.CONVERGED[study.level]
     measured = Scene("blade", ("frequencies",), family, curves, known, FINER)
-    with study.progress(1 + len(PAPER) + len(ELEMENTS) + measured.steps + 2) as steps:
+    with study.progress(1 + len(PAPER) + len(ELEMENTS) + measured.steps + 1) as steps:
         with steps.step("Table 2"):
             _table(study)
         for name, arguments in PAPER.items():
@@ -126,12 +122,8 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 found = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
                 study.record("element", found | {"label": label})
         measured.run(study, steps)
-        scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
-        shapes = modal.solve(scene.model())
-        with steps.step("modal assurance criterion"):
-            _assurance(study, shapes, family.arguments[-2])
         with steps.step("mode shapes"):
-            pictures.modes(study, shapes)
+            _shapes(study)
 
 
 def _table(study: Run) -> None:
@@ -150,13 +142,10 @@ def _table(study: Run) -> None:
         study.record("table 2", found | {"published": frequencies, "elements": elements})
 
 
-def _assurance(study: Run, found: modal.Modes, arguments: str) -> None:
-    """Record the MAC matrix of our modes and the finite elements'."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "modes.npz"
-        record = timing.run("comparisons.fem", ["blade", *arguments.split(), "--modes-file", str(file)])
-        with np.load(file) as arrays:
-            theirs = arrays["modes"]
-            ours = sampled.fields(found, sampled.Places.of_shapes(arrays["xi"], arrays["u"]))["modes"]
-    matrix = mac.matrix(ours, theirs)
-    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, record["dofs"]], "arguments": arguments})
+def _shapes(study: Run) -> None:
+    """Draw the first mode shapes of both sides, and record the MAC matrix."""
+    scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
+    found, theirs = rod_pictures.of_scene(study, scene)
+    assert theirs.modes is not None
+    matrix = mac.matrix(sampled.fields(found, theirs.places)["modes"], theirs.modes)
+    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, theirs.points.size]})

@@ -3,8 +3,9 @@
 import io
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout
+from operator import itemgetter
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,7 +16,7 @@ from comparisons.measure.records import newest, part
 from comparisons.measure.study import Run
 from comparisons.measure.variants import DEFAULT
 from comparisons.report import compare as compared
-from comparisons.report.html import markdown
+from comparisons.report.html import columns, markdown
 from isorod.command import new
 from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
@@ -26,7 +27,6 @@ EXAMPLES = ("arc", "coil", "taper", "wing", "trefoil", "press", "crossing", "cab
 PUBLISHED = ("spring", "blade")
 
 FOLDER, TABLE = "newcomer", "newcomer.md"
-HEAD = ("example", "lines of file", "error at default settings", "seconds of isorod run")
 
 
 def run(study: Run) -> None:
@@ -39,7 +39,7 @@ def run(study: Run) -> None:
         counted = None if name in PUBLISHED else lines(Path(word))
         row = {"name": name, "lines": counted, "seconds_run": _seconds(word)} | _compared(study, word)
         rows.append(study.record("example", row))
-    write_beside(study.folder / TABLE, lambda where: where.write_text(markdown(HEAD, map(cells, rows)) + "\n"))
+    write_beside(study.folder / TABLE, lambda where: where.write_text(markdown(*table(rows)) + "\n"))
 
 
 def lines(path: Path) -> int:
@@ -47,15 +47,22 @@ def lines(path: Path) -> int:
     return sum(bool(line.split("#")[0].strip()) for line in path.read_text().splitlines())
 
 
-def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the cells of a row: how far finite elements tell stands beside the error where that is less."""
-    if "failure" in row:
-        error = row["failure"]
-    else:
-        error = f"{100 * row['error']:.2g} %"
-        if row["error"] < row["told"]:
-            error += f" (finite elements tell to {100 * row['told']:.2g} %)"
-    return row["name"], str(row["lines"] or ""), error, f"{row['seconds_run']:.1f}"
+def table(rows: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return head and rows of the table: how far finite elements tell stands beside the error where that is less."""
+
+    def error(row: Mapping[str, Any]) -> str:
+        if "failure" in row:
+            return str(row["failure"])
+        told = f" (finite elements tell to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
+        return f"{100 * row['error']:.2g} %{told}"
+
+    shown: dict[str, Callable[[Any], object]] = {
+        "example": itemgetter("name"),
+        "lines of file": itemgetter("lines"),
+        "error at default settings": error,
+        "seconds of isorod run": lambda row: f"{row['seconds_run']:.1f}",
+    }
+    return columns(rows, shown)
 
 
 def _written(place: Path, name: str) -> Path:

@@ -8,8 +8,8 @@ from comparisons.measure import published, rod, timing
 from comparisons.measure.scene import Scene
 from comparisons.measure.study import Run
 from comparisons.measure.work import Curve, fem_curves, with_others
-from comparisons.report import pictures
-from isorod import options
+from comparisons.report import rod_pictures
+from isorod import options, scenes
 
 # Errors at which run times are compared: the quick level's reference is not good for the last.
 TARGETS = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
@@ -84,7 +84,7 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
         scene.run(study, steps)
         with steps.step("von Mises stress"):
-            pictures.spring(study)
+            rod_pictures.of_scene(study, scenes.find("spring")())
 
 
 def _table(study: Run, extra: int) -> None:

@@ -333,7 +333,7 @@ def test_mac_of_modes_with_themselves_is_the_identity_on_the_diagonal():
     radius, angle = np.sqrt(rng.random(60)), 2.0 * np.pi * rng.random(60)
     xi = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     u = np.repeat(np.linspace(0.0, 1.0, 12), 5)
-    shapes = sampled.fields(found, sampled.Places.of_shapes(xi, u))["modes"]
+    shapes = sampled.fields(found, sampled.Places(np.zeros(len(u), dtype=int), xi, u, *np.zeros((3, 0))))["modes"]
     matrix = mac.matrix(shapes, -3.0 * shapes)
     assert np.diag(matrix) == pytest.approx(1.0)
     assert (matrix <= 1.0 + 1e-12).all()

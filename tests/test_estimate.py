@@ -9,14 +9,14 @@ from reference import BLADE_FREQUENCIES, SPRING_FORCE
 from scipy.sparse import csr_matrix
 from test_contact_statics import crossing
 
-from comparisons.stability import cost, estimates
+from comparisons.stability import cost, estimates, random_files
 from isorod import InputError, LinearElastic, NeoHookean, Space, modal, statics, straight
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import adapt, correction, estimate_of_modes, stresses
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, solving
 from isorod.contact.frozen import Frozen
-from isorod.geometry import axis, section
+from isorod.geometry import axis, coils, section
 from isorod.model import Body, Contact, Cylinder, MeanSupport, Model, Plane, Pressure, SectionLoad, Spin, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
@@ -121,11 +121,10 @@ def test_more_degrees_where_one_tells_nothing(outline, nu, degree, finer):
     assert Finer.of(model, "section").model.bodies[0].space.section_degree == finer
 
 
-@pytest.mark.parametrize("seed", [6, 17, 52, 162, 184])
-def test_error_of_random_rods(seed):
-    """Rods, laws, loads and spaces of the study; it counts them all, and here no estimate may be far off."""
-    found = estimates.compare(seed)
-    print(found)
+@pytest.mark.parametrize("seed", [1, 6, 28, 33, 35])
+def test_error_of_random_rods_on_coarse_spaces(seed):
+    """Files of the study; it counts them all, and here no estimate may be far off."""
+    found = random_files.compare(seed, coarse=True)
     assert found["apart"] < 0.11 * found["error"]
     assert found["error"] / 3.0 < found["estimate"] < 3.0 * found["error"]
 
@@ -161,9 +160,11 @@ def test_rings_take_more_than_eight_degrees():
 
 def test_far_beyond_straight_steps_the_first_one_tells():
     """A nearly incompressible rod under pressure, six tenths off: the correction inverts elements."""
-    space, solve, _ = estimates.problem(28)
-    _, solution = solve(space)
-    assert 0.2 < solution.estimate() < 1.8
+    rod = coils.helix(8.5, 5.3, 0.51).sweep(section.rounded_rectangle(16, 2.0, 1.83, 0.2))
+    space = Space(rod, 15, 5, 4, section_degree=1)
+    body = Body(space, [NeoHookean(1.0, 0.499)] * 2 + [NeoHookean(0.05, 0.45)] * 3)
+    model = Model([body], [Support.end(space, "start")], loads=[Pressure(1.5e-4, "outer")])
+    assert 0.2 < statics.solve(model).estimate() < 1.8
 
 
 def test_a_rigid_motion_has_no_error_and_a_load_that_it_takes_along_is_no_false_alarm():

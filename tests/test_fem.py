@@ -143,14 +143,14 @@ def test_fine_cubic_bricks_extrapolate_to_the_converged_force():
     ids=["lu", "petsc", "gamg"],
 )
 def test_solvers_agree(solver):
-    where, _ = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
+    where = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
     direct = Configuration(**SMALL).solve(where).reactions
     other = Configuration(**SMALL, solver=solver).solve(where).reactions
     assert np.abs(other - direct).max() < 1e-7 * np.abs(direct).max()
 
 
 def test_reactions_balance():
-    where, _ = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
+    where = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
     for change in ({}, {"degree": 3, "family": "S", "quadrature": 5}):
         chosen = Configuration(**SMALL, **change) if change else Configuration(**SMALL, order=2)
         reactions = chosen.solve(where).reactions

@@ -12,14 +12,11 @@ pytest.importorskip("gmsh")
 from test_fem import ON_RANKS
 from test_fem_presets import configuration as configured
 
-from comparisons.fem.domain import Domain
-from comparisons.fem.mode_shapes import nodal
 from comparisons.fem.presets import blade as presets
 from comparisons.fem.published import Blade as Configuration
 from comparisons.fem.runs import run
 from comparisons.measure import published
 from isorod.errors import SolveError
-from meshes import blade
 
 
 def configuration(arguments: str) -> Configuration:
@@ -73,49 +70,12 @@ def test_elements_on_the_mesh_of_the_papers_counts():
     assert quadratic == pytest.approx(CONVERGED, rel=0.025)
 
 
-def test_modes_file(tmp_path):
-    file = tmp_path / "modes.npz"
-    record = run(configuration("--along 4 --layers 6 --modes 3"), file=file)
-    mesh = blade.build("bricks", 4, 1, 6)
-    with np.load(file) as arrays:
-        assert arrays["frequencies"] == pytest.approx(record["frequencies"])
-        assert np.array_equal(arrays["points"], mesh.points)
-        assert np.array_equal(arrays["cells"], mesh.cells) and arrays["shape"] == "hexahedron"
-        shapes, weights = arrays["modes"], arrays["weights"]
-        assert not shapes[:, arrays["u"] == 0.0].any()
-        assert np.abs(shapes[:, arrays["u"] == 1.0]).max() > 0.0
-    product = 40.0 * np.einsum("kma,m,lma->kl", shapes, weights, shapes)
-    assert product == pytest.approx(np.eye(3), abs=0.1)
-
-
-@pytest.mark.parametrize("arguments", ["--along 4 --layers 6 --degree 3", "--cells tetrahedra --layers 6"])
-def test_shapes_at_nodes_are_those_of_the_function(arguments):
-    from isorod.fenics import compat
-
-    chosen = configuration(arguments)
-    mesh = chosen.mesh()
-    found = chosen.solve(Domain.distribute(mesh))
-    values = nodal(found)
-    assert values is not None and values.shape == (10, len(mesh.points), 3)
-    # Against the degrees of freedom where those stand at the mesh's nodes: corners do for every degree.
-    space = found.displacement.function_space
-    corners = np.unique(mesh.cells[:, np.isin(mesh.reference, (0.0, 1.0)).all(axis=1)])
-    places = space.tabulate_dof_coordinates()
-    distance = np.linalg.norm(mesh.points[corners][:, None] - places[None], axis=2)
-    rows = distance.argmin(axis=1)
-    assert distance[np.arange(len(corners)), rows].max() < 1e-12
-    found.carry(found.shapes[4])
-    state = compat.petsc_vector(found.displacement).array_r.reshape(-1, 3)
-    assert state[rows] == pytest.approx(values[4, corners], abs=1e-10 * np.abs(values[4]).max())
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("arguments", ["--along 4 --layers 6", presets.PRESETS["paper-enhanced"]])
 def test_two_ranks_give_the_serial_modes(on_ranks, fem, tmp_path, arguments):
-    file, other = tmp_path / "parallel.npz", tmp_path / "serial.npz"
-    words = ["blade", *arguments.split(), "--modes-file"]
-    parallel = json.loads(on_ranks(2, ON_RANKS, *words, str(file)))
-    serial = json.loads(fem.prints(*words, other))
+    words = ["blade", *arguments.split()]
+    parallel = json.loads(on_ranks(2, ON_RANKS, *words))
+    serial = json.loads(fem.prints(*words))
     assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
     assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]
     # A frequency is known to half its residual: that of the enhanced bricks' first mode is rounding, 4e-8, which MUMPS
@@ -124,9 +84,6 @@ def test_two_ranks_give_the_serial_modes(on_ranks, fem, tmp_path, arguments):
     assert known.max() < 1e-7
     change = np.array(parallel["frequencies"]) / serial["frequencies"] - 1.0
     assert (np.abs(change) < np.maximum(known, 1e-9)).all()
-    with np.load(file) as a, np.load(other) as b:
-        overlap = np.einsum("kma,kma->k", a["modes"], b["modes"]) / np.einsum("kma,kma->k", b["modes"], b["modes"])
-        assert np.abs(overlap) == pytest.approx(np.ones(10), abs=1e-7)
 
 
 @pytest.mark.parametrize("family", [*presets.FULL, *presets.CONVERGED.values()], ids=lambda family: family.label)

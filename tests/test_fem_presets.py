@@ -30,7 +30,7 @@ def configuration(scene, text):
     """Return what arguments stand for, and those of PETSc."""
     ours, theirs = parser.split([scene, *text.split()])
     given = vars(_parser(scene).parse_args(ours))
-    for name in ("scene", "repeat", "preset", "fields"):
+    for name in ("scene", "repeat", "preset"):
         given.pop(name)
     return SCENES[scene][0](**given | {"flags": tuple(given["flags"].split())}), list(theirs)
 

@@ -15,7 +15,7 @@ def test_a_short_motion_keeps_its_energy(law, kind):
     assert record["energy_error"] < (1e-9 if kind.startswith("implicit") else motion.WANTED)
     # It moves far enough to strain.
     assert record["stored"] > 0.1
-    assert motion.row(record)[:2] == (law, kind)
+    assert motion.table([record])[1][0][:2] == (law, kind)
 
 
 @pytest.mark.slow
@@ -31,6 +31,5 @@ def test_energy_is_kept_for_ten_thousand_steps(law, kind):
 
 def test_what_fails_is_told_in_the_table():
     record = {"law": "gent", "kind": motion.KINDS[0], "steps": 5, "failure": "no way"}
-    assert (
-        not motion.keeps(record) and motion.row(record)[2] == "no way" and len(motion.row(record)) == len(motion.HEAD)
-    )
+    head, (row,) = motion.table([record])
+    assert not motion.keeps(record) and row[2] == "no way" and len(row) == len(head)

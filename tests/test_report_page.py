@@ -79,7 +79,7 @@ def made(study, folder, versions=("0.5.2",)):
             seconds = {name: faster * value for name, value in one["seconds"].items()}
             found = {"target": target, "holds": True, "finer": [{"error": 1e-4}] * 2, "seconds": seconds}
             run.record("confirm", one | found)
-    run.record("picture", {"file": f"{study}.png", "largest_von_mises": [1.0, 2.0]})
+    run.record("picture", {"file": f"{study}.png", "alt": "both", "caption": "both sides"})
     (folder / f"{study}.png").write_bytes(b"")
     extra = run_of(study, "fem", "", 0, 1.0, 0.0)
     if study == "spring":
@@ -317,7 +317,7 @@ def test_what_holds_within_a_smaller_error_holds_within_a_larger_one(tmp_path):
 def test_records_of_another_version_are_said_to_be(tmp_path):
     made("spring", tmp_path)
     path = tmp_path / "spring.jsonl"
-    path.write_text(path.read_text().replace('"largest_von_mises"', '"other"'))
+    path.write_text(path.read_text().replace('"alt"', '"other"'))
     with pytest.raises(page.InputError, match="damaged or of another version"):
         write(tmp_path)
 
@@ -327,14 +327,14 @@ def test_colours_of_a_picture_are_those_of_its_scale():
     pyvista = pytest.importorskip("pyvista")
     from matplotlib import colormaps
 
-    from comparisons.report import pictures
+    from isorod.output import picture
 
-    pictures.without_display()
+    picture.without_display()
     plane = pyvista.Plane(direction=(1.0, 1.0, 0.3), i_size=4.0, j_size=4.0).cast_to_unstructured_grid()
     plane.point_data["stress"] = np.full(plane.n_points, 30.0)
     plane.point_data["displacement"] = np.zeros((plane.n_points, 3))
     plotter = pyvista.Plotter(off_screen=True, window_size=(60, 60))
-    pictures.add_flat(plotter, plane, "stress", (0.0, 50.0), None)
+    picture.add_flat(plotter, plane, "stress", (0.0, 50.0), None)
     plotter.camera_position = "xz"
     image = plotter.screenshot(return_img=True)
     plotter.close()

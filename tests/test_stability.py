@@ -71,6 +71,15 @@ def test_reach_ends_where_the_first_point_fails():
     assert not point.holds({"error": np.nan, "tolerance": 0.1})
 
 
+def test_limits_say_how_far_each_series_holds():
+    sweep = point.Sweep("x", "y", 0.1)
+    rows = [(1.0, 1e-3), (2.0, 0.05), (3.0, 0.5)]
+    found = [sweep.point(value, lambda error=error: {"error": error}, series="a") for value, error in rows]
+    found += [{"sweep": "x", "series": "b", "value": 1.0, "failure": "no", "tolerance": 0.1}]
+    (line,) = point.limits(found)
+    assert line == "x, error within 0.1: a up to 2 (largest error 0.5); b nowhere (1 refused)."
+
+
 def test_the_page_shows_limits_tables_and_failures(tmp_path, monkeypatch):
     class Made:
         TITLE = "made up"
@@ -123,7 +132,6 @@ def test_every_case_there_is_has_what_the_study_needs():
         case = stability.find(name)
         assert case.TITLE
         assert callable(case.run)
-        assert callable(case.LIMITS)
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ compared with those of thin rods that lie on each other without friction (`compa
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 
 from comparisons.contact import strand
 from comparisons.measure import timing
-from comparisons.report.html import markdown
+from comparisons.report.html import columns, markdown
 from comparisons.report.plots import pyplot, save
 from isorod import options, statics
 from isorod.arrays import Array
@@ -100,39 +101,25 @@ def thin(scene: Strand) -> float:
 
 def table(records: Sequence[dict[str, Any]]) -> str:
     """Return the runs as a table in Markdown; the error is against the finest run of as many wires."""
-    head = (
-        "wires",
-        "points, parts",
-        "unknowns",
-        "time [s]",
-        "published [s]",
-        "memory [MB]",
-        "search",
-        "solves",
-        "force [N]",
-        "to the finest",
-        "to thin rods",
-    )
-    rows = []
-    for one in records:
-        alike = [other for other in records if other["wires"] == one["wires"]]
-        finest = max(alike, key=lambda other: int(other["dofs"]))
-        off = f"{100.0 * (one['force'] / finest['force'] - 1.0):+.2f} %" if one is not finest else ""
-        cells = (
-            str(one["wires"]),
-            f"{one['section_points']}, {one['parts']}",
-            f"{one['dofs']:,}",
-            f"{one['seconds']:.1f}",
-            f"{PUBLISHED[one['wires']]:.0f}",
-            f"{one['memory'] / 1e6:.0f}",
-            f"{100.0 * one['search']:.1f} %",
-            str(one["solves"]),
-            f"{one['force']:.0f}",
-            off,
-            f"{100.0 * (one['force'] / one['thin'] - 1.0):+.2f} %",
-        )
-        rows.append(cells)
-    return markdown(head, rows) + "\n"
+
+    def off(one: dict[str, Any]) -> str:
+        finest = max((other for other in records if other["wires"] == one["wires"]), key=itemgetter("dofs"))
+        return "" if one is finest else f"{100.0 * (one['force'] / finest['force'] - 1.0):+.2f} %"
+
+    shown: dict[str, Callable[[dict[str, Any]], object]] = {
+        "wires": itemgetter("wires"),
+        "points, parts": lambda one: f"{one['section_points']}, {one['parts']}",
+        "unknowns": lambda one: f"{one['dofs']:,}",
+        "time [s]": lambda one: f"{one['seconds']:.1f}",
+        "published [s]": lambda one: f"{PUBLISHED[one['wires']]:.0f}",
+        "memory [MB]": lambda one: f"{one['memory'] / 1e6:.0f}",
+        "search": lambda one: f"{100.0 * one['search']:.1f} %",
+        "solves": itemgetter("solves"),
+        "force [N]": lambda one: f"{one['force']:.0f}",
+        "to the finest": off,
+        "to thin rods": lambda one: f"{100.0 * (one['force'] / one['thin'] - 1.0):+.2f} %",
+    }
+    return markdown(*columns(records, shown)) + "\n"
 
 
 def draw(records: Sequence[dict[str, Any]], path: Path) -> None:

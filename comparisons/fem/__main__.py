@@ -35,10 +35,8 @@ RUNS = {
     "rods": "rods.run.Configuration",
 }
 
-# Fields that each scene writes.
+# Fields that scenes write.
 FIELDS = {
-    "spring": "write displacement and von Mises stress to this .npz file",
-    "blade": "write the mode shapes to this .npz file",
     "biceps": "write nodes, positions and cells to this .npz file",
     "rods": "write nodes, displacements or modes, stress to this .npz file",
 }
@@ -78,8 +76,8 @@ def _add_options(it: argparse.ArgumentParser, scene: str) -> None:
         if field.name in BICEPS:
             name = f"--{field.name.replace('_', '-')}"
             it.add_argument(name, type=type(field.default), default=field.default, help=field.metadata["help"])
-    word = "--modes-file" if scene == "blade" else "--fields"
-    it.add_argument(word, dest="fields", metavar="FILE", help=FIELDS[scene])
+    if scene in FIELDS:
+        it.add_argument("--fields", metavar="FILE", help=FIELDS[scene])
     # Those of the biceps suit the analysis.
     flags = "" if scene == "biceps" else " ".join(FAST)
     it.add_argument("--flags", default=flags, help="C compiler flags, one word: --flags='-O2'")
@@ -117,12 +115,12 @@ def _run(given: dict[str, Any]) -> dict[str, Any]:
 
     name = given.pop("scene")
     scene, configuration = _runner(name)
-    repeat, file = given.pop("repeat"), given.pop("fields")
+    repeat, file = given.pop("repeat"), given.pop("fields", None)
     given["flags"] = tuple(given["flags"].split())
     if name == "biceps":
         given["scene"] = Biceps(**{name: given.pop(name) for name in BICEPS})
     with options.petsc_errors():
-        record: dict[str, Any] = scene.run(configuration(**given), repeat, file and Path(file))
+        record: dict[str, Any] = scene.run(configuration(**given), repeat, *([Path(file)] if file else []))
     unknown = unused_options()
     if unknown:
         raise InputError(f"PETSc option {', '.join(unknown)}: nothing used it; check its spelling with -help")

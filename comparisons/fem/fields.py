@@ -1,18 +1,14 @@
 """Displacement and von Mises stress of a finite element solution on small cells, for pictures."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import ufl
 
-from comparisons.fem.statics import Equilibrium
-from isorod.errors import InputError
 from isorod.fenics import compat
 from isorod.fenics.flags import FAST
 from isorod.fenics.stored import Energy
-from isorod.output.results import write_arrays
 from meshes.mesh import Array, Index
 
 
@@ -68,14 +64,3 @@ class Sampler:
         """Return the displacement ``(m, 3)`` and the von Mises stress ``(m,)`` of the function as it is now."""
         values = self._values()
         return values[:, 3:6], values[:, 6]
-
-
-def save(found: Equilibrium, path: Path, parts: int = 3) -> None:
-    """Write ``points``, ``displacement`` ``(m, 3)``, ``von_mises`` ``(m,)``, ``cells`` ``(k, 8)`` to an ``.npz``."""
-    mesh = found.domain.mesh
-    if found.domain.shape != "hexahedron" or mesh.comm.size > 1:
-        raise InputError("fields: only bricks on one rank")
-    everywhere = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
-    sampler = Sampler(found.displacement, [(found.energy, everywhere)], parts)
-    displacement, von_mises = sampler.state()
-    write_arrays(path, points=sampler.points, displacement=displacement, von_mises=von_mises, cells=sampler.cells)

@@ -6,10 +6,9 @@ cells.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
-from comparisons.fem import fields, modal, mode_shapes, runs, statics
+from comparisons.fem import modal, runs, statics
 from comparisons.fem.arguments import option
 from comparisons.fem.domain import Domain
 from comparisons.fem.statics import Equilibrium, Held
@@ -65,10 +64,6 @@ class Spring(runs.Configuration):
             "linear_iterations": found.linear_iterations,
             "residual_norms": found.residual_norms,
         }
-
-    def save(self, found: Equilibrium, mesh: Mesh | None, path: Path) -> None:
-        """Write displacement and stress to a file (`comparisons.fem.fields.save`)."""
-        fields.save(found, path)
 
 
 @dataclass(frozen=True)
@@ -127,10 +122,6 @@ class Blade(runs.Configuration):
             "unknowns": found.unknowns,
             "iterations": found.iterations,
         }
-
-    def save(self, found: modal.Modes, mesh: Mesh | None, path: Path) -> None:
-        """Write the mode shapes to a file (`comparisons.fem.mode_shapes.save`)."""
-        mode_shapes.save(found, mesh, path)
 
 
 run = runs.run

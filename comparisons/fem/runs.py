@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar, TypeVar
 
@@ -94,10 +93,6 @@ class Configuration:
         """Return what the record of a run has of a solution."""
         raise NotImplementedError
 
-    def save(self, found: Any, mesh: Mesh | None, path: Path) -> None:
-        """Write the fields of a solution to a file; every rank must call, the mesh is rank 0's."""
-        raise NotImplementedError
-
 
 def check_element(bricks: bool, degree: int, family: str, quadrature: int | str | None, order: int) -> None:
     """Raise `InputError` if element, quadrature and order of the geometry do not go together."""
@@ -113,10 +108,9 @@ def check_element(bricks: bool, degree: int, family: str, quadrature: int | str 
         raise InputError(f"quadrature: got degree {quadrature}, need 1 to 20")
 
 
-def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> tuple[Domain, Mesh | None]:
-    """Build a mesh on rank 0 and share it out; an `InputError` is raised on every rank.  Only rank 0 has the `Mesh`."""
-    mesh = _first(build, comm)
-    return Domain.distribute(mesh, comm), mesh
+def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> Domain:
+    """Build a mesh on rank 0 and share it out; an `InputError` is raised on every rank."""
+    return Domain.distribute(_first(build, comm), comm)
 
 
 def shared(build: Callable[[], Built], comm: MPI.Comm) -> Built:
@@ -138,19 +132,15 @@ def _first(build: Callable[[], Built], comm: MPI.Comm) -> Built | None:
     return found
 
 
-def run(
-    configuration: Configuration, repeat: int = 1, file: Path | None = None, comm: MPI.Comm = MPI.COMM_WORLD
-) -> dict[str, Any]:
+def run(configuration: Configuration, repeat: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record, the same on every rank.
 
-    The last solution's fields go to the file if one is named.  ``seconds`` is as in `measured`.
+    ``seconds`` is as in `measured`.
     """
     start = perf_counter()
-    where, mesh = distribute(configuration.mesh, comm)
+    where = distribute(configuration.mesh, comm)
     meshing = perf_counter() - start
     found, record = measured(lambda: configuration.solve(where), repeat, comm, meshing)
-    if file is not None:
-        configuration.save(found, mesh, file)
     return {
         "scene": configuration.scene,
         "analysis": configuration.analysis,

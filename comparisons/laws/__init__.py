@@ -1,12 +1,12 @@
 """Study ``laws``: every law of isorod's beside finite elements of the same stored energy, on rods of several kinds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from comparisons.measure import convergence
 from comparisons.measure.study import Run
 from comparisons.measure.timing import Clock
-from comparisons.report.html import markdown
+from comparisons.report.html import columns, markdown
 from isorod import options
 from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
@@ -18,18 +18,6 @@ MESHES = {"quick": (2, 3), "full": (2, 3, 4)}
 WANTED = 1e-3
 
 TABLE = "laws.md"
-HEAD = (
-    "law",
-    "scene",
-    "",
-    "isorod",
-    "finite elements",
-    "they tell to",
-    "difference",
-    "orders of Newton's method",
-    "s",
-    "s of finite elements",
-)
 
 
 def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
@@ -58,7 +46,7 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
         for law, scene in pairs:
             with steps.step(f"{law}, {scene}"):
                 found.append(study.record("pair", pair(law, scene, MESHES[study.level])))
-    text = markdown(HEAD, [row for record in found for row in rows(record)])
+    text = markdown(*table(found))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
@@ -105,27 +93,25 @@ def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return the rows of the table of a pair, columns as in ``HEAD``."""
-    if "failure" in record:
-        return [(record["law"], record["scene"], record["failure"], *[""] * (len(HEAD) - 3))]
-    seconds = record["seconds"]
-    orders = " ".join(f"{one:.1f}" for one in record["newton_orders"])
-    times = f"{seconds['isorod']:.2g}", f"{seconds['finite elements'][-1]:.2g}"
-    return [
-        (
-            record["law"],
-            record["scene"],
-            one["name"],
-            f"{one['isorod']:.6g}",
-            f"{one['limit']:.6g}",
-            f"{100.0 * one['uncertainty']:.2g} %",
-            f"{100.0 * one['difference']:.2g} %",
-            orders,
-            *times,
-        )
-        for one in record["quantities"]
-    ]
+def table(records: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return head and rows of the table of pairs: each quantity's, or why there is none."""
+    shown: dict[str, Callable[[Any], object]] = {
+        "law": lambda row: row["law"],
+        "scene": lambda row: row["scene"],
+        "": lambda row: row.get("failure") or row["name"],
+        "isorod": _if_solved(lambda row: f"{row['isorod']:.6g}"),
+        "finite elements": _if_solved(lambda row: f"{row['limit']:.6g}"),
+        "they tell to": _if_solved(lambda row: f"{100.0 * row['uncertainty']:.2g} %"),
+        "difference": _if_solved(lambda row: f"{100.0 * row['difference']:.2g} %"),
+        "orders of Newton's method": _if_solved(lambda row: " ".join(f"{one:.1f}" for one in row["newton_orders"])),
+        "s": _if_solved(lambda row: f"{row['seconds']['isorod']:.2g}"),
+        "s of finite elements": _if_solved(lambda row: f"{row['seconds']['finite elements'][-1]:.2g}"),
+    }
+    return columns([one | row for one in records for row in one.get("quantities", [{}])], shown)
+
+
+def _if_solved(of: Callable[[Any], str]) -> Callable[[Any], str]:
+    return lambda row: "" if "failure" in row else of(row)
 
 
 def agrees(record: Mapping[str, Any]) -> bool:

@@ -5,7 +5,7 @@ through large strains, ten thousand steps of each kind (two hundred at quick lev
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from comparisons.laws.scenes import CURVE
 from comparisons.measure.study import LEVELS, Run
 from comparisons.measure.timing import Clock
-from comparisons.report.html import markdown
+from comparisons.report.html import columns, markdown
 from isorod import dynamics, options
 from isorod.arrays import Array
 from isorod.command import ending
@@ -90,7 +90,6 @@ WHOLE = ("st-venant-kirchhoff", "transversely-isotropic", "orthotropic")
 KINDS = ("explicit, displacement", "implicit, displacement", "implicit, mixed")
 
 TABLE = "motion.md"
-HEAD = ("law", "steps", "their number", "time step", "error of energy", "of momentum", "stored, largest share", "s")
 
 
 def run(study: Run, laws: Sequence[str] = ()) -> None:
@@ -102,7 +101,7 @@ def run(study: Run, laws: Sequence[str] = ()) -> None:
         for law, kind in wanted:
             with steps.step(f"{law}, {kind}"):
                 found.append(study.record("motion", moved(law, kind, STEPS[study.level])))
-    text = markdown(HEAD, map(row, found))
+    text = markdown(*table(found))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
@@ -143,20 +142,23 @@ def moved(law: str, kind: str, steps: int) -> dict[str, Any]:
     }
 
 
-def row(record: dict[str, Any]) -> tuple[str, ...]:
-    """Return the row of the table of a motion, columns as in ``HEAD``."""
-    if "failure" in record:
-        return (record["law"], record["kind"], record["failure"], *[""] * (len(HEAD) - 3))
-    return (
-        record["law"],
-        record["kind"],
-        f"{record['steps']:,}",
-        f"{record['time_step']:.3g}",
-        f"{record['energy_error']:.1e}",
-        f"{record['momentum_error']:.1e}",
-        f"{100.0 * record['stored']:.0f} %",
-        f"{record['seconds']:.3g}",
-    )
+def table(records: Iterable[dict[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return head and rows of the table of motions."""
+
+    def number(name: str, form: str) -> Callable[[Any], str]:
+        return lambda one: "" if "failure" in one else f"{one[name]:{form}}"
+
+    shown: dict[str, Callable[[Any], object]] = {
+        "law": lambda one: one["law"],
+        "steps": lambda one: one["kind"],
+        "their number": lambda one: one.get("failure") or f"{one['steps']:,}",
+        "time step": number("time_step", ".3g"),
+        "error of energy": number("energy_error", ".1e"),
+        "of momentum": number("momentum_error", ".1e"),
+        "stored, largest share": lambda one: "" if "failure" in one else f"{100.0 * one['stored']:.0f} %",
+        "s": number("seconds", ".3g"),
+    }
+    return columns(records, shown)
 
 
 def keeps(record: dict[str, Any]) -> bool:

@@ -1,5 +1,6 @@
 """Fields of both sides at the same points of the rods, given by parameters, and how far they are apart."""
 
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from comparisons.measure import timing
+from comparisons.measure.records import Record
 from isorod.arrays import Array, Index
 from meshes import within
 from meshes.mesh import gauss
@@ -44,12 +47,6 @@ class Places:
     stress_rod: Index
     stress_xi: Array
     stress_u: Array
-
-    @classmethod
-    def of_shapes(cls, xi: Array, u: Array) -> "Places":
-        """Return points ``(n, 2)``, ``(n,)`` of the first rod, at which shapes are compared and no stresses."""
-        none = np.zeros(0)
-        return cls(np.zeros(len(u), dtype=np.int64), xi, u, none.astype(np.int64), none.reshape(0, 2), none)
 
     @classmethod
     def read(cls, path: Path) -> "Places":
@@ -135,6 +132,14 @@ class Sample:
             return {"modes": self.modes[:, rows]}
         assert self.displacement is not None
         return {"displacement": self.displacement[rows]}
+
+
+def of_finite_elements(scene: str, *words: str) -> tuple[Record, Sample]:
+    """Return the record of a scene in dolfinx, and its fields."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "fields.npz"
+        record = timing.run("comparisons.fem", ["rods", scene, *words, "--fields", str(file)])
+        return record, Sample.read(file, record.get("rigid", 0))
 
 
 def fields(solution: Any, places: Places) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Pictures and animation of the biceps, from the files that the study's runs leave: Figs. 14-16 of Lu & Zhou (2011)."""
+"""Pictures of the biceps, from the files that the study's runs leave: Figs. 14-16 of Lu & Zhou (2011)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +9,7 @@ import numpy as np
 from comparisons.measure.study import Run
 from isorod.model import Model
 from isorod.output import vtk
-from isorod.output.animation import save
-from isorod.output.picture import COLOURS, add_flat, bar, stage, taken, without_display
+from isorod.output.picture import COLOURS, add_flat, bar, stage, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 
@@ -26,7 +25,6 @@ _EYE = np.array([0.25, 0.12, 1.0])
 _MIDDLE = (0.0, 10.6, 0.0)
 _HALF_HEIGHT = 11.8
 _CIRCLE = 2.0 * np.pi * np.arange(49) / 48
-_FRAME = (540, 520)
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ class _Theirs:
 
 
 def run(study: Run, scene: Biceps) -> None:
-    """Draw the pictures and the animation from the files in the study's folder, and record their names.
+    """Draw the pictures from the files in the study's folder, and record their name.
 
     ``scene`` is the one whose motion was kept.
     """
@@ -114,11 +112,10 @@ def run(study: Run, scene: Biceps) -> None:
     with np.load(study.folder / MOTION) as arrays:
         ours = _Ours(scene, scene.model(), arrays["times"], arrays["displacement"], arrays["equilibrium"])
     moving, still = (_Theirs.read(study.folder / name) for name in (FEM_MOTION, FEM_REST))
-    picture, animation = study.folder / "biceps-von-mises.png", study.folder / "biceps.gif"
+    picture = study.folder / "biceps-von-mises.png"
     write_beside(picture, lambda where: _picture(ours, moving, still, where))
-    _animation(ours, moving, animation)
     dofs = [ours.model.dofs, 3 * len(still.arrays["points"])]
-    study.record("picture", {"file": picture.name, "animation": animation.name, "dofs": dofs, "scale": SCALE})
+    study.record("picture", {"file": picture.name, "dofs": dofs, "scale": SCALE})
 
 
 def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
@@ -163,27 +160,6 @@ def _scale(plotter: Any, described: dict[str, Any]) -> None:
     nothing["von_mises"] = np.array(SCALE)
     actor = plotter.add_mesh(nothing, scalars="von_mises", clim=SCALE, cmap=COLOURS, opacity=0.0, show_scalar_bar=False)
     plotter.add_scalar_bar(mapper=actor.mapper, **described)
-
-
-def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
-    """Draw both motions beside each other at the finite elements' samples, as a GIF."""
-    frames = []
-    sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
-    for time in [0.0, *moving.times]:
-        with stage(_FRAME, shape=(1, 2)) as plotter:
-            for column, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
-                plotter.subplot(0, column)
-                mesh = side.at(time)
-                if time == 0.0:
-                    mesh.point_data["displacement"][:] = 0.0
-                    mesh.point_data["von_mises"][:] = 0.0
-                add_flat(plotter, mesh, "von_mises", SCALE, None)
-                plotter.add_text(name, position="upper_left", font_size=10, color="black")
-                if column == 0:
-                    plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")
-                _look(plotter)
-            frames.append(taken(plotter))
-    save(frames, path)
 
 
 def _look(plotter: Any) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from comparisons.measure.records import Record, side
-from comparisons.report.plots import COLOURS, FEM_COLOURS, MARKERS, pyplot, save
+from comparisons.report.plots import COLOURS, FEM_COLOURS, pyplot, save
 
 # Records' key of ours and of the finite elements' history, the equilibrium's key, and the axis label.
 COURSES = (
@@ -59,41 +59,4 @@ def courses(motions: Sequence[Record], theirs: Sequence[Record], path: Path) -> 
         axis.set_xlabel("time [ms]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    save(figure, path, 110)
-
-
-def work(records: Sequence[Record], quantities: dict[str, float], path: Path) -> None:
-    """Draw the error of each quantity at the equilibrium against run time, one curve a family.
-
-    Parameters
-    ----------
-    records
-        Records with ``curve``, ``method``, ``error`` by quantity, ``seconds``.
-    quantities
-        Error marked by a line, by quantity.
-    """
-    figure, axes = pyplot().subplots(1, len(quantities), figsize=(13.5, 4.6), layout="constrained")
-    curves = list(dict.fromkeys((record["curve"], record["method"]) for record in records))
-    for method, colours in (("cylindrical", COLOURS), ("fem", FEM_COLOURS)):
-        for k, curve in enumerate(curve for curve, made in curves if made == method):
-            points = [record for record in records if record["curve"] == curve and record["error"]]
-            for axis, name in zip(axes, quantities, strict=True):
-                # The reference itself has no error to draw.
-                drawn = [(one["seconds"]["total"], one["error"][name]) for one in points if one["error"][name] > 0.0]
-                axis.loglog(
-                    *zip(*drawn, strict=True) if drawn else ((), ()),
-                    color=colours[k % len(colours)],
-                    marker=MARKERS[k % len(MARKERS)],
-                    linestyle="-" if method == "cylindrical" else "--",
-                    label=curve if method == "cylindrical" else f"{curve} (dolfinx)",
-                )
-    for axis, (name, bound) in zip(axes, quantities.items(), strict=True):
-        axis.axhline(bound, color="black", linewidth=0.8)
-        axis.annotate(f"{100 * bound:g} %", (1.0, bound), xycoords=("axes fraction", "data"), ha="right", va="bottom")
-        axis.set_title(f"{name.replace('_', ' ')}", fontsize=11)
-        axis.set_xlabel("run time, one thread [s]")
-        axis.grid(True, which="both", alpha=0.25)
-    axes[0].set_ylabel("relative error at the equilibrium")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside right center", frameon=False, fontsize=9)
     save(figure, path, 110)

@@ -65,12 +65,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
                 "draws 3.",
                 fits=True,
             ),
-            "Fig. 12, mode shapes": figure(
-                picture["file"],
-                "ten mode shapes",
-                "Ten mode shapes and their frequencies, over the blade at rest (black edges). Colour is the size of "
-                "the displacement, from none (dark) to each mode's largest (yellow).",
-            ),
+            "mode shapes, as in Fig. 12": figure(picture["file"], picture["alt"], picture["caption"]),
             "the same modes": [
                 "<p>Modal assurance criterion: 1 if a mode of isorod has the shape of one of dolfinx, 0 if they have "
                 "nothing in common. Ones on the diagonal say that both found the same modes in the same order. "

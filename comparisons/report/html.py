@@ -48,6 +48,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[
     )
 
 
+def plain(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a table of text."""
+    lines = [head, *rows]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    return ["  ".join(text.ljust(wide) for text, wide in zip(line, widths, strict=True)).rstrip() for line in lines]
+
+
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a table in Markdown, without a line break at its end."""
     return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))

@@ -1,10 +1,9 @@
 """The part of the report page about rods with blocks, coupled, beside finite elements of them as one solid."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from comparisons.measure.records import Record, part
-from comparisons.report.html import commands, fold, heading, milliseconds, percent, table
+from comparisons.report.html import commands, fold, heading, milliseconds, percent, plain, table
 
 HEAD = ("scene, error within", "side", "cells, sizes, rod", "error", "ms", "unknowns", "coupled: time", "unknowns")
 
@@ -71,9 +70,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
 
 def summary(records: list[Record]) -> list[str]:
     """Return the table, one line a row."""
-    lines: Sequence[tuple[str, ...]] = [HEAD, *rows(records)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(HEAD))]
-    return ["  ".join(text.ljust(wide) for text, wide in zip(line, widths, strict=True)).rstrip() for line in lines]
+    return plain(HEAD, rows(records))
 
 
 def answer(records: list[Record]) -> list[str]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from comparisons import laws
 from comparisons.measure.records import Record, part
-from comparisons.report.html import heading, table
+from comparisons.report.html import heading, plain, table
 from comparisons.report.precision import rerun
 
 
@@ -18,7 +18,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "dolfinx its form, of bricks of 27 nodes. What finite elements find is extrapolated from three meshes (at "
         "quick level: that of the second), and tells as far as the finest is from that. Ends have the shape of the "
         "section amid the rod. Scenes: " + "; ".join(f"{name}, {title}" for name, title in titles.items()) + ".</p>",
-        table(laws.HEAD, [row for record in pairs for row in laws.rows(record)], text=(0, 1, 2)),
+        table(*laws.table(pairs), text=(0, 1, 2)),
         rerun("laws", records),
     ]
 
@@ -31,11 +31,9 @@ def answer(records: list[Record]) -> list[str]:
 def summary(records: list[Record]) -> list[str]:
     """Return the table, and how many laws agree."""
     pairs = part(records, "pair")
-    lines = [laws.HEAD, *(row for record in pairs for row in laws.rows(record))]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(laws.HEAD))]
     good = sum(laws.agrees(record) for record in pairs)
     return [
-        *("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip() for line in lines),
+        *plain(*laws.table(pairs)),
         f"laws: {good} of {len(pairs)} pairs of a law and a scene within {100 * laws.WANTED:g} % of finite elements of "
         "the same energy",
     ]

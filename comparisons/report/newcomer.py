@@ -16,7 +16,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "<p>Scenes as <code>isorod new</code> writes them, run with nothing chosen, and compared with finite elements; "
         "the published spring and blade below them. Lines are those without comments; seconds those of the whole "
         "command. The biceps has a study of its own.</p>",
-        table(newcomer.HEAD, [newcomer.cells(row) for row in part(records, "example")]),
+        table(*newcomer.table(part(records, "example"))),
         rerun("newcomer", records),
     ]
 

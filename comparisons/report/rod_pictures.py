@@ -13,6 +13,7 @@ from comparisons.measure.records import Record, family
 from comparisons.measure.sampled import GAUSS, Sample
 from comparisons.measure.study import Run
 from isorod.arrays import Array, Index
+from isorod.command import solving
 from isorod.output import picture, solids, vtk
 from isorod.output.results import write_beside
 from isorod.output.words import FIELDS, STRESS_ERROR, stress_error
@@ -20,6 +21,9 @@ from meshes.mesh import lexicographic
 
 # Width and height of a panel, pixels.
 PANEL = (800, 560)
+
+# Of meshes of ready scenes (`meshes.rods.build`).
+LEVEL = "2"
 
 # Modes that are shown, as many as rows.
 SHAPES = 3
@@ -42,6 +46,16 @@ _PLACES = 400
 
 # The largest displacement of a mode is drawn as this share of the rods' size.
 EXAGGERATION = 0.12
+
+
+def of_scene(study: Run, scene: Any) -> tuple[Any, Sample]:
+    """Solve a ready scene, and it with dolfinx, and draw both; return isorod's solution and the other's fields."""
+    settings = scene.settings()
+    solution, seconds = solving.solve(scene, settings)
+    ours = solving.record(scene, solution, seconds, settings) | solving.estimate(solution, True)
+    theirs, sample = sampled.of_finite_elements(scene.name, "--level", LEVEL)
+    write(study, solution, [ours, theirs], sample)
+    return solution, sample
 
 
 def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) -> None:

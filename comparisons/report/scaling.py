@@ -9,7 +9,7 @@ from comparisons.measure.records import Record, part
 from comparisons.report.html import columns, figure, table
 from comparisons.report.html import section as section_of
 from comparisons.report.plots import pyplot, save
-from comparisons.report.precision import rerun, unknowns
+from comparisons.report.precision import rerun
 from comparisons.scaling.cost import CORES, LARGE, NODE, fitted
 from comparisons.stability.figure import COLOURS, MARKERS
 from isorod.space.basis import PAPER
@@ -31,7 +31,6 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "one rank": _sizes(records),
         "ranks": _ranks(records),
         "tangents beside DGEMM": _roofline(records),
-        **({"strands": _strands(records)} if part(records, "strand") else {}),
         "a cluster, on paper": _cluster(records),
         "raw data, running it again": rerun("scaling", records),
     }
@@ -155,19 +154,6 @@ def _roofline(records: list[Record]) -> str:
         "lost goes to the law, to moving moduli into place and to adding up entries.</p>"
     )
     return text + table(*columns(found, shown))
-
-
-def _strands(records: list[Record]) -> str:
-    shown: dict[str, Callable[[Record], object]] = {
-        "wires": itemgetter("wires"),
-        "unknowns": unknowns,
-        "solves": itemgetter("solves"),
-        "s": lambda one: f"{one['seconds']:.0f}",
-        "µs an unknown": lambda one: f"{1e6 * one['seconds'] / one['dofs']:.0f}",
-        "kB an unknown": lambda one: f"{1e-3 * one['memory'] / one['dofs']:.1f}",
-    }
-    text = "<p>Strands of wires with friction, pulled: contact, its search and its solves included.</p>"
-    return text + table(*columns(part(records, "strand"), shown))
 
 
 def _cluster(records: list[Record]) -> list[str]:

@@ -24,9 +24,6 @@ RANKS = {
     ),
 }
 
-# Layers of strands that are pulled, with points round each wire and parts of each turn (`comparisons.contact.many`).
-STRANDS = {"quick": ((1, 6, 1),), "full": tuple((layers, 6, 1) for layers in range(1, 6))}
-
 
 class Case(NamedTuple):
     """One measurement of the wire: `comparisons.scaling.wire` with these arguments, on so many ranks."""
@@ -59,7 +56,7 @@ def run(study: Run) -> None:
     """Measure each case in a process of its own and record it."""
     # Each once, though some are there to be compared with others too.
     wanted = list(dict.fromkeys(cases(study.level)))
-    with study.progress(1 + len(wanted) + len(STRANDS[study.level])) as steps:
+    with study.progress(1 + len(wanted)) as steps:
         with steps.step("tangents beside DGEMM"):
             for found in timing.run("comparisons.scaling.roofline", [])["families"]:
                 study.record("roofline", found)
@@ -67,7 +64,3 @@ def run(study: Run) -> None:
             with steps.step(case.title):
                 arguments = [case.analysis, case.family, str(case.coils)]
                 study.record("wire", timing.run("comparisons.scaling.wire", arguments, case.ranks, 7200.0))
-        for strand in STRANDS[study.level]:
-            with steps.step(f"strand of {strand[0]} layers"):
-                found = timing.run("comparisons.contact.many", ["--one", *map(str, strand)], timeout=7200.0)
-                study.record("strand", found)

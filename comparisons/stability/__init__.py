@@ -3,9 +3,9 @@
 A case is a module of this package, listed in `CASES`, with
 
 - ``TITLE``, one line;
-- ``LIMITS(records)``, sentences that state the limits in numbers;
 - ``run(level)``, an iterator of records, one a point of a sweep (`comparisons.stability.point`);
-- ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records.
+- ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records,
+  and ``LIMITS(records)`` where sentences other than `comparisons.stability.point.limits` state the limits.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from comparisons.measure.study import Run
+from comparisons.stability.point import limits
 from isorod import options
 
 CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "stresses")
@@ -32,4 +33,5 @@ def run(study: Run, names: Sequence[str] = ()) -> None:
             case = find(name)
             with steps.step(case.TITLE):
                 records = [study.record("point", {"case": name} | record) for record in case.run(study.level)]
-            study.record("case", {"case": name, "title": case.TITLE, "limits": case.LIMITS(records)})
+            stated = getattr(case, "LIMITS", limits)(records)
+            study.record("case", {"case": name, "title": case.TITLE, "limits": stated})

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, petsc, stated, sweeps
+from comparisons.stability.point import Sweep, petsc
 from isorod import dynamics, modal, statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -55,18 +54,6 @@ MOTION = {
     )
     for one in ("explicit", "implicit")
 }
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    stretched = [one for one in sweeps(records)[STRETCHED.name]["banded LU (default)"] if "failure" not in one]
-    lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
-    soft = max(one["soft_end"] for one in stretched)
-    return [
-        *stated(records, ".0e"),
-        f"The force that the stiff end reports loses as many digits as the contrast has: its error is {lost:.0e} times "
-        f"the contrast. That of the soft end is right to {soft:.0e} throughout.",
-    ]
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, reach, sweeps
+from comparisons.stability.point import Sweep
 from isorod import statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -182,28 +181,3 @@ def _point(
 def _effort(solution: statics.Equilibrium) -> dict[str, int]:
     pressures = sum(body.pressures.size for body in solution.model.bodies if body.pressures is not None)
     return {"unknowns": solution.model.unknowns + pressures, "newton": solution.newton_iterations}
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    lines = []
-    for sweep, curves in sweeps(records).items():
-        if sweep == TWISTED.name:
-            worst = max(record.get("error", np.inf) for curve in curves.values() for record in curve)
-            lines.append(
-                "Rivlin's twisted cylinder, torque and thrust of the mixed formulation: largest relative error "
-                f"{worst:.1e}."
-            )
-            continue
-        said = []
-        for series, curve in curves.items():
-            last = reach(curve)
-            worst = max(record["error"] for record in curve if "error" in record)
-            refused = sum("failure" in record for record in curve)
-            much = f"largest error {100.0 * worst:.2g} %" + (f", {refused} not solved" if refused else "")
-            said.append(f"{series} {'nowhere' if last is None else f'to nu = {0.5 - last:.6g}'} ({much})")
-        lines.append(
-            f"{sweep.split(', ')[1]}, within {100.0 * TOLERANCE:g} % of Taylor-Hood elements: {', '.join(said)}."
-        )
-    lines.append("The mixed formulation takes nu = 0.5 itself; statics without contact and modes have it.")
-    return lines

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, holds, sweeps
+from comparisons.stability.point import Sweep
 from comparisons.stability.rods import arch
 from isorod import statics
 from isorod.arrays import Index
@@ -51,34 +50,6 @@ SOFT = NeoHookean(3.0, 0.499999)
 EI = 0.25 * np.pi
 SPAN, RISE = 100.0, 5.0
 CROWN = 1e-3 * EI
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    lines = []
-    for sweep, curves in sweeps(records).items():
-        for series, curve in curves.items():
-            tolerance = curve[0]["tolerance"]
-            held, lost = ([f"{one['value']:g}" for one in curve if holds(one) == good] for good in (True, False))
-            where = f"at {', '.join(held)}" if held else "nowhere"
-            if held and lost:
-                where += f", not at {', '.join(lost)}"
-            lines.append(f"{sweep}{f', {series}' if series else ''}: error within {tolerance:g} {where}.")
-    loads = [record for record in sweeps(records).get(EULER.name, {}).get("", []) if "signed" in record]
-    if len(loads) >= 2:
-        a, b = loads[-2:]
-        x, y = a["value"] ** -2.0, b["value"] ** -2.0
-        lines.append(
-            f"Euler's load extrapolated to no thickness: {(a['signed'] * y - b['signed'] * x) / (y - x):.0e} from the "
-            "exact one."
-        )
-    twisted = [record for record in sweeps(records).get(TWIST.name, {}).get("", []) if "failure" not in record]
-    if twisted:
-        most = max(twisted, key=lambda record: record["value"])
-        lines.append(
-            f"A twist of {most['value']:g} turns takes {most['steps']} load steps, {most['newton']} Newton iterations."
-        )
-    return lines
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:
@@ -169,8 +140,7 @@ def _column(length: float) -> Model:
 
 
 def _euler(length: float) -> dict[str, Any]:
-    signed = 2.0 * continuation.critical(_column(length), 0.1).factor - 1.0
-    return {"error": abs(signed), "signed": signed}
+    return {"error": abs(2.0 * continuation.critical(_column(length), 0.1).factor - 1.0)}
 
 
 def _branch(length: float) -> Iterator[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """Sweeps and their points: a value, PETSc options, what came out, and the one-line failure where nothing did."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
@@ -83,18 +83,19 @@ def reach(records: list[dict[str, Any]]) -> float | None:
     return last
 
 
-def stated(records: list[dict[str, Any]], form: str, without: Sequence[str] = ()) -> list[str]:
-    """Return in words up to which value each series of each sweep holds, a line a sweep; ``without`` are left out."""
+def limits(records: list[dict[str, Any]]) -> list[str]:
+    """Return how far each series of each sweep holds, in words, a line a sweep."""
     lines = []
     for sweep, curves in sweeps(records).items():
-        if sweep not in without:
-            held = {series: reach(curve) for series, curve in curves.items()}
-            words = [
-                f"{series or 'holds'} {'nowhere' if last is None else f'up to {last:{form}}'}"
-                for series, last in held.items()
-            ]
-            tolerance = next(iter(curves.values()))[0]["tolerance"]
-            lines.append(f"{sweep}, error within {tolerance:g}: {', '.join(words)}.")
+        words = []
+        for series, curve in curves.items():
+            last, refused = reach(curve), sum("failure" in record for record in curve)
+            errors = [record["error"] for record in curve if "error" in record]
+            told = [f"largest error {max(errors):.2g}"] if errors else []
+            told += [f"{refused} refused"] if refused else []
+            words.append(f"{series or 'holds'} {'nowhere' if last is None else f'up to {last:g}'} ({', '.join(told)})")
+        tolerance = next(iter(curves.values()))[0]["tolerance"]
+        lines.append(f"{sweep}, error within {tolerance:g}: {'; '.join(words)}.")
     return lines
 
 

@@ -1,7 +1,8 @@
 """What `isorod run` says of random scene files, by default, against much finer spaces.
 
 ``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on; ``100 200 60``
-leaves out those that take more than a minute with what they are compared with.  Drawn are curves, sections, tapers and
+leaves out those that take more than a minute with what they are compared with.  ``coarse`` after these takes random
+spaces, most of them coarser than those that are chosen.  Drawn are curves, sections, tapers and
 twists, holes and layers, laws, supports, loads, rotations, spin and contact; statics, and modes at rest and about what
 is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of (works, forces and
 moments of supports, frequencies), the answers (reactions, moments and displacements, or frequencies) and stresses at
@@ -249,8 +250,19 @@ def _stress_off(one: Array, exact: Array) -> float:
     return float(np.linalg.norm(one - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
 
 
-def compare(seed: int) -> dict[str, Any]:
-    """Return errors and estimates of one random file, and what it warned of."""
+def coarser(space: Space, seed: int) -> Space:
+    """Return a random space on the rod of a chosen one, with at most as many elements."""
+    rng, rod = np.random.default_rng([seed, 37]), space.rod
+    degree = int(rng.integers(max(2, rod.axis.degree), 6))
+    elements = int(rng.integers(1, 1 + cast(int, space.elements) // rod.axis.elements)) * rod.axis.elements
+    across: dict[str, Any] = {"section_degree": int(rng.integers(1, 6))}
+    if space.section_degree is None:
+        across = {"order": int(rng.integers(1, 4)), "section_points": space.points_around}
+    return Space(rod, elements, degree, int(rng.choice([0, degree - 1])), **across)
+
+
+def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
+    """Return errors and estimates of one random file, and what it warned of; ``coarse`` on a random space."""
     kind, text = draw(seed)
     record: dict[str, Any] = {"seed": seed, "kind": kind}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as said:
@@ -258,11 +270,12 @@ def compare(seed: int) -> dict[str, Any]:
         path = Path(folder) / "random.toml"
         path.write_text(text)
         scene = FileScene(str(path))
-        solution, seconds = solving.solve(scene, scene.settings())
+        spaces = [body.space for body in scene.model().bodies]
+        run = scene.on([coarser(one, seed) for one in spaces]) if coarse else scene
+        solution, seconds = solving.solve(run, run.settings())
         errors = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
         record |= {"space": str(solution.model.bodies[0].space), "seconds": seconds["total"]}
         record["warned"] = [str(one.message) for one in said]
-        spaces = [body.space for body in solution.model.bodies]
         found = [solution]
         for level in (1, 2):
             better = scene.on([finer(space, level) for space in spaces])
@@ -275,7 +288,7 @@ def compare(seed: int) -> dict[str, Any]:
         max(one, estimates.off(those, carried[2])) for one, those in zip((off, apart), carried[:2], strict=True)
     )
     answers = [_answers(one) for one in found]
-    record |= {"estimate": errors[0], "error": off, "apart": apart, "chosen": True}
+    record |= {"estimate": errors[0], "error": off, "apart": apart}
     record |= {"answers": estimates.off(answers[0], answers[2]), "answers apart": estimates.off(answers[1], answers[2])}
     if hasattr(solution, "reactions"):
         # Those that the estimate is of, and those of a person who looks somewhere.
@@ -331,13 +344,14 @@ def main(arguments: Sequence[str]) -> int:
     options.initialize([])
     records: list[dict[str, Any]] = []
     refused: dict[str, int] = {}
-    first, *last = map(int, arguments[:2] or ["100"])
-    seconds = int(arguments[2]) if len(arguments) > 2 else 0
+    coarse = "coarse" in arguments
+    numbers = [int(one) for one in arguments if one != "coarse"] or [100]
+    seconds = numbers[2] if len(numbers) > 2 else 0
     signal.signal(signal.SIGALRM, _too_long)
-    for seed in range(first, *last):
+    for seed in range(*numbers[:2]):
         try:
             signal.alarm(seconds)
-            records.append(compare(seed))
+            records.append(compare(seed, coarse))
         except (InputError, SolveError) as problem:
             kind = draw(seed)[0]
             refused[kind] = refused.get(kind, 0) + 1

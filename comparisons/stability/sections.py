@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, holds, stated, sweeps
+from comparisons.stability.point import Sweep
 from comparisons.stability.rods import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
@@ -57,25 +56,6 @@ DEPTH = Sweep("petal depth of the flower", "area of the outline", 1e-3)
 OFFSET = Sweep("section off the ring's centre line, inwards", "Pappus' volume of the torus", 1e-6)
 TWIST = Sweep("twist over one element [degrees]", "exact volume of the twisted prism", 0.1)
 LENGTHS = Sweep("ratio of element lengths", "exact (Saint-Venant), one element of three short", 1e-6)
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    found = sweeps(records)
-    lines = stated(records, "g", (DEPTH.name, OFFSET.name))
-    for sweep in (DEPTH.name, OFFSET.name):
-        (curve,) = found[sweep].values()
-        refused = [one["value"] for one in curve if "failure" in one]
-        good = [one["value"] for one in curve if holds(one)]
-        lines.append(
-            f"{sweep}: the map folds at {curve[0]['fold']:.5f}; right up to {max(good):.5f}, refused from "
-            f"{min(refused):.5f} on."
-        )
-    lines.append(
-        "Twist: sections that shrink below 95 % between layers of control points are warned of, below 70 % refused. "
-        "Layers that differ by whole turns look untwisted and cannot be told from it."
-    )
-    return lines
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:

@@ -11,8 +11,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, stated, sweeps
+from comparisons.stability.point import Sweep
 from comparisons.stability.rods import condition
 from isorod import statics
 from isorod.assembly.assembler import Assembler
@@ -53,20 +52,6 @@ SERIES: dict[str, dict[str, Any]] = {
 PLAIN_NEWTON = "polynomials, C0, p points, Newton without extrapolated stress"
 TOLERANCE = 1e-4
 EXACT = "up to 1e3 the same with 16 elements of degree 5, else the inextensible elastica"
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    lines = stated(records, ".0e")
-    for sweep, curves in sweeps(records).items():
-        ours, plain = (curves[name] for name in (next(iter(SERIES)), PLAIN_NEWTON))
-        done = [
-            (a["newton"], b["newton"])
-            for a, b in zip(ours, plain, strict=True)
-            if "failure" not in a and "failure" not in b
-        ]
-        lines.append(f"{sweep}: Newton iterations {done[-1][0]} with extrapolated stress, {done[-1][1]} without.")
-    return lines
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, reach, sweeps
+from comparisons.stability.point import Sweep
 from isorod import dynamics, modal
 from isorod.arrays import Array
 from isorod.dynamics.explicit.run import Run
@@ -49,44 +48,6 @@ SHARE = Sweep("time step / critical one", BALANCE, TOLERANCE)
 LONG = Sweep("explicit steps taken, undamped", BALANCE, TOLERANCE)
 LARGE = Sweep("implicit time step / critical one", BALANCE, TOLERANCE)
 CONTRAST = Sweep("stiffness ratio of tendon and muscle", "the same in steps of half the length", TOLERANCE)
-
-
-def LIMITS(records: list[Record]) -> list[str]:
-    """Return the limits, from the records."""
-    found = sweeps(records)
-    lines = []
-    for series, curve in found[SHARE.name].items():
-        reached = reach(curve)
-        until = "nowhere" if reached is None else f"up to {reached:g} critical steps"
-        lines.append(f"{series}, {DURATION} critical steps long: energy kept to {TOLERANCE:g} {until}.")
-    over = [one["value"] for one in records if one["sweep"] == SHARE.name and "failure" in one and one["value"] > 1.0]
-    lines.append(
-        f"Of the {len(over)} runs in steps longer than the critical one, without mass added for them, each blows up "
-        "and says so with the critical step; users' steps of that length get mass added at the start, or are refused."
-    )
-    for series, curve in found[LONG.name].items():
-        last = curve[-1]
-        if "failure" in last:
-            lines.append(f"{series}: {last['failure']}.")
-            continue
-        lines.append(
-            f"{series}, {last['value']:.0e} steps: energy within {last['error']:.1e}, drift {last['drift']:.1e}."
-        )
-    for series, curve in found[LARGE.name].items():
-        done = [one for one in curve if "failure" not in one]
-        lines.append(
-            f"{series}: energy kept to {max(one['error'] for one in done):.0e} in steps of up to "
-            f"{max(one['value'] for one in done):g} critical ones."
-        )
-    curve = [one for one in found[CONTRAST.name][SERIES] if "failure" not in one]
-    pays = [one["value"] for one in curve if one["implicit_seconds"] < one["explicit_seconds"]]
-    ratio = curve[-1]["explicit_steps"] / curve[-1]["implicit_steps"]
-    lines.append(
-        f"Tendon {curve[-1]['value']:.0e} times as stiff as the muscle: {ratio:.0f} explicit steps to an implicit one "
-        f"for an error of {TOLERANCE:g}; implicit steps take less time "
-        + (f"from a ratio of {min(pays):.0e} on." if pays else "nowhere in this sweep.")
-    )
-    return lines
 
 
 SERIES = "tendon clamped, muscle swinging, one period"

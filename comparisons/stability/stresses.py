@@ -7,9 +7,6 @@ the inner one, on both sides of an interface and in the middle, farther from end
 finer space: of degree 6, with three times the elements and twice the degree across up to 8; where that would be no more
 with twice the elements and, of round sections, two rings of degree 6; of rings one degree more and twice the elements.
 Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
-
-Two rods more are beside finite elements at full level (``starter`` and ``hook`` as words): von Mises stresses, farther
-from ends than the section is wide, over the largest; ``apart`` is how much those of the two finest meshes differ.
 """
 
 import sys
@@ -27,12 +24,10 @@ from comparisons.measure.records import Record
 from comparisons.stability.point import Sweep
 from isorod import options, statics
 from isorod.arrays import Array
-from isorod.command import new
 from isorod.command.solving import LARGE_STRESS
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.output import held, results
-from isorod.output.stress import von_mises
 from isorod.space import Space, choice
 from isorod.space.polynomial import MAX_DEGREE
 
@@ -67,14 +62,6 @@ _SECTIONS, _AROUND = 61, 15
 _RINGED = 6
 # On the inner side of an interface.
 _INSIDE = 1.0 - 1e-9
-
-
-# Files of rods that are compared with finite elements, and the levels of the meshes.
-RODS = {
-    "starter": Path(new.__file__).parents[1] / "files" / "examples" / "starter.toml",
-    "hook": Path(__file__).with_name("hook.toml"),
-}
-MESHES = (2, 3)
 
 
 def _fibred(ratio: float, size: float) -> str:
@@ -230,37 +217,6 @@ def point(bar: Bar) -> dict[str, Any]:
 def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     yield from map(point, every(level))
-    if level == "full":
-        yield from map(elements, RODS)
-
-
-def elements(name: str, levels: Sequence[int] = MESHES) -> dict[str, Any]:
-    """Return the record of one of `RODS` beside finite elements on meshes of these levels, at least two."""
-
-    def compare() -> dict[str, Any]:
-        # dolfinx alone needs these.
-        from comparisons.fem.rods import solve
-        from comparisons.fem.rods.run import mesh_of
-
-        solution = statics.solve(FileScene(str(RODS[name])).model())
-        model = solution.model
-        breaks = model.bodies[0].space.rod.axis.breaks
-        u = np.linspace(breaks[0], breaks[-1], 203)
-        at = u[held.distance(model, 0, u, breaks[[0, -1]]) > held.width(model, 0)], _ring(12)
-        both: list[Any] = [solution, *(solve(model, mesh_of(model, level), "statics") for level in levels)]
-        found, *meshes = (von_mises(one.stress(0, *at)) for one in both)
-        *_, before, exact = meshes
-        error, apart = (float(np.abs(one - exact).max() / exact.max()) for one in (found, before))
-        return {
-            "error": error,
-            "apart": apart,
-            "estimate": solution.errors().stress,
-            "unknowns": model.unknowns,
-            "space": str(model.bodies[0].space),
-        }
-
-    sweep = Sweep("beside finite elements: level of the mesh", "finite elements, the finest mesh", LARGE)
-    return sweep.point(levels[-1], compare, bar=f"{name}, , ", series=name)
 
 
 def _ring(count: int) -> Array:
@@ -283,11 +239,6 @@ def LIMITS(records: list[Record]) -> list[str]:
                 f"{section}, {law}: {len(own)} bars, {told}; "
                 f"the worst {100.0 * worst['error']:.2g} % ({worst['bar']}), {worst['unknowns']} unknowns."
             )
-    for one in (one for one in records if one["series"] in RODS and "error" in one):
-        lines.append(
-            f"{one['series']}: {100.0 * one['error']:.2g} % from the von Mises stresses of finite elements, those of "
-            f"whose two finest meshes are {100.0 * one['apart']:.2g} % apart."
-        )
     return lines
 
 
@@ -299,9 +250,6 @@ def main(words: Sequence[str]) -> int:
         if {*words} <= {bar.section, bar.law, bar.load, f"{bar.length:g}"}:
             records.append(point(bar))
             print(results.line(records[-1]), flush=True)
-    for name in {*words} & {*RODS}:
-        records.append(elements(name))
-        print(results.line(records[-1]), flush=True)
     print("\n".join(LIMITS(records)))
     return 0
 

@@ -36,7 +36,7 @@ DIRECTIONS = ("section", "axis")
 
 # Power of the degree, or of the number of points or elements, that the error at the edge of a clamped face falls with.
 # What a finer space changes is the error but for that share of it; along smooth axes it is nearer to the whole.
-# Measured over random rods (`comparisons.stability.estimates`).
+# Measured over random rods, most of them on coarse spaces.
 _POWER = 4
 
 # Share that is left at lines of contact when arcs there are half as long: wires give way by as much each time.
