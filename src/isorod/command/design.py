@@ -75,9 +75,9 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     if several and found.table:
         raise InputError("--table: the file has load cases; choose one with --case")
     several = several or {"": scene}
+    varied = wanted.varied(found.vary, scene)
     scene = next(iter(several.values()))
     _check(scene, found)
-    varied = wanted.varied(found.vary, scene)
     table = read_table(found, scene, varied)
     several = several if table is None else curves.scenes_of(scene, table)
     settings = chosen.settings(scene, found)
