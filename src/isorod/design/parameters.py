@@ -44,9 +44,7 @@ def parameters(scene: Any) -> dict[str, float]:
 
 def _numbers(content: Mapping[str, Any]) -> dict[str, float]:
     """Return the numbers of a file, or of what one of its cases says."""
-    return {
-        name: value for key in _TABLES if key in content for name, value in _leaves(content[key], (key,))
-    }
+    return {name: value for key in _TABLES if key in content for name, value in _leaves(content[key], (key,))}
 
 
 def named(scene: Any, name: str) -> dict[str, float]:
