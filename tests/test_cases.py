@@ -67,6 +67,38 @@ def test_each_case_has_its_loads(file, command, tmp_path):
     assert [(row[case], float(row[at])) for row in rows[1:]] == [("both", 3), ("dead", 0), ("both", 6), ("dead", 0)]
 
 
+def test_derivatives_of_each_case_stand_below_the_table(file, command):
+    """The foot carries -1.5 times the push of a case with that factor, and what another says in its place."""
+    path, push = file(table(both=CASES["both"], storm=CASES["storm"])), "load.push.force.1"
+    lines = command.prints("run", path, "--no-estimate", "--derivatives").splitlines()
+    at = {name: lines.index(f"case {name}:") for name in ("both", "storm")}
+    both, storm = lines[at["both"] : at["storm"]], lines[at["storm"] :]
+
+    def by(block, name, entry):
+        start = next(k for k, line in enumerate(block) if line.startswith(f"root[{entry}] = "))
+        return float(next(line.split()[1] for line in block[start:] if line.split()[:1] == [name]))
+
+    assert by(both, push, 1) == pytest.approx(1.5, rel=1e-6)
+    assert by(both, "case.both.loads.push", 1) == pytest.approx(-1.0, rel=1e-6)
+    assert by(storm, "case.storm.load.push.force.2", 2) == pytest.approx(-1.0, rel=1e-6)
+    # Its own name alone has the number that a case says itself; those of other cases change nothing.
+    assert not any(push in line or "case.both" in line for line in storm)
+
+
+def test_a_design_knows_a_case_by_what_the_file_says(file, command):
+    """Where a case multiplies a load, it begins at the load of the file; what a case says itself has its name there."""
+    path, push = file(table(both={"loads": {"push": -1.5}}, storm=CASES["storm"])), "load.push.force.1"
+    for case in ((), ("--case", "both")):
+        name = "root[1]" if case else "both.root[1]"
+        words = ("--vary", f"rod.bar.section,{push}", "--target", f"{name}=3")
+        if not case:
+            assert f"'{push}' is no number of the scene" in command.refuses("design", path, *words)
+            continue
+        found = command.record("design", path, *case, *words)
+        assert found["answers"][name]["before"] == pytest.approx(1.5, rel=1e-6)
+        assert found["parameters"][push]["after"] == pytest.approx(2.0, rel=1e-4)
+
+
 def test_a_case_that_cannot_be_solved_leaves_the_others(file, capsys):
     """A rod whose supports a case takes away is free; the table says so, and the exit code is 2."""
     path = file(table(good={"loads": ["push"]}, free={"supports": ["head"], "measures": []}))

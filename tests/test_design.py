@@ -250,6 +250,10 @@ REFUSED = [
     (("--vary", "rod.beam.section.circle", "--target", "deflection<1"), "--target deflection<1: need a name, = and"),
     (("--vary", "rod.beam.section.circle", "--limit", "deflection<x"), "got 'x', need a number"),
     (("--vary", "rod.beam.section.circle", "--minimise", "mass", "--output", "x.txt"), "a name that ends in .toml"),
+    (
+        ("--vary", "rod.beam.section.circle", "--set", "rod.beam.space.continuity=2", "--output", "x.toml"),
+        "rod.beam.space.continuity: its number does not stand in the file; write it there",
+    ),
 ]
 
 

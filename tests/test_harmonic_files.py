@@ -83,8 +83,11 @@ def test_random_vibration_reads_its_density_from_a_table(tmp_path, capsys):
     text = FILE.replace("[analysis.harmonic]", "[analysis.random]").replace(
         "frequencies = {from = 1.0e3, to = 2.0e4, count = 40}", 'psd = "profile.csv"'
     )
+    # At a place that is given whole, and where along it is largest.
+    text += '[measure.middle]\nstress = "bar"\nu = 0.0\nxi = [0.5, 0.0]\n'
     assert main(["run", written(tmp_path, text), "--json", "--no-estimate"]) == 0
     record = json.loads(capsys.readouterr().out)
+    assert record["middle"] == pytest.approx(record["root"], rel=1e-3)
     # One mode under white noise: its mean square is the density times the square of its peak times pi f eta / 2.
     height = 16.0 / (np.pi**3 * 0.04) * 1e4 / 2.5e13
     assert record["tip"] == pytest.approx(np.sqrt(2.0 * height**2 * np.pi * 12500.0 * 0.02), rel=0.02)

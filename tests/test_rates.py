@@ -182,6 +182,36 @@ away = 1.0
     assert logarithmic(found, "bending", "load.tip.force.0") == pytest.approx(1.0, rel=1e-4)
 
 
+def test_a_bearing_and_a_corner_take_their_knots_along(tmp_path):
+    """Where a support stands the axis has a kink, between corners that move: lengths and forces scale together."""
+    path = tmp_path / "frame.toml"
+    path.write_text("""
+[rod.bar]
+curve = {polyline = {points = [[0.0, 0.0, 0.0], [0.0, 0.0, 60.0], [0.0, 50.0, 80.0]], fillet = 8.0}}
+section = {circle = 2.0}
+law = {StVenantKirchhoff = {E = 2.0e5, nu = 0.3}}
+[support.wall]
+end = "start"
+[support.bearing]
+section = 27.0
+[load.tip]
+end = "end"
+force = [0.0, 1.0, 0.5]
+[analysis.statics]
+[measure.sag]
+displacement = "bar"
+component = "y"
+""")
+    found = of(files.find(str(path)))
+    lengths = [one for one in found.by if "polyline" in one or one.endswith(("circle", "bearing.section"))]
+    assert len(lengths) == 6
+    rates = [logarithmic(found, "sag", one) for one in lengths]
+    # Of a length L, sag = L f(F / E L^2).
+    forces = sum(logarithmic(found, "sag", f"load.tip.force.{k}") for k in (1, 2))
+    assert sum(rates) == pytest.approx(1.0 - 2.0 * forces, rel=1e-6)
+    assert min(map(abs, rates)) > 1e-4
+
+
 def test_of_double_frequencies_each_has_its_own(tmp_path):
     (tmp_path / "bar.toml").write_text(BAR)
     scene = files.find(str(tmp_path / "bar.toml"))
@@ -247,7 +277,7 @@ test_what_has_no_derivative_is_refused = refused(
     (lambda: no_derivative(kink, travel=1.0), "derivative by travel: there is none here: the slope of kink jumps"),
     (lambda: derivatives.of(scenes.find("ring")(), None), "derivatives: not available in geometry"),
     (lambda: refuse(scenes.find("coil")(coils=1).model()), "derivatives: not available with friction"),
-    (lambda: parameters.value(SPRING, "radius"), "'radius' is no number of the scene that can vary; there are: coils"),
+    (lambda: parameters.named(SPRING, "radius"), "'radius' is no number of the scene that can vary; there are: coils"),
 )
 
 

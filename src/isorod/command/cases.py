@@ -74,7 +74,7 @@ def _one(
 
 def _print(scene: Any, rows: Sequence[Mapping[str, Any]], found: Namespace) -> None:
     """Print the table, unless JSON was asked for, and warnings; what could not be solved stands behind its name."""
-    from isorod.command import sweep
+    from isorod.command import rates, sweep
 
     if found.json:
         for row in rows:
@@ -83,6 +83,9 @@ def _print(scene: Any, rows: Sequence[Mapping[str, Any]], found: Namespace) -> N
     else:
         for line in sweep.table(rows):
             print(line)
+        for row in rows:
+            if "derivatives" in row:
+                print(f"case {row['sweep']['values']['case']}:", *rates.lines(row), sep="\n")
         units = [f"{name.replace('_', ' ')} {unit}" for name, unit in scene.units.items() if unit]
         if units:
             print(f"units: {'; '.join(units)}")

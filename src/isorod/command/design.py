@@ -75,9 +75,9 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     if several and found.table:
         raise InputError("--table: the file has load cases; choose one with --case")
     several = several or {"": scene}
-    scene = next(iter(several.values()))
-    _check(scene, found)
     varied = wanted.varied(found.vary, scene)
+    scene = next(iter(several.values()))
+    _check(scene, found, {one.name: one.start for one in varied})
     table = read_table(found, scene, varied)
     several = several if table is None else curves.scenes_of(scene, table)
     settings = chosen.settings(scene, found)
@@ -145,11 +145,9 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         if found.png and ending.rank() == 0:
             draw(scene, table, three, found.png)
     if found.output and ending.rank() == 0:
-        from isorod.files.rewritten import rewritten
         from isorod.output import results
 
-        text = rewritten(Path(scene.path).read_text(encoding="utf-8"), _typed(scene) | values)
-        results.write_whole(Path(found.output), text.encode())
+        results.write_whole(Path(found.output), _written(scene, values).encode())
         record["again"] = f"isorod run {shlex.quote(found.output)}"
     return record
 
@@ -228,7 +226,7 @@ def differences_of(why: str) -> str:
     return f"derivatives by finite differences, two solves for each number: exact ones are {why}"
 
 
-def _check(scene: Any, found: argparse.Namespace) -> None:
+def _check(scene: Any, found: argparse.Namespace, values: Mapping[str, float]) -> None:
     """Refuse an output that could not be written, before anything is solved."""
     if not found.output:
         return
@@ -236,8 +234,20 @@ def _check(scene: Any, found: argparse.Namespace) -> None:
         raise InputError("--output: a ready scene has no file; leave it out, and take the command printed")
     if not found.output.endswith(".toml"):
         raise InputError(f"--output {found.output}: need a name that ends in .toml")
-    if not Path(found.output).parent.is_dir():
-        raise InputError(f"--output {found.output}: there is no folder {Path(found.output).parent}")
+    folder = Path(found.output).parent
+    if not folder.is_dir():
+        raise InputError(f"--output {found.output}: there is no folder {folder}")
+    own = Path(scene.path).parent
+    if scene.data and folder.resolve() != own.resolve():
+        raise InputError(f"--output {found.output}: the file reads data beside it; write into {own}")
+    _written(scene, values)
+
+
+def _written(scene: Any, values: Mapping[str, float]) -> str:
+    """Return the text of a scene's file with other numbers, and those that were typed."""
+    from isorod.files.rewritten import rewritten
+
+    return rewritten(Path(scene.path).read_text(encoding="utf-8"), _typed(scene) | dict(values))
 
 
 def _typed(scene: Any) -> dict[str, float]:

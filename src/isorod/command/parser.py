@@ -69,9 +69,9 @@ class Parser(argparse.ArgumentParser):
         return [*(self._option_string_actions[word].choices or ())]
 
     def takes_value(self, word: str) -> bool:
-        """Return whether a word is an option whose value is the next one."""
+        """Return whether a word is an option whose value is the next one, whatever that is."""
         action = self._option_string_actions.get(word)
-        return action is not None and action.nargs != 0
+        return action is not None and action.nargs not in (0, "?")
 
 
 def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:

@@ -87,8 +87,10 @@ def more(parser: Parser, scene: Any) -> None:
     if {"statics", "modal"} & {*analyses}:
         parser.add_argument(
             "--derivatives",
-            action="store_true",
-            help="derivatives of the answer by each number of the scene, of what is solved",
+            nargs="?",
+            const="",
+            metavar="NAME,...",
+            help="derivatives of the answer by these numbers of the scene, or by each, of what is solved",
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument(
@@ -115,6 +117,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     """Solve a scene; return its record, and the solution."""
     begin = perf_counter()
     options.initialize(theirs)
+    names = _by(scene, getattr(found, "derivatives", None))
     # Those of a file are held to the analysis, which starts PETSc.
     settings = chosen.settings(scene, found)
     if scene.analysis == "dynamics" or getattr(found, "checkpoint", None) or getattr(found, "resume", False):
@@ -144,14 +147,26 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
             refined = solving.estimate(solution, shown)
     solving.warn_of_embedded(scene, solution)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
-    if getattr(found, "derivatives", False):
+    if names is not None:
         from isorod.design import derivatives
 
-        rates = derivatives.of(seen, solution, None, settings, ending.announce)
+        rates = derivatives.of(seen, solution, names, settings, ending.announce)
         record |= {"derivatives": rates.record(), "no_derivatives": dict(rates.none)}
         record |= {"differences": rates.why} if rates.why else {}
     solving.refuse_unused()
     return record, solution
+
+
+def _by(scene: Any, text: str | None) -> dict[str, float] | None:
+    """Return the numbers by which derivatives are wanted, None where none are; all are where no name is given."""
+    if text is None:
+        return None
+    from isorod.design import derivatives, parameters
+
+    derivatives.refuse(scene)
+    if not text:
+        return parameters.parameters(scene)
+    return {name: value for one in text.split(",") for name, value in parameters.named(scene, one.strip()).items()}
 
 
 def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> tuple[str, str]:

@@ -6,12 +6,13 @@ from functools import cache
 from typing import Any
 
 from isorod.errors import InputError, alternatives
-from isorod.files import schema
+from isorod.files import changes, schema
 from isorod.files.document import Document
 from isorod.files.form import Form
 
-# Tables of a file whose numbers are a model's, and keys in them that say how it is solved.
-_TABLES = ("rod", "support", "load", "gravity", "spin", "obstacle", "contact")
+# Tables of a file whose numbers are a model's, with factors of loads in cases, and keys in them that say how it is
+# solved.
+_TABLES = ("rod", "support", "load", "gravity", "spin", "obstacle", "contact", "loads")
 _LEFT = ("space", "tolerance", "section_tolerance", "temperature_history", "history", "copy", "tree")
 
 # Where a supported patch is says which control points are held: answers do not change with it, and then jump.
@@ -19,27 +20,40 @@ _PATCH = ("around", "along")
 
 
 def parameters(scene: Any) -> dict[str, float]:
-    """Return the numbers of a scene that may be varied by a share of them, by name; none that is zero."""
+    """Return the numbers of a scene that may be varied by a share of them, by name; none that is zero.
+
+    What load cases say themselves has the name that it has in the file, ``case.high.load.push.force.1``.
+    """
     if scene.content is None:
         fields = [field for field in scene.option_fields if field.type is float]
         found = {field.name: float(getattr(scene, field.name)) for field in fields}
     else:
-        found = {}
-        for table in _TABLES:
-            if table in scene.content:
-                found |= dict(_leaves(scene.content[table], (table,)))
-        # What a case says is typed before it is read (`isorod.files.cases`).
-        said = Document(scene.path).content.get("case", {}) if scene.cases else {}
-        found |= dict(_leaves(said, ("case",)))
+        found = _numbers(scene.content)
+    if scene.content is not None and scene.cases:
+        document = Document(scene.path)
+        changes.put(document, scene.changes)
+        cases = {name: _numbers(document.content["case"][name]) for name in scene.cases}
+        if scene.case:
+            # A case multiplies loads by its factors, and leaves some out.
+            whole = _numbers(replace(scene, case=None).content)
+            found, cases = {name: whole[name] for name in found if name in whole}, {scene.case: cases[scene.case]}
+        found = {name: value for name, value in found.items() if not any(name in one for one in cases.values())}
+        found |= {f"case.{case}.{name}": value for case, one in cases.items() for name, value in one.items()}
     return {name: value for name, value in found.items() if value}
 
 
-def value(scene: Any, name: str) -> float:
-    """Return a number of a scene by its name, also one that is zero; raises `InputError` with the names there are."""
+def _numbers(content: Mapping[str, Any]) -> dict[str, float]:
+    """Return the numbers of a file, or of what one of its cases says."""
+    return {name: value for key in _TABLES if key in content for name, value in _leaves(content[key], (key,))}
+
+
+def named(scene: Any, name: str) -> dict[str, float]:
+    """Return the numbers that a name stands for, of a list or a table all; raises `InputError` with those there are."""
     known = parameters(scene)
-    if name in known:
-        return known[name]
-    raise InputError(f"{name!r} is no number of the scene that can vary; there are: {', '.join(known) or 'none'}")
+    found = {one: value for one, value in known.items() if one == name or one.startswith(f"{name}.")}
+    if not found:
+        raise InputError(f"{name!r} is no number of the scene that can vary; there are: {', '.join(known) or 'none'}")
+    return found
 
 
 def at(scene: Any, values: Mapping[str, float]) -> Any:

@@ -41,14 +41,10 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
     InputError
         If the scene has no such number, or its value is not between the bounds.
     """
-    known, found = parameters.parameters(scene), dict[str, Vary]()
+    found = dict[str, Vary]()
     for text in _words(texts):
         name, given, bounds = (part.strip() for part in text.partition("="))
-        own = [one for one in known if one == name or one.startswith(f"{name}.")]
-        if not own:
-            parameters.value(scene, name)
-        for one in own:
-            start = known[one]
+        for one, start in parameters.named(scene, name).items():
             lower, upper = sorted((_LOWER * start, _UPPER * start))
             if given:
                 ends = bounds.split(":")

@@ -282,8 +282,13 @@ class RodPlan:
             space = closer(rod, use.patches)
         else:
             # Both are choices, and hold for models beside.
-            suited = choices.chosen(lambda: self._along(rod, use, reach) | self._across(rod, use, reach))
-            space = choices.same((rod, "space"), lambda: self.space.make(rod=rod, **suited))
+            marks = *rod.axis.breaks, *use.loaded
+            before, suited = choices.chosen(
+                lambda: (marks, self._along(rod, use, reach) | self._across(rod, use, reach))
+            )
+            if suited.get("knots"):
+                suited = suited | {"knots": _moved(suited["knots"], before, marks)}
+            space = choices.same((rod, "space", suited.get("knots")), lambda: self.space.make(rod=rod, **suited))
         material = laws[0] if len(laws) == 1 else laws
         form = self._body or call(self.place, schema.BODY, {})
         body: Body = form.make(space=space, material=material)
@@ -308,6 +313,14 @@ def _reach(rod: "Rod", laws: Sequence[Any]) -> float:
     breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
     places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
     return max((reach(bare(law), places) for law in laws if law.families), default=0.0)
+
+
+def _moved(knots: Sequence[float], before: Sequence[float], after: Sequence[float]) -> tuple[float, ...]:
+    """Return knots where they are between breaks and sections with loads or supports, which a parameter has moved."""
+    order = np.argsort(before, kind="stable")
+    if np.array_equal(before, after) or (np.diff(np.array(after)[order]) < 0.0).any():
+        return tuple(knots)
+    return tuple(np.interp(knots, np.array(before)[order], np.array(after)[order]).tolist())
 
 
 def _kinks(rod: "Rod", lengths: Sequence[float]) -> list[float]:

@@ -17,13 +17,18 @@ _SECTIONS, _AROUND = 3, 12
 
 def find(sought: Sought, solution: "Response") -> Any:
     """Return the stress at each frequency, complex where it has a phase, ``(n,)``; as a `Peak` with its place."""
+    # A random response is all frequencies at once.
+    whole = solution.whole() if hasattr(solution, "whole") else None
     if sought.u is not None and sought.xi is not None:
-        sought.find(solution.single(0))
+        size = sought.find(whole or solution.single(0))
         u, xi = sought.u, np.array(sought.xi)
         values = _at(sought, solution, u, xi)
-        sought.warn(solution.single(int(np.argmax(np.abs(values)))), float(np.abs(values).max()))
+        if whole is None:
+            sought.warn(solution.single(int(np.argmax(np.abs(values)))), float(np.abs(values).max()))
+        else:
+            sought.warn(whole, size)
         return values
-    one = solution.whole() if hasattr(solution, "whole") else solution.single(_loudest(sought, solution))
+    one = whole or solution.single(_loudest(sought, solution))
     found = sought.find(one)
     assert isinstance(found, Peak)
     sought.warn(one, found)

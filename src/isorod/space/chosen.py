@@ -18,6 +18,9 @@ def choices(space: Any) -> dict[str, Any]:
     """Return all that is given for a space, or chosen, and under ``chosen`` the names of the latter."""
     breaks, made = chosen(lambda: _choose(space))
     own = space.rod.axis.breaks
+    if space.knots is not None and tuple(space.knots) != made["knots"]:
+        # Whoever gives them has moved them.
+        return made | {"knots": tuple(space.knots)}
     if np.array_equal(breaks, own):
         return made
     # Where they are between the breaks of the rod, which a parameter has moved.
