@@ -74,8 +74,8 @@ def derivatives(
     """
     try:
         exact = solution.derivatives(make, at, measure)
-        # Somewhere on the path a point is about to yield, or an increment is not found.
-        left = exact.none if getattr(solution.model, "remembers", False) else {}
+        # Somewhere on the path a point is about to yield, or slip, or touch, or an increment is not found.
+        left = exact.none if _counts(solution.model) else {}
         why = next((f"not available by {name} everywhere ({one})" for name, one in left.items()), "")
     except (Unavailable, SolveError) as problem:
         with silently():
@@ -110,6 +110,11 @@ def derivatives(
         {name: one for name, one in errors.items() if name not in none},
         why,
     )
+
+
+def _counts(model: Model) -> bool:
+    """Return whether the path to an answer counts."""
+    return bool(getattr(model, "remembers", False) or any(one.friction for one in model.contacts))
 
 
 def _by(
