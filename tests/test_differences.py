@@ -99,7 +99,7 @@ def test_a_bar_that_slides_is_dragged_by_its_weight_times_friction(tmp_path):
     found = derivatives.of(scene, long, {FRICTION: 0.3}, tell=told.append)
     assert float(found.by[FRICTION]["drag"]) == pytest.approx(-2.0, rel=1e-6)
     assert found.errors[FRICTION]["drag"] < 1e-6
-    why = "not available with friction, which depends on the path"
+    why = "not available with friction where contact alone holds a body"
     assert found.why == why and told == [f"derivatives by differences of answers ({why}): 4 solves, some 4 min 0 s"]
 
 

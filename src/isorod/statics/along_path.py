@@ -1,4 +1,4 @@
-"""Derivatives along the path of load steps: of laws with memory, and wherever the tangent is not exact.
+"""Derivatives along the path of load steps: of laws with memory, friction, and wherever the tangent is not exact.
 
 In an increment the residual ``R(u, s, p) = 0`` has the state ``s`` that the increments before have left, which depends
 on the parameter too.  The increments of the answer are taken once more, and beside it models of parameters a little off
@@ -9,6 +9,9 @@ formulations for transient non-linear coupled problems with applications to elas
 without the derivative of a return mapping by hand: an increment costs one tangent, whatever number of parameters there
 is, and a few residuals and back-substitutions for each.  The symmetric part of a tangent does as well, in more of
 these.  Derivatives are those of an answer in as many increments.
+
+Where contact settles in each increment (`isorod.statics.contact_policy`), its multipliers are updated beside the answer
+as often as there, and its points of friction hang where each model's own states have left them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +36,7 @@ from isorod.petsc.direct import direct, room
 from isorod.statics.along_contact import PREDICTORS, Touching
 from isorod.statics.contact_policy import Settling, Stage
 from isorod.statics.derivatives import as_solved, equilibrium, numbers
-from isorod.statics.differences import BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, near, silently
+from isorod.statics.differences import ASIDE, BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, near, silently
 from isorod.statics.path import Step
 
 # A correction that leaves more than this share of a residual leaves rounding, or has the wrong tangent; how many there
@@ -263,13 +266,16 @@ def increments(solution: Any) -> list[tuple[Past, Step | None]]:
 def suits(solution: Any) -> bool:
     """Return whether derivatives of a solution are to be found along the path.
 
-    They are with a memory; with pressures that follow, whose tangent may be symmetric in part alone; and where states
-    over time are kept, of which something may be measured.
+    They are with a memory; with friction, and with contact of a memory, where it settles in each increment and nothing
+    else has held bodies meanwhile; with pressures that follow, whose tangent may be symmetric in part alone; and where
+    states over time are kept, of which something may be measured.  With finite element bodies there are none.
     """
     model = solution.model
+    if model.solids:
+        return False
     if model.contacts:
-        rubs = any(one.friction for one in model.contacts)
-        return bool(solution.settlings and solution.stabilisation is None and (rubs or model.remembers))
+        counts = model.remembers or any(one.friction for one in model.contacts)
+        return bool(counts and solution.settlings and solution.stabilisation is None)
     return bool(
         model.remembers
         or (model.following and model.has_potential)
@@ -288,34 +294,39 @@ def derivatives(
     Raises
     ------
     InputError
-        As there; `Unavailable` with contact and a memory too.
+        As there.
     SolveError
         If an increment is not found once more.
     """
     beside = Beside(as_solved(make, solution.model.times), at, solution.model)
-    # Between models that are near few points begin to flow, slip or touch; where none do there is less rounding farther off.
+    # Between models that are near few points begin to flow, slip or touch; where none do there is less rounding
+    # farther off.
     laws = [law for body in solution.model.bodies for law in body.laws]
-    share = (
-        NEAR if solution.model.contacts or any(law.kinks or not getattr(law, "stores", True) for law in laws) else BY
-    )
-    names, found, none = list(at), dict[str, Measured](), dict[str, str]()
+    kinks = any(law.kinks or not getattr(law, "stores", True) for law in laws)
+    shares = [NEAR, ASIDE] if solution.model.contacts else [NEAR if kinks else BY]
+    left, found = list(at), dict[str, Measured]()
     many = max(1, _TOGETHER // (4 * max(solution.model.unknowns, 1)))
-    for first in range(0, max(len(names), 1), many):
-        steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
-        with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
-            for name in names[first : first + many]:
-                try:
-                    steps[name], models = beside.models(name, share)
-                    runs[name] = [_Run(model, replay.comm, solution.settlings) for model in models]
-                except Kinked as problem:
-                    none[name] = str(problem)
-            none |= replay.go(runs)
-            values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
-            for name, several in runs.items():
-                try:
-                    if name not in none:
-                        ends = [measured(one.answer(solution)) for one in several]
-                        found[name] = steps[name].slopes(ends, values)
-                except Kinked as problem:
-                    none[name] = str(problem)
-    return Derivatives(beside.at, values, found, none)
+    for share in shares:
+        none = dict[str, str]()
+        for first in range(0, max(len(left), 1), many):
+            steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
+            with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
+                for name in left[first : first + many]:
+                    try:
+                        steps[name], models = beside.models(name, share)
+                        runs[name] = [_Run(model, replay.comm, solution.settlings) for model in models]
+                    except Kinked as problem:
+                        none[name] = str(problem)
+                none |= replay.go(runs)
+                values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
+                for name, several in runs.items():
+                    try:
+                        if name not in none:
+                            ends = [measured(one.answer(solution)) for one in several]
+                            found[name] = steps[name].slopes(ends, values)
+                    except Kinked as problem:
+                        none[name] = str(problem)
+        left = list(none)
+        if not left:
+            break
+    return Derivatives(beside.at, values, {name: found[name] for name in at if name in found}, none)
