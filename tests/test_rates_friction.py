@@ -15,7 +15,8 @@ from isorod.design import derivatives, parameters
 pytestmark = pytest.mark.filterwarnings("ignore:contact 0. contact patch under-resolved", "ignore:stress along the rod")
 
 MU, E, FAR = "contact.floor.friction", "rod.bar.law.NeoHookean.E", "support.left.displacement.2"
-FORCES = (E, "load.one.force.1", "load.other.force.1", "support.one.stiffness.1", "support.other.stiffness.1")
+SPRINGS = ("support.one.stiffness.1", "support.other.stiffness.1", "contact.floor.penalty")
+FORCES = (E, "load.one.force.1", "load.other.force.1", *SPRINGS)
 
 # Pressed onto a floor off which springs hold it, its left end is moved on meanwhile, then more, then back.
 BACK = """
@@ -86,6 +87,9 @@ component = "y"
 displacement = "bar"
 component = "z"
 """
+LINE = ("[obstacle.floor]", "[load.all]\nper_length = [0.0, -0.2, 0.0]\n\n[obstacle.floor]")
+GROWS = ("load.other = 1.0", "load.other = 1.0\nload.all = 1.0")
+STEPS, FINER = ("[analysis.statics]", "[analysis.statics]\nload_steps = 2"), ("elements = 3", "elements = 4")
 PENALTY = ("friction = 0.3", "friction = 0.3\npenalty = 100.0")
 # As far as all of it slips.
 FURTHER = ("[0.0, 0.0, 0.1]", "[0.0, 0.0, 1.0]")
@@ -103,7 +107,7 @@ def direct(scene, solution, names):
 @pytest.fixture(scope="module")
 def back(tmp_path_factory):
     """Return a scene, its choices, its solution, and derivatives of it."""
-    scene = scene_of(tmp_path_factory.mktemp("back"), BACK)
+    scene = scene_of(tmp_path_factory.mktemp("back"), BACK, penalty=PENALTY)
     made, solution = begun(scene)
     return scene, made, solution, direct(scene, solution, (MU, FAR, *FORCES))
 
@@ -116,17 +120,18 @@ def agrees(scene, made, found, name):
 
 @pytest.mark.parametrize("name", [MU, FAR, E])
 def test_they_are_those_of_whole_runs_beside(back, name):
-    """Points come into contact, stick, slip, and slip back."""
+    """Points come into contact, stick, slip, and slip back; increments begin straight, or as the path bends."""
     scene, made, solution, found = back
     slips = solution.contacts[0].slips[solution.contacts[0].pressure > 0.0]
     assert 0.1 * slips.size < slips.sum() < 0.9 * slips.size
     agrees(scene, made, found, name)
 
 
-def test_so_they_are_with_a_penalty_alone(tmp_path):
-    """Increments then begin as the path bends."""
-    scene = scene_of(tmp_path, BACK, penalty=PENALTY)
+def test_so_they_are_where_multipliers_are_updated(tmp_path):
+    """Between these runs no point begins to touch elsewhere."""
+    scene = scene_of(tmp_path, BACK, load=LINE, grows=GROWS, steps=STEPS, elements=FINER)
     made, solution = begun(scene)
+    assert len(solution.settlings[0].stages) > 3
     agrees(scene, made, direct(scene, solution, [MU]), MU)
 
 
@@ -135,7 +140,7 @@ def test_forces_scale_with_all_forces(back):
     found = back[-1]
     for key, power in (("drag", 1.0), ("push", 1.0), ("end", 0.0)):
         each = [float(logarithmic(found, key, one)) for one in FORCES]
-        assert sum(each) == pytest.approx(power, abs=1e-6 * np.abs(each).sum()), key
+        assert sum(each) == pytest.approx(power, abs=1e-5 * np.abs(each).sum()), key
 
 
 def test_what_slides_is_dragged_by_what_presses_it(tmp_path):
@@ -153,12 +158,12 @@ def test_the_remainder_of_taylor_falls_with_the_square(back):
     scene, made, solution, found = back
     at, rate = found.parameters[MU], float(found.by[MU]["drag"])
     left = []
-    for share in (4e-5, 2e-5, 1e-5):
+    for share in (1.6e-3, 8e-4, 4e-4):
         with choices.repeated(made):
             model = parameters.at(scene, {MU: at * (1.0 + share)}).model()
         moved = scene.measure(statics.solve(model, petsc=TIGHT, like=solution, **scene.settings()))["drag"]
         left.append(abs(float(moved) - float(found.values["drag"]) - share * at * rate))
-    assert np.log2(left[:-1] / np.array(left[1:])) == pytest.approx(2.0, abs=0.3)
+    assert np.log2(left[:-1] / np.array(left[1:])) == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.slow
@@ -180,5 +185,5 @@ def on_two(path):
 
 
 def test_ranks_find_the_same(on_ranks, tmp_path):
-    scene_of(tmp_path, BACK)
+    scene_of(tmp_path, BACK, penalty=PENALTY)
     on_ranks(2, f"test_rates_friction.on_two({str(tmp_path / 'bar.toml')!r})")

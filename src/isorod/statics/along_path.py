@@ -266,16 +266,15 @@ def increments(solution: Any) -> list[tuple[Past, Step | None]]:
 def suits(solution: Any) -> bool:
     """Return whether derivatives of a solution are to be found along the path.
 
-    They are with a memory; with friction, and with contact of a memory, where it settles in each increment and nothing
-    else has held bodies meanwhile; with pressures that follow, whose tangent may be symmetric in part alone; and where
+    They are with a memory, without contact; with friction, where nothing else has held bodies meanwhile; with pressures that follow, whose tangent may be symmetric in part alone; and where
     states over time are kept, of which something may be measured.  With finite element bodies there are none.
     """
     model = solution.model
     if model.solids:
         return False
     if model.contacts:
-        counts = model.remembers or any(one.friction for one in model.contacts)
-        return bool(counts and solution.settlings and solution.stabilisation is None)
+        rubs = any(one.friction for one in model.contacts) and not model.remembers
+        return bool(rubs and solution.settlings and solution.stabilisation is None)
     return bool(
         model.remembers
         or (model.following and model.has_potential)

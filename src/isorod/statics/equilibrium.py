@@ -258,7 +258,7 @@ class Equilibrium(State, WithSolids, Animated):
     ) -> "Derivatives":
         """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`).
 
-        Of laws with memory they are those along the path (`isorod.statics.along_path`).
+        Of laws with memory, and with friction, they are those along the path (`isorod.statics.along_path`).
         """
         from isorod.statics import along_path, derivatives
 
