@@ -3,8 +3,8 @@
 That is so where the path counts: with friction where contact alone holds a body, contact of laws with memory, pressures
 that follow with contact, where an increment is not balanced once more or has no derivative; and with finite element
 bodies.  Answers beside are on the same discretisation (`isorod.choices`), and take the load steps of the answer, so
-that a difference has none of the errors of either.  Two make a derivative.  Two more, twice as far off, say how well it is known: errors go with the square of the step, and
-what contact leaves of its search, some 1e-7 of a force, over it.
+that a difference has none of the errors of either.  Two make a derivative.  Two more, twice as far off, say how well it
+is known: errors go with the square of the step, and what contact leaves of its search, some 1e-7 of a force, over it.
 """
 
 from collections.abc import Callable, Mapping, Sequence

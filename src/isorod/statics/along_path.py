@@ -266,8 +266,9 @@ def increments(solution: Any) -> list[tuple[Past, Step | None]]:
 def suits(solution: Any) -> bool:
     """Return whether derivatives of a solution are to be found along the path.
 
-    They are with a memory, without contact; with friction, where nothing else has held bodies meanwhile; with pressures that follow, whose tangent may be symmetric in part alone; and where
-    states over time are kept, of which something may be measured.  With finite element bodies there are none.
+    They are with a memory, without contact; with friction, where nothing else has held bodies meanwhile; with
+    pressures that follow, whose tangent may be symmetric in part alone; and where states over time are kept, of which
+    something may be measured.  With finite element bodies there are none.
     """
     model = solution.model
     if model.solids:
