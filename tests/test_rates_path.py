@@ -86,11 +86,11 @@ def solved(scene, made=None, comm=PETSc.COMM_SELF, values=None, **more):
     return statics.solve(model, petsc=TIGHT, comm=comm, **scene.settings(), **more)
 
 
-def begun(scene):
+def begun(scene, comm=PETSc.COMM_SELF):
     """Return the choices of a scene, and its solution."""
     with choices.kept() as made:
         scene.model()
-    return made, solved(scene, made, values={})
+    return made, solved(scene, made, comm, {})
 
 
 def runs_apart(scene, made, name, share):

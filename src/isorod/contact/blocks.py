@@ -1,11 +1,15 @@
 """Entries of a sparse matrix to which dense blocks add up, one block for each patch where sides touch."""
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Row, Table
+
+# A matrix may be that of one model after the other.
+_NUMBERS = count(1)
 
 
 class Blocks:
@@ -23,7 +27,7 @@ class Blocks:
     room
         Size of all blocks, one after the other.
     version
-        Counts how often the pattern has changed.
+        A number of the pattern, another one each time that it changes, of all blocks; 0 as long as there is none.
     """
 
     def __init__(self, kind: np.dtype) -> None:  # type: ignore[type-arg]
@@ -64,7 +68,7 @@ class Blocks:
     def _renew(self, patches: Table, nodes_of: Callable[[Row], tuple[Index, Index]]) -> None:
         """Make the pattern anew, of these patches, sorted."""
         self._patches = patches
-        self.version += 1
+        self.version = next(_NUMBERS)
         nodes = [nodes_of(patch) for patch in patches]
         shapes = [(down.size, across.size) for down, across in nodes]
         many = 1 + max(int(across.max()) for _, across in nodes)

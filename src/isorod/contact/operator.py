@@ -56,12 +56,14 @@ class ContactOperator:
         Which degrees of freedom of rods and finite element bodies together those of facets are.
     friction
         Friction of the contacts that have some, or None.
+    ahead
+        Where the step leads, as far as is known (`foresee`), ``(dofs,)``.
     stiffness
         Share of their defaults that penalties have which nobody gave.
     values, rows, columns
         The last tangent: entries, those of all ranks add up, and their places.
     version
-        How often the pattern of this rank's entries has changed.
+        A number of the pattern of this rank's entries (`isorod.contact.blocks`).
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None, in_motion: bool = False) -> None:
@@ -81,6 +83,7 @@ class ContactOperator:
         self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         self.values = np.empty(0)
         self._lifts: Lifts | None = None
+        self.ahead: Array = np.empty(0)
         self.stiffness = 1.0
         self._frictionless = Friction.of(np.zeros(self.packed.passes.size), 0)
         self.friction: FrictionOperator | None = None
@@ -144,6 +147,7 @@ class ContactOperator:
 
     def foresee(self, displacement: Array) -> None:
         """Say where a step that has begun leads, as far as is known: what comes into contact does so on that way."""
+        self.ahead = displacement
         if self.friction is not None:
             self.friction.foresee(self._positions(displacement))
 
@@ -152,7 +156,7 @@ class ContactOperator:
 
         Without friction they are the second derivatives of the energy.  Nodes of two sides (three control points by the
         layers of an element) that touch couple with each other.  Where a patch comes that is not in the pattern, the
-        pattern is made anew of the patches of this call and the last one, and ``version`` grows.
+        pattern is made anew of the patches of this call and the last one, and ``version`` is another.
         """
         packed, positions = self.packed, self._positions(displacement)
         # Where the forces were asked for just before, nothing has moved since: closest points are known.
@@ -307,9 +311,13 @@ class ContactOperator:
                     points[k] = pair
         if points == self.points:
             return False
+        self.take(points)
+        return True
+
+    def take(self, points: list[tuple[int, int]]) -> None:
+        """Go on with other points, with multipliers, penalties and friction of those before."""
         self.points = points
         self._take(self._packed(points))
-        return True
 
     def settled(self) -> Settled:
         """Return what a solution leaves of points, multipliers and penalties."""

@@ -1,10 +1,10 @@
 """Derivatives of answers as differences of whole answers beside, where those at the answer alone are not available.
 
-That is so where the path counts: with friction, contact of laws with memory, pressures that follow with contact, where
-an increment is not balanced once more; and with finite element bodies.  Answers beside are on the same discretisation
-(`isorod.choices`), and take the load steps of the answer, so that a difference has none of the errors of either.  Two
-make a derivative.  Two more, twice as far off, say how well it is known: errors go with the square of the step, and
-what contact leaves of its search, some 1e-7 of a force, over it.
+That is so where the path counts: with friction where contact alone holds a body, contact of laws with memory, pressures
+that follow with contact, where an increment is not balanced once more or has no derivative; and with finite element
+bodies.  Answers beside are on the same discretisation (`isorod.choices`), and take the load steps of the answer, so
+that a difference has none of the errors of either.  Two make a derivative.  Two more, twice as far off, say how well it
+is known: errors go with the square of the step, and what contact leaves of its search, some 1e-7 of a force, over it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -74,8 +74,8 @@ def derivatives(
     """
     try:
         exact = solution.derivatives(make, at, measure)
-        # Somewhere on the path a point is about to yield, or an increment is not found.
-        left = exact.none if getattr(solution.model, "remembers", False) else {}
+        # Somewhere on the path a point is about to yield, or slip, or touch, or an increment is not found.
+        left = exact.none if _counts(solution.model) else {}
         why = next((f"not available by {name} everywhere ({one})" for name, one in left.items()), "")
     except (Unavailable, SolveError) as problem:
         with silently():
@@ -111,6 +111,11 @@ def derivatives(
         why,
         exact.means,
     )
+
+
+def _counts(model: Model) -> bool:
+    """Return whether the path to an answer counts."""
+    return bool(getattr(model, "remembers", False) or any(one.friction for one in model.contacts))
 
 
 def _by(

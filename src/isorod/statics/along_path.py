@@ -1,4 +1,4 @@
-"""Derivatives along the path of load steps: of laws with memory, and wherever the tangent is not exact.
+"""Derivatives along the path of load steps: of laws with memory, friction, and wherever the tangent is not exact.
 
 In an increment the residual ``R(u, s, p) = 0`` has the state ``s`` that the increments before have left, which depends
 on the parameter too.  The increments of the answer are taken once more, and beside it models of parameters a little off
@@ -9,11 +9,16 @@ formulations for transient non-linear coupled problems with applications to elas
 without the derivative of a return mapping by hand: an increment costs one tangent, whatever number of parameters there
 is, and a few residuals and back-substitutions for each.  The symmetric part of a tangent does as well, in more of
 these.  Derivatives are those of an answer in as many increments.
+
+Where contact settles in each increment (`isorod.statics.contact_policy`), its multipliers are updated beside the answer
+as often as there, and its points of friction hang where each model's own states have left them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -28,8 +33,10 @@ from isorod.model.model import Model
 from isorod.model.past import Past
 from isorod.options import defaults
 from isorod.petsc.direct import direct, room
-from isorod.statics.derivatives import as_solved, equilibrium, numbers, refuse
-from isorod.statics.differences import BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, near, silently
+from isorod.statics.along_contact import PREDICTORS, Touching
+from isorod.statics.contact_policy import Settling, Stage
+from isorod.statics.derivatives import as_solved, equilibrium, numbers
+from isorod.statics.differences import ASIDE, BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, near, silently
 from isorod.statics.path import Step
 
 # A correction that leaves more than this share of a residual leaves rounding, or has the wrong tangent; how many there
@@ -42,6 +49,10 @@ _BALANCED, _ROUNDED, _OWN = 1e-6, 4.0, 100.0
 
 # Unknowns of all models that take the path beside the answer at a time: some 5 kB of memory each.
 _TOGETHER = 400_000
+
+# How far the foreseen end of an increment may be from that of the answer, of its largest displacement; how often what
+# factors of a tangent beside it say is refined.
+_AHEAD, _REFINED = 1e-4, 2
 
 # Where the answer is balanced to the last digit.
 _LEAST = 1e-14
@@ -67,8 +78,13 @@ class _Tangent:
             self._ksp = direct(self._matrix, factorisation(assembler))
         assembler.tangent(x, factor, self._matrix)
 
-    def solved(self, force: PETSc.Vec) -> PETSc.Vec:
-        """Return the motion that a force makes."""
+    def solved(self, force: PETSc.Vec, near: "_Tangent | None" = None) -> PETSc.Vec:
+        """Return the motion that a force makes, by the factors of a tangent that is near if there is one."""
+        if near is not None:
+            found = near.solved(force)
+            for _ in range(_REFINED):
+                found.axpy(1.0, near.solved(force - self._matrix * found))
+            return found
         assert self._ksp is not None
         found = force.duplicate()
         self._ksp.solve(force, found)
@@ -84,8 +100,9 @@ class _Run:
         The end of the increment, and what is out of balance there, as a share of the largest forces so far.
     """
 
-    def __init__(self, model: Model, comm: PETSc.Comm) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm, settlings: Sequence[Settling]) -> None:
         self.assembler = assembler_for(model, comm)
+        self.touching = Touching(self.assembler, settlings[:1])
         self.x, self._rest = self.assembler.vector(), self.assembler.vector()
         self._acting = np.empty(0)
         self._past, self._steps = list[Past](), list[Step]()
@@ -126,7 +143,9 @@ class _Run:
         displacement = self.assembler.displacement(self.x, factor).copy()
         if like is not None:
             own = carried(self.assembler, self.x, factor, self._acting)
-            step = Step(factor, own.reactions, moments=own.moments)
+            step, contact = Step(factor, own.reactions, moments=own.moments), self.assembler.contact
+            if contact is not None:
+                step = step._replace(push=contact.push(), obstacles=contact.obstacle_loads())
             if like.displacement is not None:
                 step = step._replace(displacement=displacement, pressures=self.assembler.pressures(self.x))
             self._steps.append(step)
@@ -151,7 +170,8 @@ class _Replay:
 
     def __init__(self, solution: Any) -> None:
         self.comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
-        self.run, self._solution = _Run(solution.model.after(()), self.comm), solution
+        self.run, self._solution = _Run(solution.model.after(()), self.comm, solution.settlings), solution
+        self._settlings = {one.factor: one for one in solution.settlings}
         self._tangents = _Tangent(), _Tangent()
 
     def close(self) -> None:
@@ -161,31 +181,82 @@ class _Replay:
 
     def go(self, beside: Mapping[str, Sequence[_Run]]) -> dict[str, str]:
         """Take all increments, and the models beside with it; return why some have not come along, by their names."""
-        own, solution, none = self.run, self._solution, dict[str, str]()
-        tangent, spare = self._tangents
-        for end, like in increments(solution):
-            factor, before = end.factor, own.x
-            # Pressures are not known everywhere on the way.
-            pressures = solution.pressures if factor == 1.0 else own.assembler.pressures(before)
-            own.x = own.assembler.state(end.displacement, pressures)
-            tangent.fill(own.assembler, own.x, factor)
-            own.balance(factor, tangent, tangent, (_BALANCED, _BALANCED))
-            rounding = max(own.left, _LEAST)
-            for name, several in beside.items():
-                try:
-                    for one in several if name not in none else ():
-                        one.x.axpy(1.0, own.x - before)
-                        one.balance(factor, tangent, spare, (_ROUNDED * rounding, _OWN * rounding))
-                        one.leave(factor, like)
-                except SolveError as problem:
-                    none[name] = f"beside it there is {problem}"
-            own.leave(factor, like)
+        own, none, start = self.run, dict[str, str](), 0.0
+        for end, like in increments(self._solution):
+            factor, settling = end.factor, self._settlings.get(end.factor)
+            if settling is not None:
+                self._begin(start, settling, [*chain.from_iterable(beside.values())])
+            for stage in [Stage(end.displacement)] if settling is None else settling.stages:
+                none |= self._reach(factor, stage, beside)
+                beside = {name: several for name, several in beside.items() if name not in none}
+                self._update(factor, stage, [*chain.from_iterable(beside.values())])
+            for one in (own, *chain.from_iterable(beside.values())):
+                one.leave(factor, like)
+            start = factor
         return none
+
+    def _begin(self, start: float, settling: Settling, beside: Sequence[_Run]) -> None:
+        """Begin an increment in which contact settles; where it is foreseen to lead is another beside the answer."""
+        own, (tangent, spare) = self.run, self._tangents
+        times = settling.penalties / own.touching.penalties
+        for one in (own, *beside):
+            one.touching.begin(one.x, start)
+            one.touching.harden(times)
+        places = [settling.ahead] * len(beside)
+        if own.touching.rubs:
+            tangent.fill(own.assembler, own.x, start)
+            ahead = partial(own.touching.ahead, own.x, start, settling.factor - start, tangent.solved)
+            off = [float(np.abs(ahead(each) - settling.ahead).max()) for each in PREDICTORS]
+            if not min(off) <= _AHEAD * np.abs(settling.ahead).max():
+                raise SolveError(f"the increment to {own.assembler.model.when(settling.factor)} is foreseen otherwise")
+            each = PREDICTORS[int(np.argmin(off))]
+            there = ahead(each)
+            for k, one in enumerate(beside):
+                spare.fill(one.assembler, one.x, start)
+                solved = partial(spare.solved, near=tangent)
+                change = one.touching.ahead(one.x, start, settling.factor - start, solved, each) - there
+                places[k] = settling.ahead + change
+        for one, place in zip((own, *beside), (settling.ahead, *places), strict=True):
+            one.touching.go(place, settling.points)
+
+    def _reach(self, factor: float, stage: Stage, beside: Mapping[str, Sequence[_Run]]) -> dict[str, str]:
+        """Reach an equilibrium of the answer, and the models beside those near it; return why some do not."""
+        own, (tangent, spare), none = self.run, self._tangents, dict[str, str]()
+        before = own.x
+        # Pressures are not known everywhere on the way.
+        pressures = self._solution.pressures if factor == 1.0 else own.assembler.pressures(before)
+        own.x = own.assembler.state(stage.displacement, pressures)
+        if stage.penalties is not None:
+            times = stage.penalties / own.touching.penalties
+            for one in (own, *chain.from_iterable(beside.values())):
+                one.touching.harden(times)
+        tangent.fill(own.assembler, own.x, factor)
+        own.balance(factor, tangent, tangent, (_BALANCED, _BALANCED))
+        rounding = max(own.left, _LEAST)
+        for name, several in beside.items():
+            try:
+                for one in several:
+                    one.x.axpy(1.0, own.x - before)
+                    one.balance(factor, tangent, spare, (_ROUNDED * rounding, _OWN * rounding))
+            except SolveError as problem:
+                none[name] = f"beside it there is {problem}"
+        return none
+
+    def _update(self, factor: float, stage: Stage, beside: Sequence[_Run]) -> None:
+        """Update multipliers as the answer did."""
+        if stage.update is not None:
+            penalties, in_cells, part = stage.update
+            times = penalties / self.run.touching.penalties
+            for one in (self.run, *beside):
+                one.touching.harden(times)
+                one.touching.update(one.x, factor, in_cells, part)
 
 
 def increments(solution: Any) -> list[tuple[Past, Step | None]]:
     """Return where the increments have ended whose states count, and the load steps that the answer has of them."""
     steps = {one.factor: one for one in solution.path}
+    if solution.settlings:
+        return [(Past(one.factor, one.stages[-1].displacement), steps.get(one.factor)) for one in solution.settlings]
     known = [Past(one.factor, one.displacement) for one in solution.path if one.displacement is not None]
     before = solution.model.past if solution.model.remembers else known
     ends = [*(one for one in before if one.factor < 1.0), Past(1.0, solution.displacement)]
@@ -195,14 +266,20 @@ def increments(solution: Any) -> list[tuple[Past, Step | None]]:
 def suits(solution: Any) -> bool:
     """Return whether derivatives of a solution are to be found along the path.
 
-    They are with a memory; with pressures that follow, whose tangent may be symmetric in part alone; and where states
-    over time are kept, of which something may be measured.
+    They are with a memory, without contact; with friction, where nothing else has held bodies meanwhile; with
+    pressures that follow, whose tangent may be symmetric in part alone; and where states over time are kept, of which
+    something may be measured.  With finite element bodies there are none.
     """
     model = solution.model
+    if model.solids:
+        return False
+    if model.contacts:
+        rubs = any(one.friction for one in model.contacts) and not model.remembers
+        return bool(rubs and solution.settlings and solution.stabilisation is None)
     return bool(
         model.remembers
-        or (model.following and model.has_potential and not model.contacts)
-        or (model.times is not None and not model.contacts and len(increments(solution)) > 1)
+        or (model.following and model.has_potential)
+        or (model.times is not None and len(increments(solution)) > 1)
     )
 
 
@@ -217,33 +294,39 @@ def derivatives(
     Raises
     ------
     InputError
-        As there; `Unavailable` with contact and a memory too.
+        As there.
     SolveError
         If an increment is not found once more.
     """
-    refuse(solution.model)
     beside = Beside(as_solved(make, solution.model.times), at, solution.model)
-    # Between models that are near few points begin to flow; where none do there is less rounding farther off.
+    # Between models that are near few points begin to flow, slip or touch; where none do there is less rounding
+    # farther off.
     laws = [law for body in solution.model.bodies for law in body.laws]
-    share = NEAR if any(law.kinks or not getattr(law, "stores", True) for law in laws) else BY
-    names, found, none = list(at), dict[str, Measured](), dict[str, str]()
+    kinks = any(law.kinks or not getattr(law, "stores", True) for law in laws)
+    shares = [NEAR, ASIDE] if solution.model.contacts else [NEAR if kinks else BY]
+    left, found = list(at), dict[str, Measured]()
     many = max(1, _TOGETHER // (4 * max(solution.model.unknowns, 1)))
-    for first in range(0, max(len(names), 1), many):
-        steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
-        with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
-            for name in names[first : first + many]:
-                try:
-                    steps[name], models = beside.models(name, share)
-                    runs[name] = [_Run(model, replay.comm) for model in models]
-                except Kinked as problem:
-                    none[name] = str(problem)
-            none |= replay.go(runs)
-            values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
-            for name, several in runs.items():
-                try:
-                    if name not in none:
-                        ends = [measured(one.answer(solution)) for one in several]
-                        found[name] = steps[name].slopes(ends, values)
-                except Kinked as problem:
-                    none[name] = str(problem)
-    return Derivatives(beside.at, values, found, none).of_peaks()
+    for share in shares:
+        none = dict[str, str]()
+        for first in range(0, max(len(left), 1), many):
+            steps, runs = dict[str, Steps](), dict[str, list[_Run]]()
+            with closing(_Replay(solution)) as replay, silently(), defaults(room(replay.comm)):
+                for name in left[first : first + many]:
+                    try:
+                        steps[name], models = beside.models(name, share)
+                        runs[name] = [_Run(model, replay.comm, solution.settlings) for model in models]
+                    except Kinked as problem:
+                        none[name] = str(problem)
+                none |= replay.go(runs)
+                values, measured = near(lambda one: numbers(measure(one)), replay.run.answer(solution))
+                for name, several in runs.items():
+                    try:
+                        if name not in none:
+                            ends = [measured(one.answer(solution)) for one in several]
+                            found[name] = steps[name].slopes(ends, values)
+                    except Kinked as problem:
+                        none[name] = str(problem)
+        left = list(none)
+        if not left:
+            break
+    return Derivatives(beside.at, values, {name: found[name] for name in at if name in found}, none).of_peaks()

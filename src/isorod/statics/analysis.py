@@ -258,6 +258,7 @@ def _solve(
             ranks=assembler.comm.getSize(),
             contacts=contacts,
             settled=None if assembler.contact is None else assembler.contact.settled(),
+            settlings=() if solver.policy is None else solver.policy.settlings,
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=stabilisation,

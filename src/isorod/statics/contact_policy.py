@@ -17,7 +17,7 @@ these stall a stiffer penalty.
 
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from petsc4py import PETSc
@@ -32,6 +32,49 @@ from isorod.statics.tuning import CONTROL
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
     from isorod.contact.result import ContactResult
+
+
+class Stage(NamedTuple):
+    """An equilibrium on the way to the end of a load step in which contact settles, the end itself the last.
+
+    Attributes
+    ----------
+    displacement : (dofs,)
+        Of rods.
+    penalties : (passes,)
+        With which it is one.
+    update
+        How multipliers were updated then: with which penalties, whether by cells, and which part of it; None in the
+        end.
+    """
+
+    displacement: Array
+    penalties: Array | None = None
+    update: tuple[Array, bool, float] | None = None
+
+
+class Settling(NamedTuple):
+    """How contact settled in a load step, for who takes that once more.
+
+    Attributes
+    ----------
+    factor
+        Load factor at its end.
+    ahead : (dofs,)
+        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.foresee`).
+    penalties : (passes,)
+        With which it was.
+    points
+        Points round an arc and along an element of each pass: when it began, and each time there were more.
+    stages
+        Equilibria, one after the other.
+    """
+
+    factor: float
+    ahead: Array
+    penalties: Array
+    points: list[list[tuple[int, int]]]
+    stages: list[Stage]
 
 
 class Solver(Protocol):
@@ -66,6 +109,8 @@ class ContactPolicy:
     ----------
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
+    settlings
+        How it settled in each of them.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
@@ -73,6 +118,8 @@ class ContactPolicy:
         self.in_steps = contact.friction is not None or contact.model.times is not None
         # What penalties are multiplied by where a step with friction begins.
         self._begins = 1.0
+        self.settlings = list[Settling]()
+        self._points, self._stages = list[list[tuple[int, int]]](), list[Stage]()
 
     @property
     def is_soft(self) -> bool:
@@ -113,7 +160,9 @@ class ContactPolicy:
             if contact.model.times is not None:
                 # Where a patch unloads, the last ones would hold it apart.
                 contact.packed.multipliers[:] = 0.0
+            self._points, self._stages = [contact.points], []
             contact.stiffen(softer)
+            begun = contact.settled().penalties
             try:
                 solves = solver.advance(factor, target)
                 updates = self.settle(target)
@@ -130,6 +179,8 @@ class ContactPolicy:
                 softer *= CONTROL.softer
             else:
                 self._begins = softer
+                end = Stage(self._end(target), contact.settled().penalties, None)
+                self.settlings.append(Settling(target, contact.ahead, begun, self._points, [*self._stages, end]))
                 return solves, updates
 
     def settle(self, factor: float) -> int:
@@ -146,6 +197,7 @@ class ContactPolicy:
         for _ in range(CONTROL.additions):
             if not self._contact.see_better(self._displacement(factor), between=factor == 1.0):
                 break
+            self._points.append(self._contact.points)
             try:
                 self._stay(factor)
             except Diverged as problem:
@@ -199,13 +251,19 @@ class ContactPolicy:
                 contact.stiffen(1.0 / times)
                 return
 
+    def _end(self, factor: float) -> Array:
+        return self._solver.assembler.displacement(self._solver.x, factor).copy()
+
     def _deepest(self, factor: float) -> tuple[float, str]:
         """Return the largest penetration over its limit, and in words."""
         return max(self._contact.excess(self._displacement(factor)), default=(0.0, ""))
 
-    def _update(self, factor: float, in_cells: bool) -> Diverged | None:
-        """Update multipliers and find the equilibrium; by half as much each time that fails, and then not at all."""
-        contact = self._contact
+    def _update(self, factor: float, in_cells: bool, penalties: Array) -> Diverged | None:
+        """Update multipliers and find the equilibrium; by half as much each time that fails, and then not at all.
+
+        ``penalties`` are those with which this one was found.
+        """
+        contact, here = self._contact, self._end(factor)
         before = contact.packed.multipliers.copy()
         contact.augment(self._displacement(factor), in_cells)
         change = contact.packed.multipliers - before
@@ -216,6 +274,8 @@ class ContactPolicy:
             except Diverged as why:
                 problem = why
             else:
+                update = contact.settled().penalties, in_cells, 0.5**halvings
+                self._stages.append(Stage(here, penalties, update))
                 return None
         contact.packed.multipliers[:] = before
         return problem
@@ -227,7 +287,7 @@ class ContactPolicy:
         """
         count, raised, last, in_cells = 0, 0, np.inf, True
         while True:
-            depth, said = self._deepest(factor)
+            (depth, said), penalties = self._deepest(factor), self._contact.settled().penalties
             stalls = depth > CONTROL.stalled * last
             if in_cells and (stalls or depth <= 0.0 or count >= CONTROL.updates):
                 in_cells, stalls = False, False
@@ -241,7 +301,7 @@ class ContactPolicy:
                 if stalls and raised < CONTROL.stiffenings:
                     self._contact.stiffen(CONTROL.stiffer)
                     raised += 1
-            problem = self._update(factor, in_cells)
+            problem = self._update(factor, in_cells, penalties)
             if problem is not None:
                 if in_cells and depth <= 1.0:
                     return count

@@ -76,12 +76,12 @@ def numbers(measured: Mapping[str, object]) -> Measured:
 
 def refuse(model: Model) -> None:
     """Raise `Unavailable` where the path of contact counts, and for finite element bodies."""
-    if any(one.friction for one in model.contacts):
-        raise Unavailable("derivatives: not available with friction, which depends on the path")
-    if model.contacts and model.remembers:
-        raise Unavailable("derivatives: not available with contact of laws with memory")
     if model.solids:
         raise Unavailable("derivatives: not available with finite element bodies")
+    if model.contacts and model.remembers:
+        raise Unavailable("derivatives: not available with contact of laws with memory")
+    if any(one.friction for one in model.contacts):
+        raise Unavailable("derivatives: not available with friction where contact alone holds a body")
 
 
 def as_solved(make: Callable[[Mapping[str, float]], Model], times: Times | None) -> Callable[..., Model]:

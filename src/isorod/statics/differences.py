@@ -24,13 +24,16 @@ Measured = dict[str, Array]
 # rounded alike, and less than 1e-9 of a derivative is lost.
 NEAR = 1e-6
 
+# Where a point of friction happens to begin to touch elsewhere between these, two that are farther off.
+ASIDE = 1e-5
+
 # Four are of fourth order: for modes, which ask for more digits; and further off where rounding is not alike, as of
 # what is fitted, and of matrices.
 BY, WIDE = 1e-4, 1e-3
 
 # On both sides; or on one, where the number may not be larger, or smaller.
 _TWO, _FOUR = ((-1, 1), (-1, -2), (1, 2)), ((-2, -1, 1, 2), (-1, -2, -3, -4), (1, 2, 3, 4))
-_PLACES = {NEAR: _TWO, BY: _FOUR, WIDE: _FOUR}
+_PLACES = {NEAR: _TWO, ASIDE: _TWO, BY: _FOUR, WIDE: _FOUR}
 
 # A slope that jumps by more than this share of it is none.
 APART = 1e-2

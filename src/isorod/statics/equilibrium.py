@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
     from isorod.model.model import Model
     from isorod.output.matrices import Matrices
+    from isorod.statics.contact_policy import Settling
     from isorod.statics.differences import Derivatives
 
 
@@ -65,6 +66,8 @@ class Equilibrium(State, WithSolids, Animated):
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     work
         Sum of the supports' forces times the displacements, and moments times the turns, that they prescribe.
+    settlings
+        How contact settled in each load step, where it does (`isorod.statics.contact_policy`).
     stabilisation
         Of bodies that only contact holds, what is left of the forces that held them on the way, relative to those that
         supports and loads carry, and the solutions it took to let them vanish (`isorod.statics.stabilisation`); None
@@ -96,6 +99,7 @@ class Equilibrium(State, WithSolids, Animated):
     ranks: int
     contacts: "Sequence[ContactResult]" = ()
     settled: "Settled | None" = None
+    settlings: "Sequence[Settling]" = ()
     augmentations: int = 0
     linear_iterations: int = 0
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -254,7 +258,7 @@ class Equilibrium(State, WithSolids, Animated):
     ) -> "Derivatives":
         """Return the derivatives of what is measured by parameters (`isorod.statics.derivatives.derivatives`).
 
-        Of laws with memory they are those along the path (`isorod.statics.along_path`).
+        Of laws with memory, and with friction, they are those along the path (`isorod.statics.along_path`).
         """
         from isorod.statics import along_path, derivatives
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from isorod.statics.proximal import Proximal
 
 # Share of a load step by which the residual is differentiated where supports turn.
-_DELTA = 1e-6
+DELTA = 1e-6
 
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
@@ -338,7 +338,7 @@ class Newton:
         ahead = self._ahead
         if ahead is None or ahead.factor != factor:
             # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
-            fraction = 1.0 if self.history is None else _DELTA
+            fraction = 1.0 if self.history is None else DELTA
             self.assembler.load_forces(self.x, factor, fraction * step, self._force)
             self._force.scale(1.0 / fraction)
             self._solve_linear(factor)

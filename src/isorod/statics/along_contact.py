@@ -1,0 +1,113 @@
+"""Contact of models that take the load steps of an answer once more: it settles in each as it did there.
+
+What a load step begins with, and what it does to multipliers and points, is said by `isorod.statics.contact_policy`;
+how far they go follows from the model.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.statics.contact_policy import Settling
+from isorod.statics.newton import DELTA
+from isorod.statics.predictor import Before
+
+if TYPE_CHECKING:
+    from isorod.contact.operator import ContactOperator
+
+# Of the increment the part by which the path's slope is a difference, and whether the predictor bends: where contact
+# has changed at the last load factor, and where the path goes on.
+PREDICTORS = ((1.0, False), (DELTA, True), (DELTA, False))
+
+
+class Touching:
+    """Contact of a model on a path, if there is some.
+
+    Parameters
+    ----------
+    assembler
+        Of the model.
+    first
+        How contact settled in the first load step; nothing where there is none.
+
+    Attributes
+    ----------
+    penalties : (passes,)
+        At first.
+    """
+
+    def __init__(self, assembler: Assembler, first: Sequence[Settling]) -> None:
+        self._assembler = assembler
+        self._before: Before | None = None
+        self._here: Before | None = None
+        if first:
+            self._contact.look(first[0].points[0])
+            self.penalties = self._contact.settled().penalties
+
+    @property
+    def _contact(self) -> "ContactOperator":
+        assert self._assembler.contact is not None
+        return self._assembler.contact
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self._contact.friction is not None
+
+    def begin(self, x: PETSc.Vec, factor: float) -> None:
+        """Begin a load step at the equilibrium where the one before has ended."""
+        contact = self._contact
+        contact.place(factor)
+        contact.accept(self._assembler.touching(x, factor))
+        if contact.model.times is not None:
+            contact.packed.multipliers[:] = 0.0
+
+    def ahead(
+        self,
+        x: PETSc.Vec,
+        factor: float,
+        step: float,
+        solved: Callable[[PETSc.Vec], PETSc.Vec],
+        like: tuple[float, bool],
+    ) -> Array:
+        """Return where the load step is foreseen to lead, as by `isorod.statics.newton`, ``(dofs,)``.
+
+        Parameters
+        ----------
+        x, factor, step
+            Where it begins, and the change of the load factor.
+        solved
+            Returns the motion that a force makes.
+        like
+            One of `PREDICTORS`.
+        """
+        (fraction, bends), rate = like, self._assembler.vector()
+        self._assembler.load_forces(x, factor, fraction * step, rate)
+        rate = solved(rate)
+        rate.scale(-1.0 / (fraction * step))
+        found = x + step * rate
+        if bends and self._before is not None:
+            found.axpy(1.0, self._before.bend(x, rate, step))
+        self._here = Before(step, x.copy(), rate)
+        return self._assembler.touching(found, factor + step)
+
+    def go(self, ahead: Array, points: Sequence[list[tuple[int, int]]]) -> None:
+        """Take it, with where it is foreseen to lead ``(dofs,)``, and points of contact, one after the other."""
+        self._before = self._here
+        self._contact.foresee(ahead)
+        for each in points[1:]:
+            self._contact.take(each)
+
+    def harden(self, times: Array) -> None:
+        """Let penalties be so many times those at first."""
+        self._contact.packed.passes["penalty"][:] = times * self.penalties
+
+    def update(self, x: PETSc.Vec, factor: float, in_cells: bool, part: float) -> None:
+        """Update multipliers at an equilibrium (`isorod.statics.contact_policy.Stage`)."""
+        multipliers = self._contact.packed.multipliers
+        before = multipliers.copy()
+        self._contact.augment(self._assembler.touching(x, factor), in_cells)
+        multipliers[:] = before + part * (multipliers - before)
