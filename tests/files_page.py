@@ -78,7 +78,7 @@ def _word(word: str, form: Form) -> Iterator[str]:
         default = "needed" if one.required else f"`{_shown(one.default)}`" if one.default is not None else ""
         meant = told.get(one.name, "")
         if key in form.more:
-            meant = "A word for people, beside the number."
+            meant = "A word for people, beside the number." if one.kind is str else "`rotation`, as files had it once."
         if one.kind == ROD and not one.required:
             default, meant = "the only one", "What it acts on."
         rows.append(_row(f"`{key}`{main}", one.words, default, meant))

@@ -7,6 +7,7 @@ import pytest
 from isorod import scenes
 from isorod.command import cli, pages
 from isorod.command.new import EXAMPLES
+from isorod.command.parser import Parser, add_fields
 
 
 # What writes meshes is a program of its own.
@@ -46,6 +47,22 @@ def test_all_scenes_and_examples_are_listed_with_their_analyses(capsys):
     analyses = ("statics", "modal", "buckling", "harmonic", "dynamics")
     listed = [one[0] for one in words if len(one) > 2 and one[1] in analyses]
     assert {*scenes.SCENES, *EXAMPLES} - {*listed} == {"flower", "ring"}
+
+
+@pytest.mark.parametrize(
+    ("name", "former", "now", "value"),
+    [
+        ("spring", "--pull=0.001", "--travel", 0.001),
+        ("strand", "--twist=0.0001", "--twist-rate, in degrees", 0.00572957795130823),
+    ],
+)
+def test_a_former_name_is_taken_with_a_warning_that_says_the_present_one(name, former, now, value):
+    scene = scenes.find(name)()
+    parser = Parser(prog="isorod")
+    add_fields(parser, scene)
+    with pytest.warns(FutureWarning, match=f"{former.split('=')[0]}: say {now}"):
+        found = parser.known([former])
+    assert getattr(found, now[2:].partition(",")[0].replace("-", "_")) == pytest.approx(value, rel=1e-12)
 
 
 def test_part_of_a_turn_is_as_soft_as_it_should_be(capsys):

@@ -5,6 +5,7 @@ import pytest
 
 import isorod
 from isorod import modal, statics
+from isorod.command.run import _cells
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.coils import arc
@@ -149,6 +150,11 @@ def test_a_folder_takes_the_cells_that_are_asked_for(cells, kind, tmp_path):
         body = Body(space, LinearElastic(1.0, 0.3))
         record = folder.add(tmp_path, {"scene": "wire"}, [body], [folder.Frame(0.0, [given])], cells=cells)
         assert set(pyvista.read(tmp_path / record["files"][0]).celltypes) == {expected}
+
+
+def test_the_former_name_of_curved_cells_warns():
+    with pytest.warns(FutureWarning, match="--cells bezier: say curved"):
+        assert _cells("bezier") == "curved"
 
 
 def test_public_name_of_a_helix_is_shown_whole(tmp_path):

@@ -93,9 +93,13 @@ def test_the_numbers_are_those_of_the_record(capsys):
     assert "contact force       1 at the end, largest 3 N" in said
 
 
-def test_an_estimated_error_is_part_of_the_answer(capsys):
+def test_an_estimated_error_is_part_of_the_answer_with_a_word_that_once_asked_for_it_too(capsys):
     lines = printed(capsys, "spring", *words_of(SPRING))
     assert re.match(r"error +about \S+ %, of stresses \S+ %, by a finer space", lines[1])
+    assert cli.main(["run", "spring", *words_of(SPRING), "--refine"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[1] == lines[1]
+    assert "isorod: warning: --refine: the error is estimated without it; leave it out\n" in err
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,14 @@ def test_a_table_has_the_digits_of_single_runs(whole, capsys):
         assert len(row["force"].replace(".", "")) <= 7
 
 
+def test_what_began_points_from_rest_is_taken_for_another_release(whole, sweep, tmp_path):
+    """Every point does, now."""
+    code, out, err = sweep("spring", *PULLED, "--cold", "--output", tmp_path / "cold.csv")
+    assert (code, err) == (0, "isorod: warning: --cold: every point begins from rest; leave it out\n")
+    assert "21 points" in out
+    assert (tmp_path / "cold.csv").read_bytes() == whole.read_bytes()
+
+
 KILLED = """
 import os, signal, sys
 from isorod.command import cli
@@ -244,8 +252,8 @@ def test_every_point_is_a_line_of_json_and_a_table_for_people(sweep, capsys):
 def test_modes_have_a_column_each(sweep, tmp_path):
     path = tmp_path / "modes.csv"
     words = "blade", "--order", "1", "--section-points", "16", "--elements", "2", "--modes", "2,3", "--no-estimate"
-    code, _, err = sweep(*words, "--output", path, "--png", tmp_path / "modes.png")
-    assert (code, err) == (0, "")
+    code, _, err = sweep(*words, "--output", path, "--png", tmp_path / "modes.png", "--of", "frequencies[1]")
+    assert (code, err) == (0, "isorod: warning: --of: the plot has all answers; leave it out\n")
     first, second = rows(path)
     assert [name for name in second if "freq" in name] == [f"frequencies[{k}]" for k in range(3)]
     assert first["frequencies[2]"] == "" and float(second["frequencies[2]"]) > float(first["frequencies[1]"]) > 0

@@ -7,7 +7,7 @@ import pytest
 
 from isorod import InputError, LinearElastic, NeoHookean, Space, circle, dynamics, statics, straight
 from isorod.checks.turning import LONGEST, Turning
-from isorod.command import solving
+from isorod.command import cli, solving
 from isorod.files.scene import FileScene
 from isorod.model import Body, Contact, Model, Pressure, Sphere, Support
 from isorod.statics import continuation
@@ -247,6 +247,31 @@ def test_a_bar_of_a_file_that_is_twisted_five_times_is_right_by_default(tmp_path
     exact = E / 3.0 * 0.5 * np.pi * 5.0 * TURN / LENGTH
     assert found.moments[1, 2] == pytest.approx(exact, rel=1e-3)
     assert found.estimate() < 5e-3
+
+
+def test_radians_of_a_file_are_taken_with_a_word_on_what_to_write(tmp_path):
+    with pytest.warns(
+        FutureWarning, match=r"bar\.toml:11: support\.head\.turn: .* rotation = \[0, 0, 90\], in degrees$"
+    ):
+        support = write(tmp_path, f"turn = [0, 0, {np.pi / 2.0!r}]").model().supports[1]
+    assert support.turn == pytest.approx([0.0, 0.0, np.pi / 2.0])
+    with pytest.warns(FutureWarning, match=r"if degrees were meant, write rotation = \[0, 0, 30\]"):
+        write(tmp_path, "turn = [0, 0, 30]")
+
+
+def test_degrees_in_the_old_key_are_told_where_the_run_fails_too(tmp_path, capsys):
+    with pytest.warns(FutureWarning):
+        write(tmp_path, "turn = [0, 0, 30]")
+    path = str(tmp_path / "bar.toml")
+    assert cli.main(["run", path, "--load-steps", "0"]) == 2
+    first, last = capsys.readouterr().err.splitlines()
+    assert "if degrees were meant, write rotation = [0, 0, 30]" in first
+    assert "load" in last
+
+
+def test_an_angle_that_is_given_twice_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"given twice, by turn too"):
+        write(tmp_path, "rotation = [0, 0, 30]\nturn = [0, 0, 0.5]")
 
 
 def test_a_motion_does_not_begin_with_an_end_turned_far():

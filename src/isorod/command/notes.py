@@ -30,5 +30,9 @@ def show() -> None:
         print(f"isorod: warning: {text}", file=sys.stderr)
 
 
-def _keep(message: Warning | str, *_: object, **__: object) -> None:
+def _keep(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     _NOTES.append(" ".join(str(message).split()))
+    if issubclass(category, FutureWarning):
+        # What was misread may be why there is no result.
+        show()
+        _NOTES.clear()

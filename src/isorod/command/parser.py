@@ -2,9 +2,11 @@
 
 import argparse
 import difflib
+import math
 import re
 import types
 import typing
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -93,6 +95,26 @@ def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:
             parser.add_argument(flag, dest=field.name, action="store_true", help=field.metadata["help"])
             continue
         parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
+        if "was" in field.metadata:
+            factor = 180.0 / math.pi if field.metadata.get("radians") else 1.0
+            hidden: Any = {"default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
+            parser.add_argument(
+                field.metadata["was"], dest=field.name, type=kind, action=_Former, now=flag, factor=factor, **hidden
+            )
+
+
+class _Former(argparse.Action):
+    """An option by its former name: its value is taken, with a warning that says what to type."""
+
+    def __init__(self, *arguments: Any, now: str, factor: float, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self._now, self._factor = now, factor
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Keep the value under the present name."""
+        degrees = "" if self._factor == 1.0 else ", in degrees"
+        warnings.warn(f"{option_string}: say {self._now}{degrees}", FutureWarning, stacklevel=2)
+        setattr(namespace, self.dest, values if self._factor == 1.0 else values * self._factor)
 
 
 def field_values(found: argparse.Namespace, scene: Any) -> dict[str, Any]:

@@ -75,6 +75,7 @@ def more(parser: Parser, scene: Any) -> None:
             help="restart from the checkpoint; a later end time of a motion takes more outputs",
         )
     if {"statics", "modal", "buckling", "harmonic", "random"} & {*analyses}:
+        parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",
             type=float,
@@ -99,10 +100,19 @@ def more(parser: Parser, scene: Any) -> None:
     if analyses != ("geometry",):
         parser.add_argument(
             "--cells",
+            type=_cells,
             choices=CELLS,
             default="auto",
             help="cells of these fields: curved, small linear ones, or chosen for each body (auto)",
         )
+
+
+def _cells(text: str) -> str:
+    """Return the kind of cells by its name, which was another one for curved ones."""
+    if text == "bezier":
+        warnings.warn("--cells bezier: say curved, which they are", FutureWarning, stacklevel=2)
+        return "curved"
+    return text
 
 
 def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], None]:
@@ -130,6 +140,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
     shown = bool(scene.stresses) or found.output is not None
+    if getattr(found, "refine", False):
+        warnings.warn("--refine: the error is estimated without it; leave it out", FutureWarning, stacklevel=2)
     if getattr(found, "tolerance", None) is not None:
         if scene.analysis == "dynamics":
             raise InputError("--tolerance: not for dynamics; compare runs with other elements and orders")

@@ -40,7 +40,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     if {"-h", "--help"} & {*ours}:
         chosen.find("sweep", ours, theirs, more)[2].print_help()
         return 0
-    words = [*ours]
+    words = _without_old(ours)
     cases = chosen.find("sweep", words, theirs, more)[1].cases
     if cases and not any(word.partition("=")[0] == "--case" for word in words):
         words += ["--case", ",".join(cases)]
@@ -55,6 +55,21 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     options.initialize(theirs)
     with np.errstate(all="ignore"):
         return _run(points, _identity(words, scene, theirs), scene, found, theirs)
+
+
+def _without_old(ours: Sequence[str]) -> list[str]:
+    """Return our words without options that are gone, which have no effect and a warning for one release."""
+    kept, words = [], iter(ours)
+    for word in words:
+        if word == "--cold":
+            warnings.warn("--cold: every point begins from rest; leave it out", FutureWarning, stacklevel=3)
+        elif word.partition("=")[0] == "--of":
+            warnings.warn("--of: the plot has all answers; leave it out", FutureWarning, stacklevel=3)
+            if word == "--of":
+                next(words, None)
+        else:
+            kept.append(word)
+    return kept
 
 
 def more(parser: Parser, scene: Any) -> None:

@@ -1,5 +1,6 @@
 """What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -119,6 +120,12 @@ class ContactResult:
     sticking: int
     slipping: int
     wanders: bool = False
+
+    @property
+    def feet(self) -> Array:
+        """`projections`, as they were called before."""
+        warnings.warn("feet: they are called projections", FutureWarning, stacklevel=2)
+        return self.projections
 
     @property
     def stretched(self) -> float:

@@ -1,6 +1,7 @@
 """Rotation vectors of a scene file, in degrees as all of its angles."""
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,23 @@ from isorod.files.document import Place, shown
 
 def degrees(place: Place, value: Any) -> tuple[float, ...]:
     """Return a rotation vector in degrees as one in radians."""
-    return tuple(math.radians(one) for one in values.value_of(place, value, tuple[float, float, float]))
+    return tuple(math.radians(one) for one in _vector(place, value))
+
+
+def radians(place: Place, value: Any) -> tuple[float, ...]:
+    """Return a rotation vector in radians, with a warning that says what to write in its place."""
+    vector = _vector(place, value)
+    said = ", ".join(f"{math.degrees(one):.9g}" for one in vector)
+    doubt = ""
+    if math.hypot(*vector) > 2.0 * math.pi:
+        typed = ", ".join(f"{one:.9g}" for one in vector)
+        doubt = f"; this is more than a whole turn: if degrees were meant, write rotation = [{typed}]"
+    warnings.warn(
+        str(place.error(f"radians, taken for the last time: write rotation = [{said}], in degrees{doubt}")),
+        FutureWarning,
+        stacklevel=2,
+    )
+    return vector
 
 
 def _table(place: Place, value: Any) -> Any:
@@ -25,5 +42,10 @@ def _table(place: Place, value: Any) -> Any:
     return found if found.ndim else math.radians(found)
 
 
+def _vector(place: Place, value: Any) -> tuple[float, ...]:
+    return values.value_of(place, value, tuple[float, float, float])  # type: ignore[no-any-return]
+
+
 DEGREES = values.Kind(degrees, "3 numbers, degrees")
 ANGLES = values.Kind(_table, "a number, degrees, or rows of load factor or time, and degrees")
+RADIANS = values.Kind(radians, "3 numbers, radians")

@@ -84,7 +84,7 @@ class Form:
     left
         Parameters that are none of the file's.
     more
-        Kinds of keys that are no parameters but for whoever reads the file.
+        Kinds of keys that are no parameters but for whoever reads the file, or that are other names of one.
     """
 
     target: str
@@ -161,6 +161,11 @@ class Call:
             if key not in form.parameters:
                 raise at.unknown_key(form.parameters)
             one = form.parameters[key]
+            other = next(
+                (k for k in given if k != key and k in form.parameters and form.parameters[k].name == one.name), None
+            )
+            if other is not None:
+                raise at.error(f"given twice, by {other} too")
             made = choice(at, one.kind, value) if isinstance(one.kind, dict) else value_of(at, value, one.kind)
             self.arguments[one.name] = made
         for key, one in form.parameters.items():

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from isorod.files.angles import ANGLES, DEGREES
+from isorod.files.angles import ANGLES, DEGREES, RADIANS
 from isorod.files.data import BOND, HISTORY, POINTS, VARYING
 from isorod.files.document import Place
 from isorod.files.form import CONTACT, GROUP, LOAD, OBSTACLE, PARTNER, ROD, SUPPORT, SURFACE, TIE, Form, several, table
@@ -98,10 +98,10 @@ def _on_rod(target: str, main: str | None = None) -> Form:
 
 
 def _support(target: str) -> Form:
-    # Angles of a file are in degrees.
+    # Angles of a file are in degrees; what was in radians is read until the next release.
     form = _on_rod(target)
     kinds, keys = {**form.kinds, "turn": DEGREES}, {**form.keys, "turn": "rotation"}
-    return replace(form, kinds=kinds, keys=keys)
+    return replace(form, kinds=kinds, keys=keys, more={"turn": RADIANS})
 
 
 SUPPORTS = {

@@ -44,7 +44,8 @@ GEOMETRY_UNITS = {
 def option(default: Any, text: str, **more: Any) -> Any:
     """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit.
 
-    ``more`` may have a ``flag`` in the place of the field's name, and a ``metavar``.
+    ``more`` may have a ``flag`` in the place of the field's name, a ``metavar``, and in ``was`` the option's former
+    name, which is taken with a warning; ``radians`` where that was an angle in radians, and degrees are taken now.
     """
     return dataclasses.field(default=default, metadata={"help": text, **more})
 

@@ -37,7 +37,7 @@ class Clasp(Scene):
 
     radius: float = option(1.0, "radius of the rods [length]")
     bend: float = option(4.0, "radius of their centre lines [length], more than twice that of the rods")
-    travel: float = option(0.5, "what the ends of the two are drawn apart by [length]")
+    travel: float = option(0.5, "what the ends of the two are drawn apart by [length]", was="--pull")
     E: float = option(1000.0, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
     friction: float = option(0.0, "coefficient of friction")

@@ -66,7 +66,9 @@ class Coil(Scene):
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(210e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
-    travel: float | None = option(None, "what the spring is shortened by [length] (45.4; 20 between plates)")
+    travel: float | None = option(
+        None, "what the spring is shortened by [length] (45.4; 20 between plates)", was="--push"
+    )
     ends: str = option(
         "laid", "laid (in seats that lie down with the coils), clamped (end faces as they are), closed (between plates)"
     )

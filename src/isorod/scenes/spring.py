@@ -33,7 +33,7 @@ class Spring(Preset):
     helix: str | None = option(
         None, "centre line: even, or paper (4 circular arcs a turn, which climb unevenly) (even; preset paper: paper)"
     )
-    travel: float = option(2.0, "what the spring is lengthened by [length]")
+    travel: float = option(2.0, "what the spring is lengthened by [length]", was="--pull")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int | None = option(None, "elements a turn, a multiple of 8, of the paper's helix 4 (chosen)")
     order: int | None = option(

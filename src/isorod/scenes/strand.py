@@ -50,7 +50,9 @@ class Strand(Scene):
     pitch: float = option(115.0, "length of strand in which a wire of the first layer goes round once [length]")
     length: float = option(57.5, "length of the strand [length]")
     strain: float = option(1e-3, "axial strain: the far plane moves by as much times the length")
-    twist_rate: float = option(0.0, "turn of the far plane per length of strand [degrees/length], right-handed")
+    twist_rate: float = option(
+        0.0, "turn of the far plane per length of strand [degrees/length], right-handed", was="--twist", radians=True
+    )
     E: float = option(188e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
     friction: float = option(0.0, "coefficient of friction")
