@@ -22,7 +22,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
-from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Measured, Steps, Unavailable
+from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Kinked, Measured, Steps, Unavailable
 
 # Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -47,8 +47,6 @@ def derivatives(
     refuse(model)
     if model.remembers or model.times is not None:
         raise Unavailable("derivatives: not available for modes about a state over time, or of laws with memory")
-    if model.contacts:
-        raise Unavailable("derivatives: not available for modes with contact; isorod sweep varies the number")
     if solution.quarter is not None or is_mixed(model):
         raise Unavailable("derivatives: not available for modes with a spin or of the mixed formulation")
     first = solution.rigid
@@ -65,10 +63,21 @@ def derivatives(
                 several = [assembler_for(one, comm) for one in models]
                 return [(one, one.vector()) for one in several]
             motion, known = moving.motion(steps, models)
-            return [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
+            found = [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
+            for (assembler, x), step in zip(found, steps.steps, strict=True):
+                if pressed is not None and not np.array_equal(
+                    hold_beside(assembler, x, step * motion.pressures), pressed
+                ):
+                    raise Kinked("points come into contact, or leave it")
+            return found
 
         factor = 0.0 if moving is None else 1.0
-        own = assembler_for(model, comm)
+        own = assembler_for(model, comm) if moving is None else moving.beside(model)
+        pressed = None
+        if moving is not None and model.contacts:
+            from isorod.modal.touching import hold_beside
+
+            pressed = hold_beside(own, moving.x, 0.0)
         # Scaled so that all matter alike.
         shapes = [
             own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
@@ -87,13 +96,18 @@ def derivatives(
             stiffness.destroy()
             return found
 
-        begun = energies(*((own, own.vector()) if moving is None else (moving.assembler, moving.x)))
+        begun = energies(own, own.vector() if moving is None else moving.x)
 
         def along(steps: Steps, models: Sequence[Model]) -> Measured:
             return steps.slopes([energies(*one) for one in states(steps, models)], begun)
 
+        # Further off other points touch.
+        shares = [BY] if model.contacts else [BY, WIDE] if exact else [WIDE]
         changes = beside.derivatives(
-            begun, along, [BY, WIDE] if exact else [WIDE], lambda several: [partial(dict, one) for one in several]
+            begun,
+            along,
+            shares,
+            lambda several: [partial(dict, one) for one in several],
         )
     by = {}
     for name in changes.by:

@@ -76,6 +76,20 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
     return found
 
 
+def hold_beside(assembler: Assembler, x: PETSc.Vec, pressures: float | Array) -> Array:
+    """Let contact be as it is in a state near an equilibrium; return which points ``(Q,)`` are pressed.
+
+    Contact is as the equilibrium left it (`isorod.statics.derivatives.Moving.beside`), and multipliers change by
+    ``pressures``.
+    """
+    contact, moved = assembler.contact, assembler.touching(x, 1.0)
+    assert contact is not None
+    contact.packed.multipliers[:] += pressures
+    results, model = contact.results(moved), assembler.model
+    assembler.contact = Frozen(model, model.contacts, results, moved, assembler.comm, tight=True)  # type: ignore[assignment]
+    return np.concatenate([one.pressure > 0.0 for one in results])
+
+
 def doubt(
     model: Model,
     state: Equilibrium,

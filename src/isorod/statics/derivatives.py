@@ -135,8 +135,8 @@ class Moving:
 
     Attributes
     ----------
-    assembler, x, acting
-        Its own, the state, and the forces in it on what supports hold (`Assembler.acting`).
+    assembler, x, acting, tight
+        Its own, the state, forces on what supports hold (`Assembler.acting`), contact whose cells keep their mean gaps.
     """
 
     def __init__(self, solution: Any, times: float = HELD[0]) -> None:
@@ -146,7 +146,7 @@ class Moving:
         self.assembler = assembler_for(solution.model, self.comm)
         self.x = self.assembler.state(solution.displacement, solution.pressures, solution.solids)
         self._left: Settled | None = None
-        self._tight: Tight | None = None
+        self.tight: Tight | None = None
         if solution.model.contacts:
             self._settle(solution, times)
         self._tangent = self.assembler.matrix()
@@ -161,7 +161,7 @@ class Moving:
         if any(not one.norm() <= _INEXACT * self.x.norm() for one in wrong):
             raise Unavailable("derivatives: not available with contact and pressures that follow to a free end")
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
-        self._gaps = np.empty(0) if self._tight is None else self._tight.gaps(self.assembler.contact)
+        self._gaps = np.empty(0) if self.tight is None else self.tight.gaps(self.assembler.contact)
 
     def _inexact(self) -> PETSc.Vec:
         """Return by how much the tangent is off along the displacement, as where pressures follow to a free end."""
@@ -187,13 +187,17 @@ class Moving:
         restore(contact, self._left)
         moved = self.assembler.touching(self.x, 1.0)
         if left.multipliers.any():
-            self._tight = Tight(contact, contact.results(moved), moved, self.comm, times)
-            self.assembler.contact = self._tight  # type: ignore[assignment]
+            self.tight = Tight(contact, contact.results(moved), moved, self.comm, times)
+            self.assembler.contact = self.tight  # type: ignore[assignment]
 
-    @property
-    def tight(self) -> bool:
-        """Whether cells of contact keep their mean gaps."""
-        return self._tight is not None
+    def beside(self, model: Model) -> Assembler:
+        """Return the assembler of a model, whose contact is as the solution left it."""
+        assembler = assembler_for(model, self.comm)
+        if self._left is not None and assembler.contact is not None:
+            from isorod.contact.settled import restore
+
+            restore(assembler.contact, self._left)
+        return assembler
 
     def close(self) -> None:
         """Give back matrix and factors."""
@@ -214,18 +218,14 @@ class Moving:
             If forces have no derivative.
         """
         several, rows, gaps = [], [], []
-        if self._left is not None:
-            from isorod.contact.settled import restore
         for model in models:
-            assembler, row = assembler_for(model, self.comm), self.assembler.vector()
+            assembler, row = self.beside(model), self.assembler.vector()
             if _gap(assembler) > 2.0 * _gap(self.assembler):
                 raise Kinked("surfaces that are tied part, or overlap")
             contact = assembler.contact
-            if self._left is not None and contact is not None:
-                restore(contact, self._left)
             several.append((assembler, assembler.acting(self.x, 1.0, row)))
-            if self._tight is not None and contact is not None:
-                gaps.append(self._tight.gaps(contact))
+            if self.tight is not None and contact is not None:
+                gaps.append(self.tight.gaps(contact))
             row.axpy(-1.0, self._rest)
             rows.append(row)
         force, jump = self.assembler.vector(), self.assembler.vector()
@@ -234,9 +234,9 @@ class Moving:
         most = max(force.norm(), float(np.linalg.norm(self.acting)) / steps.size)
         if not jump.norm() <= (_ROUGH if self._left is None else _LEAVES) * most:
             raise Kinked("its slope jumps")
-        grown = steps.weights @ (np.array(gaps) - self._gaps) if self._tight is not None else self._gaps
-        if self._tight is not None:
-            self.assembler.spread(self._tight.held(grown), jump)
+        grown = steps.weights @ (np.array(gaps) - self._gaps) if self.tight is not None else self._gaps
+        if self.tight is not None:
+            self.assembler.spread(self.tight.held(grown), jump)
             force.axpy(1.0, jump)
         return Pushed(force, grown), several
 
@@ -252,9 +252,9 @@ class Moving:
         for (_, grown), rate, change in zip(several, rates, changes, strict=True):
             move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
             forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
-            if self._tight is not None:
-                forces += self._tight.held(grown)
-                pressures = self._tight.pressures(grown, move)
+            if self.tight is not None:
+                forces += self.tight.held(grown)
+                pressures = self.tight.pressures(grown, move)
             forces = forces if self.assembler.coupling else forces[self.assembler.model.bound]
             found.append(Motion(rate, change + forces, pressures))
         return found
