@@ -29,7 +29,7 @@ COMMANDS = {
     "plot": Command("plot results of a run: fields on the deformed shape, animations, or curves"),
     "view": Command("turn, step through and read off results of a run, in a browser"),
     "sweep": Command("parameter study: solve a scene for all combinations of option values, into a table", petsc=True),
-    "design": Command("change numbers of a scene until it answers as wanted", petsc=True),
+    "design": Command("change numbers of a scene until it meets requirements", petsc=True),
     "identify": Command("find numbers of a scene, as constants of its laws, from measured curves", petsc=True),
     "matrices": Command("write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),

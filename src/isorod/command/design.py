@@ -318,7 +318,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
         rows.append((name, f"{one['before']:.6g}", f"{one['after']:.6g}", bounds))
     asked = {text.split()[0]: text for text in record["wanted"]}
     for name, one in record["answers"].items():
-        what = f"wanted {asked[name].partition(' ')[2]}" if name in asked else ""
+        what = f"required {asked[name].partition(' ')[2]}" if name in asked else ""
         what = record["extreme"] if name == record["objective"] else what
         unit = record["units"].get(re.sub(r"^.*\.|\[.*", "", name), "")
         what = f"{unit}  {what}".strip() if unit and not unit.startswith("(") else what

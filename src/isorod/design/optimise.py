@@ -308,5 +308,5 @@ def missed_by(values: Mapping[str, float], wanted: Sequence[Wanted]) -> tuple[fl
         value = values[one.name]
         off = (value - one.value) / (abs(one.value) or 1.0)
         off = {"=": abs(off), "<": max(off, 0.0), ">": max(-off, 0.0)}[one.relation]
-        found.append((off, f"{one.name} = {value:.6g}, wanted {one.relation} {one.value:g}"))
+        found.append((off, f"{one.name} = {value:.6g}, required {one.relation} {one.value:g}"))
     return max(found)
