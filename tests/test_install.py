@@ -122,6 +122,14 @@ def test_first_run_installs_and_says_so_in_one_line(stage):
     assert stage.stamp.exists()
 
 
+@pytest.mark.parametrize(("word", "code"), [("--help", 0), ("-h", 0), ("--wheels", 2)])
+def test_an_option_makes_no_folder(stage, word, code):
+    done = stage.run(word)
+    assert (done.returncode, done.calls) == (code, [])
+    assert done.stdout.startswith("usage: ") and len(done.stdout.splitlines()) == 1
+    assert not (stage.root / word).exists() and not (stage.folder / word).exists()
+
+
 def test_second_run_does_nothing(stage):
     stage.run()
     done = stage.run()
