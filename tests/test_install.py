@@ -126,7 +126,8 @@ def test_first_run_installs_and_says_so_in_one_line(stage):
 def test_an_option_makes_no_folder(stage, word, code):
     done = stage.run(word)
     assert (done.returncode, done.calls) == (code, [])
-    assert done.stdout.startswith("usage: ") and len(done.stdout.splitlines()) == 1
+    said = done.stderr if code else done.stdout
+    assert said.startswith("usage: ") and len(said.splitlines()) == 1
     assert not (stage.root / word).exists() and not (stage.folder / word).exists()
 
 
