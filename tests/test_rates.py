@@ -302,6 +302,38 @@ def test_models_beside_have_the_functions_of_a_layered_section():
     np.testing.assert_allclose(beside.functions(points)[0], own.functions(points)[0], atol=1e-13)
 
 
+@pytest.mark.parametrize("radius", ["[10.8, 6.6]", "[8.0, 10.0, 8.0]"], ids=["cone", "barrel"])
+def test_springs_that_are_no_cylinders_have_those_by_turns_and_radii(radius, tmp_path):
+    """A barrel's widest layers are alike at both ends; a cone's energy, held as it is, bends by its turns."""
+    path = tmp_path / "spring.toml"
+    path.write_text(f"""
+[rod.wire]
+curve = {{helix = {{radius = {radius}, pitch = 4.7, turns = 4}}}}
+section = {{circle = 0.8}}
+law = {{LinearElastic = {{E = 2e5, nu = 0.3}}}}
+[support.foot]
+end = "start"
+[support.head]
+end = "end"
+displacement = [0.0, 0.0, -0.3]
+[analysis.statics]
+[measure.work]
+energy = "wire"
+""")
+    scene = files.find(str(path))
+    found = of(scene)
+    lengths = [one for one in found.by if "radius" in one or one.endswith(("pitch", "circle", "displacement.2"))]
+    assert sum(logarithmic(found, "work", one) for one in lengths) == pytest.approx(3.0, abs=1e-6)
+    turns, works = "rod.wire.curve.helix.turns", []
+    with choices.kept() as made:
+        parameters.at(scene, {turns: 4.0}).model()
+    for one in (3.9999, 4.0001):
+        with choices.repeated(made):
+            model = parameters.at(scene, {turns: one}).model()
+        works.append(scene.measure(statics.solve(model))["work"])
+    assert found.by[turns]["work"] == pytest.approx((works[1] - works[0]) / 2e-4, rel=1e-5)
+
+
 def test_where_a_tie_parts_there_is_none_and_a_line_says_why():
     scene = files.find(str(Path(files.__file__).parent / "examples" / "weld.toml"))
     found = derivatives.of(

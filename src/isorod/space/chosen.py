@@ -6,9 +6,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.choices import chosen
-from isorod.geometry.quadrature import WHOLE
 from isorod.space import choice
-from isorod.space.polynomial import Polynomials
 
 # What is chosen where it is not given.
 CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
@@ -31,22 +29,15 @@ def basis(space: Any) -> Any:
     """Return the section functions of a space: polynomials by the directions, and as many, as those that are kept."""
     if space.section_basis is not None or space.section_degree is None:
         return space.basis
-    whole, own = space.rod.rings == WHOLE, None
+    own = None
 
-    def known() -> list[Any]:
+    def known() -> Any:
         nonlocal own
         own = space.basis
-        return [own.frame, *([] if whole else [own.taken])]
+        return own
 
     kept = chosen(known)
-    if own is not None:
-        return own
-    if whole:
-        return Polynomials(space.rod, space.section_degree, *kept)
-    # Rods without rings do without it.
-    from isorod.space.ringed import Ringed
-
-    return Ringed(space.rod, space.section_degree, *kept)
+    return kept if own is not None else type(kept)(space.rod, space.section_degree, kept)
 
 
 def _choose(space: Any) -> tuple[Array, dict[str, Any]]:

@@ -52,13 +52,15 @@ class Polynomials:
         The geometry.
     degree
         Total degree ``N``, 1 to 8.
-    frame
-        The `frame` of a section much like this one, whose directions are to be taken, not its own principal ones.
+    like
+        Polynomials of a rod much like this one, whose layer and directions are to be taken, not its own.
 
     Attributes
     ----------
     across
         Degree in the thinner direction.
+    layer
+        The layer of control points whose section the coordinates are of: the widest, of a barrel one of several.
 
     Raises
     ------
@@ -70,13 +72,14 @@ class Polynomials:
     on_surface: ClassVar[bool] = False
     most: ClassVar[int] = MAX_DEGREE
 
-    def __init__(self, rod: Rod, degree: int, frame: Array | None = None) -> None:
+    def __init__(self, rod: Rod, degree: int, like: "Polynomials | None" = None) -> None:
         self._kept: dict[bytes, tuple[Array, Array]] = {}
         self.degree = degree = whole_number("section degree", degree, 1, self.most)
         points = rod.control_points
         arms = points - points.mean(axis=1, keepdims=True)
         representable("section's extent", float(np.abs(arms).max()))
-        widest = arms[int(np.argmax(np.einsum("jia,jia->j", arms, arms)))]
+        self.layer: int = int(np.argmax(np.einsum("jia,jia->j", arms, arms))) if like is None else like.layer
+        widest = arms[self.layer]
         images, sizes, directions = np.linalg.svd(widest, full_matrices=False)
         if not sizes[1] > _FLAT * sizes[0]:
             raise InputError("section degree: the rod's sections have no area; polynomials need some")
@@ -91,10 +94,10 @@ class Polynomials:
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
         self._polygon, self._extents, share = _principal_frame(self._polygon, area, values, first, second)
-        if frame is not None:
-            # The nearest to it that turning, and turning over, makes of the principal one.
+        if like is not None:
+            # The nearest to theirs that turning, and turning over, makes of the principal one.
             across = self.frame
-            left, _, right = np.linalg.svd(across.T @ frame)
+            left, _, right = np.linalg.svd(across.T @ like.frame)
             turned = across @ left @ right
             self._extents = 0.5 * np.ptp(values @ turned, axis=0)
             self._polygon = turned / self._extents

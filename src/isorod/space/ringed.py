@@ -55,10 +55,9 @@ class Ringed(Polynomials):
         The geometry, whose section has a hole, or layers.
     degree
         Total degree ``N``, 1 to 12.
-    frame
-        As of `Polynomials`.
-    taken
-        Which functions are taken of those of which some are sums of others; where not given the most independent ones.
+    like
+        As of `Polynomials`; of functions of which some are sums of others the same are taken, else the most independent
+        ones.
 
     Raises
     ------
@@ -68,15 +67,15 @@ class Ringed(Polynomials):
 
     most: ClassVar[int] = 12
 
-    def __init__(
-        self, rod: Rod, degree: int, frame: Array | None = None, taken: "NDArray[np.intp] | None" = None
-    ) -> None:
-        super().__init__(rod, degree, frame)
+    def __init__(self, rod: Rod, degree: int, like: "Ringed | None" = None) -> None:
+        super().__init__(rod, degree, like)
         self._rings = rod.rings
         self._kinds = _kinds(rod.rings, degree, self.across)
         xi, area = self._fine_points()
         turn = np.einsum("qib,ic->qbc", harmonic_functions(rod.section_points, xi)[1], self._polygon)
-        self._mix, self.taken = orthogonalised(*self._candidates(xi, self._powers, self._kinds), turn, area, taken)
+        candidates, taken = self._candidates(xi, self._powers, self._kinds), None if like is None else like.taken
+        self.taken: NDArray[np.intp]
+        self._mix, self.taken = orthogonalised(*candidates, turn, area, taken)
 
     def __str__(self) -> str:
         return f"{super().__str__()} in rings {' '.join(f'{radius:g}' for radius in self._rings)}"
