@@ -324,8 +324,7 @@ def derivatives(
                 for k, (steps, held) in enumerate(begun)
             ]
 
-        # Further off other points touch.  Of four models what bends does not count, but as far off as that of a cone by
-        # its turns, held as it is, what is of fourth order does.
+        # Further off other points touch.  Where what is held bends too much so far off, as a cone by turns: nearer.
         found = beside.derivatives(values, begin, [NEAR] if solution.model.contacts else [NEAR, WIDE, BY], go_on)
     if unsure[0] > _UNSURE:
         warnings.warn(
