@@ -28,13 +28,13 @@ from isorod.space import Space
 
 @pytest.fixture(scope="module")
 def points():
-    """The points of a case at quick level, by sweep and series; each case runs once."""
+    """The points that a function of a case yields at quick level, by sweep and series; each runs once."""
     found = {}
 
-    def get(case):
-        if case not in found:
-            found[case] = list(case.run("quick"))
-        return point.sweeps(found[case])
+    def get(run):
+        if run not in found:
+            found[run] = list(run("quick"))
+        return point.sweeps(found[run])
 
     return get
 
@@ -135,11 +135,11 @@ def test_every_case_there_is_has_what_the_study_needs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [contrast, sections], ids=["contrast", "sections"])
-def test_failures_are_one_line(case, points):
+@pytest.mark.parametrize("run", [contrast.at_rest, sections.run], ids=["contrast", "sections"])
+def test_failures_are_one_line(run, points):
     failures = [
         record["failure"]
-        for curves in points(case).values()
+        for curves in points(run).values()
         for curve in curves.values()
         for record in curve
         if "failure" in record
@@ -172,7 +172,7 @@ def test_longitudinal_modes_of_one_material_are_those_of_the_uniform_bar():
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["banded LU (default)", "Cholesky, MUMPS", "CG + ICC"])
 def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
-    curve = points(contrast)[contrast.STRETCHED.name][solver]
+    curve = points(contrast.at_rest)[contrast.STRETCHED.name][solver]
     assert point.reach(curve) >= 1e8
     # Double precision gives up at contrast * 1e-15, never silently.
     for record in curve:
@@ -186,7 +186,7 @@ def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
 @pytest.mark.slow
 def test_multigrid_holds_or_says_that_it_does_not(points):
     """How far depends on PETSc: with 3.18 it fails from some contrast on, with 3.25 it does not."""
-    curve = points(contrast)[contrast.STRETCHED.name]["CG + GAMG"]
+    curve = points(contrast.at_rest)[contrast.STRETCHED.name]["CG + GAMG"]
     assert point.reach(curve) >= 1e2
     assert max(record["error"] for record in curve if "error" in record) < 1e-6
     failures = [record["failure"] for record in curve if "failure" in record]
@@ -196,7 +196,7 @@ def test_multigrid_holds_or_says_that_it_does_not(points):
 
 @pytest.mark.slow
 def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
-    (curve,) = points(contrast)[contrast.BENT.name].values()
+    (curve,) = points(contrast.at_rest)[contrast.BENT.name].values()
     assert point.reach(curve) >= 1e8
     for value in (1e4, 1e6):
         assert one(curve, value)["rigid_limit"] < 10.0 / value
@@ -204,7 +204,7 @@ def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
 
 
 def test_modes_follow_the_transcendental_equation(points):
-    curves = points(contrast)[contrast.MODES.name]
+    curves = points(contrast.swinging)[contrast.MODES.name]
     for series in ("stiff half fixed", "heavy half fixed", "heavy half free"):
         assert point.reach(curves[series]) >= 1e16
     assert point.reach(curves["stiff half free"]) >= 1e8
@@ -218,7 +218,7 @@ def test_modes_follow_the_transcendental_equation(points):
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_motion_errs_by_its_steps_and_its_mass_not_by_the_contrast(integrator, points):
-    curves = points(contrast)[contrast.MOTION[integrator].name]
+    curves = points(contrast.swinging)[contrast.MOTION[integrator].name]
     assert len(curves) == 4
     for curve in curves.values():
         assert point.reach(curve) == 1e4
@@ -266,20 +266,20 @@ def test_laws_given_one_by_one_are_linear_elastic_too():
 @pytest.mark.slow
 def test_polynomials_hold_on_every_ellipse(points):
     for kind in ("torsion constant", "bending the thin way", "bending the wide way"):
-        curve = points(sections)[f"ellipse 1 : x, {kind}"]["polynomials N = 2"]
+        curve = points(sections.run)[f"ellipse 1 : x, {kind}"]["polynomials N = 2"]
         assert max(record["error"] for record in curve) < 1e-10
         assert max(record["scaled"] for record in curve) < 1e6
 
 
 @pytest.mark.slow
 def test_control_points_converge_on_thin_ellipses(points):
-    torsion = points(sections)["ellipse 1 : x, torsion constant"]
+    torsion = points(sections.run)["ellipse 1 : x, torsion constant"]
     thin = {series: one(curve, 20.0)["error"] for series, curve in torsion.items()}
     assert thin["K = 1, n = 16"] < thin["K = 1, n = 8"] / 16
     # Harmonic functions hold the anticlastic curvature back: 1 / (1 - nu^2) in a strip.
-    bending = points(sections)["ellipse 1 : x, bending the thin way"]["K = 1, n = 16"]
+    bending = points(sections.run)["ellipse 1 : x, bending the thin way"]["K = 1, n = 16"]
     assert one(bending, 100.0)["error"] == pytest.approx(1.0 / (1.0 - 0.3**2) - 1.0, rel=0.02)
-    assert one(points(sections)["ellipse 1 : x, bending the thin way"]["K = 2, n = 16"], 5.0)["error"] < 1e-3
+    assert one(points(sections.run)["ellipse 1 : x, bending the thin way"]["K = 2, n = 16"], 5.0)["error"] < 1e-3
 
 
 def test_the_estimate_of_a_stiffness_that_is_exact_vanishes():
@@ -297,7 +297,7 @@ def test_stiffness_of_a_circle_is_exact_in_all_three_ways():
 
 
 def test_thinned_blade_converges_without_spurious_modes(points):
-    curves = points(sections)[sections.THINNED.name]
+    curves = points(sections.run)[sections.THINNED.name]
     symmetric = next(curve for series, curve in curves.items() if series.startswith("symmetric"))
     assert point.reach(symmetric) == 100.0
     for record in symmetric:
@@ -311,7 +311,7 @@ def test_thinned_blade_converges_without_spurious_modes(points):
 
 @pytest.mark.parametrize("sweep", [sections.DEPTH.name, sections.OFFSET.name])
 def test_folds_are_found_within_a_thousandth(sweep, points):
-    (curve,) = points(sections)[sweep].values()
+    (curve,) = points(sections.run)[sweep].values()
     for record in curve:
         past = record["value"] > record["fold"]
         assert ("failure" in record) == past
@@ -326,7 +326,7 @@ def test_folds_are_found_within_a_thousandth(sweep, points):
 )
 def test_twist_is_right_then_warned_of_then_refused(series, silent, warned, points):
     """The error goes with the angle squared."""
-    curve = points(sections)[sections.TWIST.name][series]
+    curve = points(sections.run)[sections.TWIST.name][series]
     for record in curve:
         assert ("failure" in record) == (record["value"] > warned)
         assert ("warned" in record) == (silent < record["value"] <= warned)
@@ -339,7 +339,7 @@ def test_twist_is_right_then_warned_of_then_refused(series, silent, warned, poin
 
 def test_the_size_that_twisted_sections_shrink_to_is_told_right(points):
     """Half-way between the layers of a quadratic element, whose middle one turns by half: (1 + cos(angle / 2)) / 2."""
-    curve = points(sections)[sections.TWIST.name]["quadratic"]
+    curve = points(sections.run)[sections.TWIST.name]["quadratic"]
     for angle in (90.0, 120.0, 180.0):
         told = one(curve, angle).get("warned") or one(curve, angle)["failure"]
         assert f"shrinks to {50.0 * (1.0 + np.cos(np.radians(angle / 2.0))):.0f} %" in told
@@ -355,7 +355,7 @@ def test_twist_warns_only_where_sections_shrink():
 
 
 def test_short_elements_do_not_matter(points):
-    for curve in points(sections)[sections.LENGTHS.name].values():
+    for curve in points(sections.run)[sections.LENGTHS.name].values():
         assert point.reach(curve) == 1e10
         assert max(record["error"] for record in curve) < 1e-10
         assert max(record["scaled"] for record in curve) < 2.0 * curve[0]["scaled"]

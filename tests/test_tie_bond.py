@@ -23,7 +23,7 @@ def traction(slip):
 
 def bar(length, z=0.0, radius=1.0, rings=None, n=8, **space):
     rod = straight(length, start=(0.0, 0.0, z)).sweep(circle(n, radius))
-    return Space(rod if rings is None else rod.with_rings(rings), **space)
+    return Space(rod if rings is None else rod.with_rings(rings), **{"section_degree": 2} | space)
 
 
 def in_hole(length, material, bond=LAW, radius=0.5, **space):

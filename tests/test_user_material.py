@@ -245,6 +245,7 @@ def test_a_function_is_known_by_its_code_wherever_that_is() -> None:
 test_what_cannot_be_is_said = refused(
     (lambda: UserMaterial(lambda F_old, F, state, dt, constants: F, 0), "routine: a stress of 1 at rest, need none"),
     (lambda: UserMaterial(lambda F_old, F, state, dt, c: F + F.T - 2.0 * np.eye(3), 0), "stress of .* in a rotation"),
+    (lambda: UserMaterial(lambda F_old, F, state, dt, c: F[:2, :2] - 1.0, 0), "largest modulus at rest is nan"),
     (lambda: UserMaterial(neo_hooke, 24, [MU, LAMBDA]), "routine: got 24 state variables, need 0 to 23"),
     (lambda: UserMaterial(neo_hooke, 1, [np.nan, 1.0]), "routine, constants: "),
     (lambda: UserMaterial(neo_hooke, 1, [0.0, 0.0]), "routine: the largest modulus at rest is 0, need a finite one"),

@@ -58,8 +58,17 @@ MOTION = {
 
 def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
-    every = 2 if level == "quick" else 1
-    contrasts = [float(f"1e{k}") for k in range(0, 17, every)]
+    yield from at_rest(level)
+    yield from swinging(level)
+
+
+def _contrasts(level: str) -> list[float]:
+    return [float(f"1e{k}") for k in range(0, 17, 2 if level == "quick" else 1)]
+
+
+def at_rest(level: str) -> Iterator[dict[str, Any]]:
+    """Yield those of equilibria."""
+    contrasts = _contrasts(level)
     for series, options in SOLVERS.items():
         iterative = "ksp_type" in options
         with petsc(options):
@@ -68,6 +77,11 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     yield from KNOT.over((1.0, 3.0, 10.0, 30.0, 100.0, 1e4, 1e8), _smooth, series="C2 across the joint")
     chosen = contrasts[: 5 if level == "quick" else 13]
     yield from BENT.over(chosen, _bent, series="tendon clamped, muscle's end moved sideways")
+
+
+def swinging(level: str) -> Iterator[dict[str, Any]]:
+    """Yield those of modes and motions."""
+    contrasts = _contrasts(level)
     for series, direction in MODE_SERIES.items():
         yield from MODES.over(contrasts, _modes, *direction, series=series)
     for integrator, sweep in MOTION.items():

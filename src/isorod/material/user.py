@@ -170,8 +170,10 @@ def _wrapped(routine: Callable[..., Any]) -> Any:
     @cfunc(types.void(number, number, number, types.int64, number, number, types.int64, number))
     def called(F_old: Any, F: Any, state: Any, m: int, dt: Any, constants: Any, c: int, stress: Any) -> None:
         found = inner(carray(F_old, (3, 3)), carray(F, (3, 3)), carray(state, (m,)), dt[0], carray(constants, (c,)))
-        into = carray(stress, (3, 3))
-        into[:] = found
+        # One by one: arrays assigned to each other take longer to compile than all the rest.
+        fits = found.shape == (3, 3)
+        for k in range(9):
+            stress[k] = found[k // 3, k % 3] if fits else np.nan
 
     return called
 

@@ -6,6 +6,7 @@ that slender ones do not lock, and shorter ones towards the ends (`boundary_laye
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import ceil, inf, pi
 from typing import Any, NamedTuple, cast
 
@@ -277,6 +278,8 @@ def touching_points(rod: Rod, n: int, elements: int, degree: int, least: int, mo
     return across, min(max(along, degree + 1), most)
 
 
+# A rod's functions are asked for several times as its space is chosen.
+@lru_cache(maxsize=8)
 def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     """Return the section functions as keyword arguments of `isorod.space.Space`: polynomials where these suit.
 
