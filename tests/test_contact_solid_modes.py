@@ -82,7 +82,7 @@ def resting(weight, penalty=None, points=None):
     solid, top = block("hexahedron", 2, (4, 4, 2), NeoHookean(10.0, 0.3))
     solid.density = 1e-6
     rod = moved(straight(8, radius=0.4, height=2.4), (-1.2, 0.0, 0.4), ACROSS)
-    space = Space(rod, order=2, section_points=16, elements=4, degree=3)
+    space = Space(rod, order=2, section_points=16, elements=2, degree=3)
     contact = Contact(0, SolidSurface(0, top), penalty, points=points)
     return Model(
         [Body(space, NeoHookean(1e4, 0.3), 1.0)],

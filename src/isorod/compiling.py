@@ -162,7 +162,8 @@ class Notice(event.Listener):  # type: ignore[misc]
 
     def on_start(self, found: Any) -> None:
         """Say it."""
-        if self.said or not found.data["dispatcher"].py_func.__module__.startswith("isorod"):
+        # Functions of scripts that another runs may be of no module.
+        if self.said or not (found.data["dispatcher"].py_func.__module__ or "").startswith("isorod"):
             return
         self.said = True
         if rank():
