@@ -110,7 +110,7 @@ class ContactPolicy:
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
     settlings
-        How it settled in each of them.
+        How it settled in each of them, with friction: derivatives along the path are of these.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
@@ -179,8 +179,9 @@ class ContactPolicy:
                 softer *= CONTROL.softer
             else:
                 self._begins = softer
-                end = Stage(self._end(target), contact.settled().penalties, None)
-                self.settlings.append(Settling(target, contact.ahead, begun, self._points, [*self._stages, end]))
+                if contact.friction is not None:
+                    end = Stage(self._end(target), contact.settled().penalties, None)
+                    self.settlings.append(Settling(target, contact.ahead, begun, self._points, [*self._stages, end]))
                 return solves, updates
 
     def settle(self, factor: float) -> int:
