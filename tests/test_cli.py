@@ -78,7 +78,7 @@ BAD = [
     ("--load-steps 0", "load steps: got 0, need at least 1"),
     ("--load-steps -2", "load steps: got -2"),
     ("--section-point 4", "option --section-point is not known; did you mean --section-points?"),
-    ("--nonsense 4", "option --nonsense is not known"),
+    ("--push 4", "option --push is not known; of the scene there are: --coils, "),
     ("stray", "stray"),
     ("--section-points 5000", "section control points: got 5000, need an integer from 3 to"),
     ("--coils 100000000", "too many; at most"),

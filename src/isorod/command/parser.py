@@ -25,11 +25,14 @@ class Parser(argparse.ArgumentParser):
     ----------
     elsewhere
         Options that other scenes have, and why they are none of this one.
+    own
+        Options of the scene.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         self.elsewhere: dict[str, str] = {}
+        self.own: list[str] = []
         # argparse itself takes -1e-3, and -1,0,0, for an option.
         self._negative_number_matcher = re.compile(rf"-{_NUMBER}(,-?{_NUMBER})*$")
 
@@ -55,9 +58,11 @@ class Parser(argparse.ArgumentParser):
             word = unknown[0].split("=")[0]
             if word in self.elsewhere:
                 self.error(f"option {word}: {self.elsewhere[word]}")
-            names = [name for action in self._actions for name in action.option_strings]
-            near = difflib.get_close_matches(word, names, 1)
-            self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
+            # Dashes that all have would make all of them near.
+            names = {name.strip("-"): name for action in self._actions for name in action.option_strings}
+            near = difflib.get_close_matches(word.strip("-"), names, 1)
+            known = f"; of the scene there are: {', '.join(self.own)}" if self.own else ""
+            self.error(f"option {word} is not known" + (f"; did you mean {names[near[0]]}?" if near else known))
         return found
 
     @property
@@ -76,7 +81,7 @@ class Parser(argparse.ArgumentParser):
         return action is not None and action.nargs not in (0, "?")
 
 
-def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:
+def add_fields(parser: Parser, scene: Any) -> None:
     """Make each option of a scene a ``--long-option``.
 
     True or false ones (false where not given) take no value, sequences may be repeated.
@@ -86,6 +91,7 @@ def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
         flag = field.metadata.get("flag", "--" + field.name.replace("_", "-"))
+        parser.own.append(flag)
         if typing.get_origin(kind) is Sequence:
             more = {name: field.metadata[name] for name in ("help", "metavar")}
             parser.add_argument(flag, dest=field.name, action="append", **more)

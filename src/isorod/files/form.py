@@ -159,7 +159,9 @@ class Call:
         self.arguments = {one.name: one.default for one in form.parameters.values() if one.name in form.defaults}
         for key, (value, at) in given.items():
             if key not in form.parameters:
-                raise at.unknown_key(form.parameters)
+                # Whoever knows Python writes what it is called there.
+                same = next((f"{k} ({one.words})" for k, one in form.parameters.items() if one.name == key), None)
+                raise at.error(f"is called {same} in a file") if same else at.unknown_key(form.parameters)
             one = form.parameters[key]
             other = next(
                 (k for k in given if k != key and k in form.parameters and form.parameters[k].name == one.name), None
