@@ -161,6 +161,8 @@ def test_contact_that_opens_again_leaves_nothing():
     pressed = [one.obstacles[0] for one in found.path]
     assert abs(pressed[1][1]) > 0.1 and np.abs(pressed[-1]).max() == 0.0
     assert np.abs(found.displacement).max() < 1e-10
+    # No derivative goes along its path.
+    assert not found.settlings
     # What slides without friction changes nothing, and contact is as tight in the middle as in the end.
     pushes = np.array([one.push for one in found.path])
     assert pushes[1:-2] == pytest.approx(pushes[-3], rel=2e-3)
