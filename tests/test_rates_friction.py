@@ -9,8 +9,9 @@ from petsc4py import PETSc
 from test_rates import logarithmic
 from test_rates_path import TIGHT, begun, runs_apart, scene_of
 
-from isorod import choices, files, statics
+from isorod import InputError, choices, files, statics
 from isorod.design import derivatives, parameters
+from isorod.statics import contact_policy
 
 pytestmark = pytest.mark.filterwarnings("ignore:contact 0. contact patch under-resolved", "ignore:stress along the rod")
 
@@ -152,6 +153,15 @@ def test_what_slides_is_dragged_by_what_presses_it(tmp_path):
     )
     assert drag == pytest.approx(-0.3 * push, rel=1e-2)
     assert by_drag == pytest.approx(-push - 0.3 * by_push, rel=1e-2)
+
+
+def test_a_path_that_is_too_long_is_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(contact_policy, "_KEPT", 1)
+    scene = scene_of(tmp_path, BACK, further=FURTHER, onward=ONWARD, penalty=PENALTY)
+    solution = statics.solve(scene.model(), **scene.settings())
+    assert not solution.settlings
+    with pytest.raises(InputError, match="not available with friction"):
+        solution.derivatives(lambda values: parameters.at(scene, values).model(), {MU: 0.3}, scene.measure)
 
 
 def test_the_remainder_of_taylor_falls_with_the_square(back):

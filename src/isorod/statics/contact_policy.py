@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
     from isorod.contact.result import ContactResult
 
+# Displacements along a path are kept for derivatives up to so many numbers, 160 MB.
+_KEPT = 20_000_000
+
 
 class Stage(NamedTuple):
     """An equilibrium on the way to the end of a load step in which contact settles, the end itself the last.
@@ -110,7 +113,8 @@ class ContactPolicy:
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
     settlings
-        How it settled in each of them, with friction: derivatives along the path are of these.
+        How it settled in each of them, with friction: derivatives along the path are of these.  None where paths are
+        too long to be kept.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
@@ -118,7 +122,7 @@ class ContactPolicy:
         self.in_steps = contact.friction is not None or contact.model.times is not None
         # What penalties are multiplied by where a step with friction begins.
         self._begins = 1.0
-        self.settlings = list[Settling]()
+        self.settlings, self._room = list[Settling](), _KEPT
         self._points, self._stages = list[list[tuple[int, int]]](), list[Stage]()
 
     @property
@@ -179,9 +183,12 @@ class ContactPolicy:
                 softer *= CONTROL.softer
             else:
                 self._begins = softer
-                if contact.friction is not None:
+                if contact.friction is not None and self._room > 0:
                     end = Stage(self._end(target), contact.settled().penalties, None)
                     self.settlings.append(Settling(target, contact.ahead, begun, self._points, [*self._stages, end]))
+                    self._room -= end.displacement.size * (len(self._stages) + 2)
+                    if self._room <= 0:
+                        self.settlings.clear()
                 return solves, updates
 
     def settle(self, factor: float) -> int:
