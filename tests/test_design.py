@@ -120,7 +120,7 @@ def test_what_cannot_be_met_ends_with_2_and_says_by_how_much(command, beam, caps
     words = ("--vary", "rod.beam.section.circle=0.9:1.1", "--target", "deflection=-0.1")
     code, out, err = command._run(("design", "beam.toml", *words))
     assert code == 2
-    assert "wanted = -0.1" in out
+    assert "required = -0.1" in out
     assert "targets or limits are not met: deflection = -2.9" in err
     assert "rod.beam.section.circle at its upper bound 1.1" in err
 
@@ -148,7 +148,7 @@ def test_a_search_ends_and_the_model_solved_anew_is_judged(command, beam, monkey
 
     monkeypatch.setattr(design, "solve_anew", other)
     code, _, err = command._run(words)
-    assert code == 2 and "targets or limits are not met: deflection = -1.1, wanted = -1" in err
+    assert code == 2 and "targets or limits are not met: deflection = -1.1, required = -1" in err
 
 
 def test_a_design_that_folds_is_left_for_one_that_does_not(command, twin):

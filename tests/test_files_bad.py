@@ -178,7 +178,6 @@ BARE = "analysis = 'geometry'\n[rod.bar]\n"
             f"{HELD}[measure.f]\nreaction = '{'a' * 3000}'\n",
             r"11: measure.f.reaction: 'a{499}... is not known; known: low, high$",
         ),
-        (f"{HELD}turn = [0, 0, 1]\n", r"10: support.high.turn: is called rotation \(3 numbers, degrees\) in a file"),
         (
             f"{HELD}rotation = [0, 0, 36001]\n",
             "1: analysis: support: got a rotation of 100 turns, need at most 100: a load step takes a quarter turn",

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from isorod.statics.contact_policy import ContactPolicy
@@ -13,6 +14,7 @@ class Contact:
     """Penalties that may fall to a thousandth."""
 
     stiffness, friction, has_defaults, model = 1.0, "some", True, SimpleNamespace(times=None)
+    points, ahead = (), None
 
     def stiffen(self, times):
         self.stiffness *= times
@@ -20,6 +22,9 @@ class Contact:
     def keep(self):
         before = self.stiffness
         return lambda: setattr(self, "stiffness", before)
+
+    def settled(self):
+        return SimpleNamespace(penalties=None)
 
     def place(self, factor):
         pass
@@ -42,7 +47,7 @@ def solver(contact):
         return 3
 
     x = SimpleNamespace(copy=lambda other=None: x)
-    assembler = SimpleNamespace(touching=lambda x, factor: factor)
+    assembler = SimpleNamespace(touching=lambda x, factor: factor, displacement=lambda x, factor: np.zeros(1))
     steps = SimpleNamespace(careful=True)
     return SimpleNamespace(assembler=assembler, x=x, steps=steps, advance=advance, forget_path=lambda: None)
 

@@ -17,12 +17,16 @@ class Springs:
     friction = None
     has_defaults = True
     model = SimpleNamespace(times=None)
+    points, ahead = (), None
 
     def __init__(self):
         self.stiffness = 1.0
 
     def stiffen(self, times):
         self.stiffness *= times
+
+    def settled(self):
+        return SimpleNamespace(penalties=None)
 
 
 class Rubbing(Springs):
@@ -75,7 +79,9 @@ def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
 
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=watched, careful=False),
-        assembler=SimpleNamespace(contact=contact, model=MODEL, touching=lambda x, factor: x),
+        assembler=SimpleNamespace(
+            contact=contact, model=MODEL, touching=lambda x, factor: x, displacement=lambda x, factor: x
+        ),
         x=x,
         advance=advance,
         forget_path=lambda: None,
@@ -165,7 +171,9 @@ def test_with_friction_no_step_is_longer_than_asked_for():
     path = []
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
-        assembler=SimpleNamespace(contact=contact, model=MODEL, touching=lambda x, factor: x),
+        assembler=SimpleNamespace(
+            contact=contact, model=MODEL, touching=lambda x, factor: x, displacement=lambda x, factor: x
+        ),
         x=Place(),
         advance=lambda factor, target: 1,
         forget_path=lambda: None,
@@ -228,10 +236,12 @@ def test_multipliers_change_by_half_as_much_each_time_that_fails(fails):
         if len(tried) <= fails:
             raise Diverged("no equilibrium")
 
-    assembler = SimpleNamespace(touching=lambda x, factor: np.zeros(2))
+    assembler = SimpleNamespace(**dict.fromkeys(("touching", "displacement"), lambda x, factor: np.zeros(2)))
     solver = SimpleNamespace(assembler=assembler, x=None, advance=advance, stabilisation=None)
-    policy = ContactPolicy(solver, SimpleNamespace(friction=None, packed=packed, augment=augment, model=MODEL))
-    problem = policy._update(1.0, in_cells=False)
+    contact = Springs()
+    contact.packed, contact.augment, contact.model = packed, augment, MODEL
+    policy = ContactPolicy(solver, contact)
+    problem = policy._update(1.0, False, np.ones(1))
     count = min(fails + 1, 4)
     assert [one[0] for one in tried] == [1.0 + 8.0 / 2**k for k in range(count)]
     assert (problem is None) == (fails < 4)

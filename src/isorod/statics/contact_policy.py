@@ -186,7 +186,7 @@ class ContactPolicy:
                 if contact.friction is not None and self._room > 0:
                     end = Stage(self._end(target), contact.settled().penalties, None)
                     self.settlings.append(Settling(target, contact.ahead, begun, self._points, [*self._stages, end]))
-                    self._room -= end.displacement.size * (len(self._stages) + 2)
+                    self._room -= np.size(end.displacement) * (len(self._stages) + 2)
                     if self._room <= 0:
                         self.settlings.clear()
                 return solves, updates
