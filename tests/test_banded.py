@@ -94,15 +94,17 @@ def test_several_solutions_are_made_right_once_more():
     rng = np.random.default_rng(0)
     dense = band(rng, 200, 29, 2.0)
     solver, matrix = ksp(dense)
-    right = PETSc.Mat().createDense((200, 3), comm=PETSc.COMM_SELF)
-    right.setUp()
-    right.getDenseArray()[:] = rng.standard_normal((200, 3))
-    right.assemble()
-    found = right.duplicate()
+    forces = PETSc.Mat().createDense((200, 3), comm=PETSc.COMM_SELF)
+    forces.setUp()
+    # Arrays end with their matrices.
+    right = forces.getDenseArray()
+    right[:] = rng.standard_normal((200, 3))
+    forces.assemble()
+    found = forces.duplicate()
     solver.setUp()
-    solver.getPC().matApply(right, found)
+    solver.getPC().matApply(forces, found)
     assert solver.getPC().getPythonContext().negative
-    x, right = found.getDenseArray(), right.getDenseArray()
+    x = found.getDenseArray()
     assert (np.abs(dense @ x - right) / (np.abs(dense) @ np.abs(x) + np.abs(right))).max() < 1e-12
 
 
