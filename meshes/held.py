@@ -54,7 +54,7 @@ class Trace:
         np.add.at(rows, (np.arange(len(rows))[:, None, None], numbers), weights)
         chosen = np.flatnonzero(held.ravel())
         found = np.linalg.lstsq(rows[:, chosen], values, rcond=None)[0]
-        return np.asarray(found[self.space.is_carrier[chosen]].mean(axis=0))
+        return np.asarray(found[self.space.is_control_point[chosen]].mean(axis=0))
 
 
 class Held:
@@ -100,7 +100,7 @@ class Held:
 
     def centre(self, displacement: Array, moved: bool) -> Array:
         """Return the mean of the held carriers' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
-        carriers = self.functions & self.space.is_carrier
+        carriers = self.functions & self.space.is_control_point
         if not moved:
             return np.asarray(self.space.positions[carriers].mean(axis=0))
         change = self._prescribed(1.0)[carriers].mean(axis=0)

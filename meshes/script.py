@@ -160,7 +160,7 @@ def _support(scene: Any, model: Model, mesh: Mesh, k: int) -> str:
     words = [f'"{scene.named(f"support {k}")}"', f'"{support.components}"']
     if motion.turn.any():
         nodes = np.asarray(support.nodes)
-        carriers = space.is_carrier[nodes]
+        carriers = space.is_control_point[nodes]
         centre = (space.positions[nodes] - np.asarray(support.arms))[carriers].mean(axis=0)
         shift = [motion.path[-1][motion.dofs % 3 == a][0] for a in range(3)]
         words += [_vector(shift), f"turn={_vector(motion.turn)}", f"centre={_vector(centre)}"]

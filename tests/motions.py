@@ -54,7 +54,7 @@ def swing(model, size=0.4):
 
 
 def thrown(model, velocity):
-    return np.kron(model.is_carrier, velocity)
+    return np.kron(model.is_control_point, velocity)
 
 
 def velocities(model, size=1.0):
@@ -73,7 +73,7 @@ def moving(model, velocity):
 
 def momenta(model, velocity):
     """Those of the nodes that move with their rod."""
-    return moving(model, velocity) * model.is_carrier[:, None]
+    return moving(model, velocity) * model.is_control_point[:, None]
 
 
 def change_of_momenta(history):
@@ -81,7 +81,7 @@ def change_of_momenta(history):
     own = moving(history.model, history.velocity)
     at_rest = np.concatenate([body.space.positions for body in history.model.bodies])
     places = at_rest + history.displacement.reshape(len(history), -1, 3)
-    momentum = (own * history.model.is_carrier[:, None]).sum(axis=1)
+    momentum = (own * history.model.is_control_point[:, None]).sum(axis=1)
     angular, size = np.cross(places, own).sum(axis=1), np.abs(own).sum()
     found = [np.abs(one - one[0]).max() / size for one in (momentum, angular)]
     return *found, np.abs(angular[0]).max() / size

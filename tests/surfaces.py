@@ -95,7 +95,7 @@ def press_fit(hollow=False, slide=0.0, friction=0.0, degrees=(4, 4), reach=1.0, 
     supports = []
     for b, space in enumerate((hub, shaft)):
         # Held are a face, the mean of its displacements, and its turning: the coefficient of a coordinate.
-        ways = np.outer(space.is_carrier[: space.layer_nodes], [0.0, 0.0, b * slide])
+        ways = np.outer(space.is_control_point[: space.layer_nodes], [0.0, 0.0, b * slide])
         supports.append(Support(np.arange(space.layer_nodes), "z", ways, body=b))
         supports += [Support([0], "xy", body=b), Support([1], "y", body=b)]
     asked = Contact(1, 0, second_surface="inner", friction=friction, **contact)
@@ -124,7 +124,7 @@ def pin(degrees=(6, 8), push=0.02, clearance=0.01, friction=0.0, outer=6.0):
 
 def strip(space, press, **contact):
     """A section in plane strain between two planes, of which one moves by ``press``."""
-    means = np.flatnonzero(space.is_carrier)[:1] if space.layer_nodes > space.is_carrier.sum() else []
+    means = np.flatnonzero(space.is_control_point)[:1] if space.layer_nodes > space.is_control_point.sum() else []
     supports = [Support(np.arange(space.nodes), "z"), *(Support([k], "x") for k in means)]
     planes = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), travel=press)
     contacts = [Contact(0, plane, **contact) for plane in planes]
@@ -144,5 +144,5 @@ def falling(degree=4, friction=0.0):
         Contact(1, 0, 1000.0, points=(3, 4), second_surface="inner", friction=friction),
     ]
     model = Model([Body(space, NeoHookean(1000.0, 0.3), 1.0) for space in spaces], contacts=contacts)
-    speeds = [np.outer(space.is_carrier, [0.2, -1.0, 0.0]) for space in spaces]
+    speeds = [np.outer(space.is_control_point, [0.2, -1.0, 0.0]) for space in spaces]
     return model, np.concatenate(speeds).ravel()

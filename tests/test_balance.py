@@ -115,7 +115,7 @@ def test_a_mixed_model_whose_supports_carry_nothing_is_in_balance(kind):
     with pytest.warns(UserWarning, match="support reactions are at round-off level"):
         solution = statics.solve(model)
     assert np.abs(solution.reactions).max() < 1e-11
-    moved = solution.displacement.reshape(-1, 3)[model.is_carrier]
+    moved = solution.displacement.reshape(-1, 3)[model.is_control_point]
     if kind == "rod":
         np.testing.assert_allclose(moved, np.broadcast_to([1.0, 2.0, 0.0], moved.shape), atol=1e-9)
     else:
@@ -136,7 +136,7 @@ def test_it_is_refused_out_of_balance(size):
     assert out.norm() < 1e-9 * made.inside(x, 1.0)
     # The end is drawn out a little, as a load would.
     pulled = solution.displacement.reshape(-1, 3).copy()
-    pulled[:, 2] += size * model.is_carrier * model.bodies[0].space.positions[:, 2]
+    pulled[:, 2] += size * model.is_control_point * model.bodies[0].space.positions[:, 2]
     x = made.state(pulled.ravel(), solution.pressures)
     made.residual(x, 1.0, out)
     forces = made.reactions(x, 1.0)

@@ -27,7 +27,7 @@ class Almansi:
         return 2 * self.n
 
     @property
-    def is_carrier(self):
+    def is_control_point(self):
         return np.arange(self.count) < self.n
 
     def functions(self, xi):
@@ -84,7 +84,7 @@ def test_motion_is_that_of_the_same_space_in_its_own_basis(spaces, integrator, s
     found = []
     for space in spaces:
         free = Model([Body(space, NeoHookean(10.0, 0.3), 1.0)], [Support.end(space, "start")])
-        velocity = (space.is_carrier[:, None] * space.positions[:, 2:] * np.array([0.3, 0.1, -0.2])).ravel()
+        velocity = (space.is_control_point[:, None] * space.positions[:, 2:] * np.array([0.3, 0.1, -0.2])).ravel()
         run = dynamics.solve(free, 0.4, step, outputs=2, velocity=velocity, integrator=integrator)
         tip = space.displacement(run.displacement[-1], [[0.0, 0.0], [0.9, 0.1]], [space.axis.breaks[-1]])[0]
         found.append(tip)

@@ -240,8 +240,8 @@ def test_bulge_is_half_the_growth_of_the_extent_in_z():
     for k, factor in enumerate((0.1, -0.2)):
         space = model.bodies[k].space
         nodes = slice(model.first_node[k], model.first_node[k + 1])
-        u[nodes, 2] = factor * space.positions[:, 2] + 0.3 * space.is_carrier
-        u[nodes, 0] = 5.0 * space.is_carrier
+        u[nodes, 2] = factor * space.positions[:, 2] + 0.3 * space.is_control_point
+        u[nodes, 0] = 5.0 * space.is_control_point
     forces = np.arange(12.0).reshape(4, 3) - 3.0
     contact = SimpleNamespace(force=7.0)
     found = scene.measure(SimpleNamespace(model=model, displacement=u.ravel(), reactions=forces, contacts=[contact]))

@@ -190,7 +190,7 @@ def test_a_free_rod_moves_with_all_its_mass(integrator):
     """As many points as the degree see no mass in one motion along a rod that nothing holds."""
     space = Space(straight(4.0).sweep(section.circle(8)))
     model = Model([Body(space, NeoHookean(1.0, 0.3), 2.0)])
-    velocity = np.kron(space.is_carrier, [0.1, 0.0, 0.2])
+    velocity = np.kron(space.is_control_point, [0.1, 0.0, 0.2])
     step = 0.05 if integrator == "implicit" else None
     found = dynamics.solve(model, 0.1, step, outputs=1, velocity=velocity, integrator=integrator)
     assert found.displacement[-1] == pytest.approx(0.1 * velocity, abs=1e-8)

@@ -39,7 +39,7 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     """They add up to one, their gradients are their derivatives, and the rod itself is in their space."""
     basis, xi = Graded(8, ARCS), disk_points(0.999, 40)
     values, gradients = basis.functions(xi)
-    np.testing.assert_allclose(values[:, basis.is_carrier].sum(axis=1), 1.0, rtol=1e-13)
+    np.testing.assert_allclose(values[:, basis.is_control_point].sum(axis=1), 1.0, rtol=1e-13)
     for k, step in enumerate(1e-6 * np.eye(2)):
         ahead, behind = (basis.functions(0.99 * xi + way)[0] for way in (step, -step))
         np.testing.assert_allclose(basis.functions(0.99 * xi)[1][:, :, k], (ahead - behind) / 2e-6, atol=1e-6)
@@ -107,7 +107,7 @@ def test_contact_of_graded_sections_is_that_of_the_surface_they_make():
     for model in (even, graded):
         space = model.bodies[0].space
         moved = np.zeros(model.dofs).reshape(-1, 3)
-        moved[space.is_carrier, 1] = -0.03
+        moved[space.is_control_point, 1] = -0.03
         operator = ContactOperator(model)
         forces, energy = operator.forces(moved.ravel())
         if model is even:
@@ -117,14 +117,16 @@ def test_contact_of_graded_sections_is_that_of_the_surface_they_make():
     # Patches are as wide as their own arcs say, not the finest.
     pairs = pressed(Graded(8, (2,) * 8)), pressed(section_points=8)
     coarse, same = (
-        ContactOperator(one).results(-0.03 * np.tile([0.0, 1.0, 0.0], one.dofs // 3) * one.is_carrier.repeat(3))[0]
+        ContactOperator(one).results(-0.03 * np.tile([0.0, 1.0, 0.0], one.dofs // 3) * one.is_control_point.repeat(3))[
+            0
+        ]
         for one in pairs
     )
     assert coarse.cells_across == pytest.approx(same.cells_across, rel=0.3)
     model = pressed(Graded(8, (2,) * 5 + (1,) * 2 + (2,) * 2))
     space, rng = model.bodies[0].space, np.random.default_rng(2)
     moved = 0.002 * rng.standard_normal((model.dofs // 3, 3))
-    moved[space.is_carrier, 1] -= 0.03
+    moved[space.is_control_point, 1] -= 0.03
     operator, way = ContactOperator(model), rng.standard_normal(model.dofs)
     operator.tangent(moved.ravel())
     change = [operator.forces(moved.ravel() + step * way)[0] for step in (1e-7, -1e-7)]
@@ -183,7 +185,7 @@ def test_parallel_cylinders_to_one_per_cent():
 def test_patches_are_where_contact_presses_and_as_wide():
     model = pressed(section_points=16)
     model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
-    moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
+    moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_control_point.repeat(3)
     operator = ContactOperator(model)
     operator.see_better(moved, between=True)
     results = operator.results(moved)
@@ -317,7 +319,7 @@ def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, t
     path.write_text(crossing(told))
     scene = FileScene(str(path))
     model = scene.model()
-    moved = model.is_carrier.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
+    moved = model.is_control_point.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
     moved[3 * int(model.first_node[1]) :] *= -1.0
     results = ContactOperator(model).results(0.02 * moved)
     closer_ = scene.closer(SimpleNamespace(model=model, contacts=results))

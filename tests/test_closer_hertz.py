@@ -31,7 +31,7 @@ def test_displacements_are_taken_to_other_spaces_of_a_rod():
     old, rng = Space(rod, elements=2, degree=2, continuity=1, order=2), np.random.default_rng(5)
     new = closer(rod, [Patch(0.5, 0.3, 0.2, 0.2, 0.1)])
     xi, u = 0.7 * rng.standard_normal((9, 2)) / 3.0, rng.uniform(size=7)
-    bent = np.where(old.is_carrier[:, None], np.sin(old.positions @ rng.standard_normal((3, 3))), 0.0)
+    bent = np.where(old.is_control_point[:, None], np.sin(old.positions @ rng.standard_normal((3, 3))), 0.0)
     before, after = (
         space.displacement(nodal, xi, u)[0] for space, nodal in ((old, bent), (new, transfer(bent, old, new)))
     )
@@ -45,7 +45,7 @@ def test_displacements_are_taken_to_other_spaces_of_a_rod():
 
 def on_plane(press=0.02, **more):
     space = Space.paper(rod_of(), degree=2, order=2)
-    back = np.flatnonzero(space.is_carrier & (space.positions[:, 1] > 0.6))
+    back = np.flatnonzero(space.is_control_point & (space.positions[:, 1] > 0.6))
     supports = [Support(back, "xyz", (0.0, -press, 0.0))]
     plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
     return Model(
@@ -96,7 +96,7 @@ def test_a_patch_between_points_is_found():
     spaces = [Space(rod, elements=8, degree=2, order=2, quadrature="4x2") for rod in (low, high)]
     bodies = [Body(space, LinearElastic(1000.0, 0.3)) for space in spaces]
     backs = [
-        np.flatnonzero(body.space.is_carrier & (sign * (body.space.positions[:, 1] - middle) > 0.6))
+        np.flatnonzero(body.space.is_control_point & (sign * (body.space.positions[:, 1] - middle) > 0.6))
         for body, sign, middle in zip(bodies, (-1.0, 1.0), (0.0, 2.0), strict=True)
     ]
     supports = [Support(backs[0], "xyz"), Support(backs[1], "xyz", (0.0, -0.003, 0.0), 1)]
@@ -105,7 +105,7 @@ def test_a_patch_between_points_is_found():
     assert result.active
     apart = ContactOperator(Model(bodies, contacts=[Contact(0, 1)]))
     moved = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], [one.space.nodes for one in bodies], axis=0)
-    assert not apart.see_better((np.tile(spaces[0].is_carrier, 2)[:, None] * moved).ravel(), between=True)
+    assert not apart.see_better((np.tile(spaces[0].is_control_point, 2)[:, None] * moved).ravel(), between=True)
 
 
 HELD = """

@@ -68,7 +68,7 @@ def test_action_equals_reaction_and_moments_balance(scene):
     displacement = shaken(model)
     _, outcome, forces = forces_at(model, displacement)
     # Each body's k = 0 forces: those of the others are zero.
-    assert not forces[~model.is_carrier].any()
+    assert not forces[~model.is_control_point].any()
     x = reference(model) + displacement.reshape(-1, 3)
     scale = np.abs(forces).sum()
     assert outcome[1] > 0.1
@@ -86,7 +86,7 @@ def test_rigid_motion_turns_the_forces_with_it():
     x = reference(model) + shaken(model).reshape(-1, 3)
     packed, outcome, forces = forces_at(model, shaken(model))
     turned = np.zeros_like(forces)
-    there = add_forces(packed, x @ turn.T + model.is_carrier[:, None] * np.array([1.0, -2.0, 3.0]), turned)
+    there = add_forces(packed, x @ turn.T + model.is_control_point[:, None] * np.array([1.0, -2.0, 3.0]), turned)
     np.testing.assert_allclose(there, outcome, rtol=1e-11)
     np.testing.assert_allclose(turned, forces @ turn.T, atol=1e-11 * np.abs(forces).max())
 

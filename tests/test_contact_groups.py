@@ -190,7 +190,7 @@ def test_a_point_that_leaves_one_body_meets_the_other_at_once():
     packed, base = pack(model), reference(model)
     mobile = np.arange(base.shape[0])[:, None] >= model.first_node[2]
     for way in (0.0, 2.2, 0.1, 2.1, -2.2, 0.0, 2.0):
-        x = base + mobile * model.is_carrier[:, None] * np.array([way, 0.0, 0.0])
+        x = base + mobile * model.is_control_point[:, None] * np.array([way, 0.0, 0.0])
         assert_as_fresh(packed, pack(model), x, rtol=1e-10)
 
 

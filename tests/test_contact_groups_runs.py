@@ -40,7 +40,7 @@ def thrown(friction=0.0, speed=2.0):
     model = Model([Body(space, LAW, 2.0) for space in spaces], contacts=[contact])
     velocity = np.zeros((model.dofs // 3, 3))
     body = np.searchsorted(model.first_node, np.arange(model.dofs // 3), side="right") - 1
-    velocity[:, 1] = speed * np.array([1.0, 0.0, -1.0])[body] * model.is_carrier
+    velocity[:, 1] = speed * np.array([1.0, 0.0, -1.0])[body] * model.is_control_point
     return model, velocity.ravel()
 
 
@@ -98,9 +98,9 @@ def test_a_coil_that_closes_on_itself_keeps_momentum():
     """A free helix whose ends fly towards each other."""
     space = coil()
     model = Model([Body(space, LAW, 2.0)], contacts=[Contact(0, None, 300.0, points=(3, 4))])
-    height = space.positions[:, 2] * space.is_carrier
+    height = space.positions[:, 2] * space.is_control_point
     velocity = np.zeros((space.nodes, 3))
-    velocity[:, 2] = -3.0 * (height - height[space.is_carrier].mean()) * space.is_carrier
+    velocity[:, 2] = -3.0 * (height - height[space.is_control_point].mean()) * space.is_control_point
     history = dynamics.solve(model, 0.2, outputs=5, velocity=velocity.ravel())
     assert history.contact_force.max() > 1.0
     carried = momenta(model, history.velocity)

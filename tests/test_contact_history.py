@@ -141,7 +141,7 @@ def test_a_rod_that_nears_an_obstacle_is_not_looked_at_before(cylinder, obstacle
     touched, sought = 0, []
     for t in np.linspace(0.0, 2.0 * np.pi, 300):
         moved_by = zero.copy()
-        moved_by[::3] = np.where(model.is_carrier, -0.7 + 0.7 * np.cos(t), 0.0)
+        moved_by[::3] = np.where(model.is_control_point, -0.7 + 0.7 * np.cos(t), 0.0)
         for one in (lazy, thorough):
             one.place(0.5 - 0.5 * np.cos(t))
         thorough.packed.look_everywhere()
@@ -219,7 +219,7 @@ def test_what_is_known_to_be_far_changes_no_force_of_a_coil_that_is_shaken_hard(
     model = Model([Body(space, LAW, 1.0)], contacts=[Contact(0, penalty=30.0)])
     known, fresh = (ContactOperator(model, PETSc.COMM_SELF) for _ in range(2))
     rng, pressed = np.random.default_rng(0), 0
-    places = (space.positions - space.positions[space.is_carrier].mean(axis=0)) * space.is_carrier[:, None]
+    places = (space.positions - space.positions[space.is_control_point].mean(axis=0)) * space.is_control_point[:, None]
     for _ in range(30):
         turn, bend = 0.3 * rng.standard_normal((3, 3)), 0.06 * rng.standard_normal((3, 3))
         motion = (places @ turn.T + places * np.roll(places, 1, axis=1) @ bend.T).ravel()

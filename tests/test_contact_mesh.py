@@ -299,4 +299,4 @@ def test_the_resultant_of_a_mesh_is_the_sum_of_its_forces():
     (result,) = ContactOperator(model).results(displacement)
     _, _, forces = forces_at(model, displacement)
     assert result.force > 0.0
-    np.testing.assert_allclose(result.resultant, forces[model.is_carrier].sum(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(result.resultant, forces[model.is_control_point].sum(axis=0), rtol=1e-9)

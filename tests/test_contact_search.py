@@ -23,7 +23,7 @@ def approached(model, way):
     """Positions of the nodes when each body has gone a way towards the other."""
     x = reference(model)
     first = np.arange(x.shape[0]) < model.first_node[1]
-    x[:, 1] += way * np.where(first, 1.0, -1.0) * model.is_carrier
+    x[:, 1] += way * np.where(first, 1.0, -1.0) * model.is_control_point
     return x
 
 
@@ -58,7 +58,7 @@ def wandering(model, halves, seed, steps, scale=1.0):
     ways = np.zeros((parts.max() + 1, 3))
     for _ in range(steps):
         ways += rng.exponential(0.1) * rng.uniform(-1.0, 1.0, ways.shape) * scale - 0.05 * ways
-        yield start + ways[parts.astype(int)] * model.is_carrier[:, None]
+        yield start + ways[parts.astype(int)] * model.is_control_point[:, None]
 
 
 SELF = groups.pin, groups.spring
@@ -102,7 +102,7 @@ def test_a_rod_that_was_too_far_to_be_listed_comes_near_before_the_next_list_is_
         one.listed[0] = 5.0
     assert_as_fresh(packed, fresh, x)
     for ways in ([0.0, 2.0], [2.0, 0.0], [0.0, -2.0]), ([0.0, 0.9], [0.0, 0.0], [0.0, -0.9]):
-        x[:, :2] += np.repeat(ways, np.diff(model.first_node), axis=0) * model.is_carrier[:, None]
+        x[:, :2] += np.repeat(ways, np.diff(model.first_node), axis=0) * model.is_control_point[:, None]
         touch, _ = assert_as_fresh(packed, fresh, x)
     assert touch
 
@@ -114,8 +114,8 @@ def test_rods_apart_and_far_from_the_origin_have_closest_points(seed):
     turn, rng = rotation((0.6, 0.5, 0.4)), np.random.default_rng(seed)
     for _ in range(10):
         x = approached(model, 0.0)
-        x[model.first_node[1] :, 2] += rng.uniform(-0.3, 0.3) * model.is_carrier[model.first_node[1] :]
-        x = x @ turn.T + (rng.uniform(-0.3, 0.3, 3) + 200.0) * model.is_carrier[:, None]
+        x[model.first_node[1] :, 2] += rng.uniform(-0.3, 0.3) * model.is_control_point[model.first_node[1] :]
+        x = x @ turn.T + (rng.uniform(-0.3, 0.3, 3) + 200.0) * model.is_control_point[:, None]
         assert add_forces(pack(model), x, np.zeros_like(x))[1] == 0.0
 
 

@@ -170,7 +170,7 @@ def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
 
     def moved(way, below=0.0):
         found = np.zeros((count // 3, 3))
-        found[: model.dofs // 3][model.bodies[0].space.is_carrier] = way
+        found[: model.dofs // 3][model.bodies[0].space.is_control_point] = way
         found[model.dofs // 3 :, 2] = below
         return found.ravel()
 

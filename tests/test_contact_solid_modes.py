@@ -102,7 +102,7 @@ def test_a_heavy_bar_on_an_elastic_block_is_a_mass_on_a_spring(given, least, mos
     for factor in (0.99, 1.01):
         model = resting(factor * weight, *given)
         space, state = model.bodies[0].space, statics.solve(model, petsc={"snes_rtol": 1e-12})
-        lengths.append(state.displacement.reshape(-1, 3)[space.is_carrier, 2].mean())
+        lengths.append(state.displacement.reshape(-1, 3)[space.is_control_point, 2].mean())
     exact = np.sqrt(0.02 * weight / (lengths[0] - lengths[1])) / (2.0 * np.pi)
     modes = modal.solve(resting(weight, *given), 2)
     assert modes.rigid == 0 and modes.frequencies[1] > 10.0 * modes.frequencies[0]

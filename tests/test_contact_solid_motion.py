@@ -40,13 +40,13 @@ def flying(law=STIFF, height=0.01, shape="hexahedron", penalty=PENALTY, density=
 def thrown(model, ahead, spin=(0.0, 0.0, 0.0)):
     """Return the initial velocity of a bar, and of a body that turns with it."""
     space, (solid,) = model.bodies[0].space, model.solids
-    turning = np.cross(spin, space.positions) + space.is_carrier[:, None] * np.array(ahead)
+    turning = np.cross(spin, space.positions) + space.is_control_point[:, None] * np.array(ahead)
     return {"velocity": turning.ravel(), "solids": [(0.0, np.cross(spin, solid.positions).ravel())]}
 
 
 def means(history):
     """Return the mean velocity of a bar and of a body at outputs."""
-    carries = history.model.bodies[0].space.is_carrier
+    carries = history.model.bodies[0].space.is_control_point
     rods, others = (one.reshape(len(history), -1, 3) for one in (history.velocity, history.solid_velocity))
     return rods[:, carries].mean(axis=1), others.mean(axis=1)
 
@@ -94,7 +94,7 @@ def test_energy_errs_by_the_square_of_the_step_and_both_momenta_do_not():
     model, errors = flying(NeoHookean(30.0, 0.3)), []
     heavy = StepAssembler(model)
     rest = np.concatenate([model.bodies[0].space.positions, model.solids[0].positions])
-    carries = np.append(model.bodies[0].space.is_carrier, np.ones(model.solids[0].nodes))
+    carries = np.append(model.bodies[0].space.is_control_point, np.ones(model.solids[0].nodes))
     for steps in (20, 40, 80):
         given = thrown(model, (0.02, 0.03, -0.1), (0.1, 0.2, -0.1))
         found = dynamics.solve(model, 1.6, 1.6 / steps, outputs=8, integrator="implicit", **given)
@@ -210,7 +210,7 @@ def slid(friction, time, steps, **more):
         time / steps,
         integrator="implicit",
         displacement=rest.displacement,
-        velocity=(space.is_carrier[:, None] * np.array([0.15, 0.0, 0.0])).ravel(),
+        velocity=(space.is_control_point[:, None] * np.array([0.15, 0.0, 0.0])).ravel(),
         solids=[(rest.solids[0], 0.0)],
         **({"outputs": 10} | more),
     )
@@ -224,7 +224,7 @@ def test_friction_stops_what_slides():
     assert rod[:10] == pytest.approx(0.15 - rate * found.times[:10], abs=0.02 * 0.15)
     assert np.abs(rod[-1]) < 0.1 * 0.15
     space = found.model.bodies[0].space
-    gone = found.displacement[-1].reshape(-1, 3)[space.is_carrier, 0].mean()
+    gone = found.displacement[-1].reshape(-1, 3)[space.is_control_point, 0].mean()
     assert gone == pytest.approx(0.15**2 / (2.0 * rate), rel=0.02)
     assert found.dissipated[-1] == pytest.approx(found.kinetic[0], rel=0.02)
     assert np.abs(found.energy_error).max() < 2e-3

@@ -84,7 +84,7 @@ def test_load_forces_include_contact_of_held_nodes(petsc_options):
     """A bar all held moves onto another: its prescribed motion acts through contact alone."""
     model = crossing(gap=-0.02, press=0.01)
     high = model.bodies[1].space
-    everything = Support(np.arange(high.nodes), "xyz", high.is_carrier[:, None] * np.array([0.0, -0.01, 0.0]), 1)
+    everything = Support(np.arange(high.nodes), "xyz", high.is_control_point[:, None] * np.array([0.0, -0.01, 0.0]), 1)
     model = replace(model, supports=[*model.supports[:2], everything])
     assembler = Assembler(model)
     assert_load_forces_are_differences(assembler)

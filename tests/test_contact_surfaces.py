@@ -62,7 +62,7 @@ def test_forces_and_moments_are_in_balance(scene):
     size = sum(one.force for one in results)
     # They touch; how hard depends on the signs of the section's functions, which are LAPACK's.
     assert size > 0.01
-    assert forces[model.is_carrier].sum(axis=0) == pytest.approx(expected, abs=1e-12 * size)
+    assert forces[model.is_control_point].sum(axis=0) == pytest.approx(expected, abs=1e-12 * size)
     if len(model.contacts) == 1 and scene is not mandrel:
         places = reference(model) + displacement.reshape(-1, 3)
         # Reactions act at the projections, off the points by the gap: without friction moments are in balance.
@@ -77,7 +77,7 @@ def test_the_forces_turn_with_the_bodies():
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     at = reference(model) + displacement.reshape(-1, 3)
-    carriers = model.is_carrier[:, None]
+    carriers = model.is_control_point[:, None]
     rotated = at @ turn.T + carriers * np.array([3.0, -1.0, 2.0])
     forces = operator.forces(displacement)[0].reshape(-1, 3)
     other = operator.forces((rotated - reference(model)).ravel())[0].reshape(-1, 3)

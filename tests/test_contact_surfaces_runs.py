@@ -95,7 +95,7 @@ def test_a_hollow_rod_with_one_in_it_thrown_on_a_plane_keeps_the_balance(integra
     assert energy == pytest.approx(energy[0], rel=2e-3)
     assert run.contact_energy.max() > 0.01 * energy[0]
     assert bool(run.dissipated[-1] > 1e-3 * energy[0]) is bool(friction)
-    assert run.velocity[-1].reshape(-1, 3)[model.is_carrier][:, 1].max() > 0.0
+    assert run.velocity[-1].reshape(-1, 3)[model.is_control_point][:, 1].max() > 0.0
     assert np.abs(run.momentum_error).max() < (1e-10 if integrator == "explicit" else 1e-6)
 
 

@@ -88,7 +88,7 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta():
     mass.scaling = mass.scaling_for(history.time_step, critical)
     moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
     places = space.positions + history.displacement.reshape(moving.shape)
-    momentum, angular = (model.is_carrier[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
+    momentum, angular = (model.is_control_point[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
     size = np.abs(moving).sum()
     print(f"momentum {np.ptp(momentum, axis=0).max() / size:.1e}, angular {np.ptp(angular, axis=0).max() / size:.1e}")
     assert np.abs(momentum - momentum[0]).max() < 1e-11 * size

@@ -105,7 +105,7 @@ def test_the_patch_is_known_where_it_stays(hit):
 def test_a_patch_that_slides_along_a_bar_wanders(tmp_path):
     model = thrown(tmp_path, 0.5)
     velocity = [body.initial_velocity.copy() for body in model.bodies]
-    velocity[0][:, 1] += 6.0 * model.bodies[0].space.is_carrier
+    velocity[0][:, 1] += 6.0 * model.bodies[0].space.is_control_point
     found = dynamics.solve(model, 0.4, outputs=20, velocity=np.concatenate(velocity).ravel())
     assert found.contacts[0].wanders
 

@@ -256,7 +256,7 @@ def test_frozen_contact_is_that_of_the_equilibrium():
     assembler.residual(x, 1.0, out)
     forces = frozen.forces(solution.displacement)[0]
     assert out.norm() < 1e-5 * np.linalg.norm(forces)
-    assert np.abs(forces.reshape(-1, 3)[model.is_carrier].sum(axis=0)).max() < 1e-9 * np.abs(forces).sum()
+    assert np.abs(forces.reshape(-1, 3)[model.is_control_point].sum(axis=0)).max() < 1e-9 * np.abs(forces).sum()
     way = np.random.default_rng(0).normal(size=model.dofs)
     change = forces - frozen.forces(solution.displacement + way)[0]
     tangent = csr_matrix((frozen.tangent(way), (frozen.rows, frozen.columns)), shape=(model.dofs, model.dofs))

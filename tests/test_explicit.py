@@ -36,7 +36,7 @@ def deformed(model, stretch, seed=0):
     """A random homogeneous deformation and some noise, with the size asked for."""
     rng = np.random.default_rng(seed)
     positions = np.concatenate([body.space.positions for body in model.bodies])
-    noise = np.where(model.is_carrier[:, None], 1.0, 0.2) * rng.standard_normal(positions.shape)
+    noise = np.where(model.is_control_point[:, None], 1.0, 0.2) * rng.standard_normal(positions.shape)
     displacement = (positions @ (np.diag(stretch) - np.eye(3)) + 0.05 * noise).ravel()
     displacement[model.held] = model.values
     return displacement

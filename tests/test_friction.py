@@ -87,7 +87,7 @@ def test_rigid_motion_turns_the_forces_with_it():
 
     spent, forces, slid = at(x)
     assert 2 < slid < (packed.states["pressure"] > 0.0).sum() - 2
-    there, turned, also_slid = at(x @ turn.T + model.is_carrier[:, None] * np.array([1.0, -2.0, 3.0]))
+    there, turned, also_slid = at(x @ turn.T + model.is_control_point[:, None] * np.array([1.0, -2.0, 3.0]))
     assert also_slid == slid
     assert there[0] == pytest.approx(spent[0], rel=1e-10)
     np.testing.assert_allclose(turned, forces @ turn.T, atol=1e-11 * np.abs(forces).max())
@@ -107,7 +107,7 @@ def sliding(breaks, second=None, friction=0.3):
     seen = []
     for t in np.linspace(0.0, 1.0, 41):
         displacement = np.zeros((model.dofs // 3, 3))
-        displacement[mobile & model.is_carrier] = [0.05 * np.sin(4.0 * t), 0.0, 2.5 + t]
+        displacement[mobile & model.is_control_point] = [0.05 * np.sin(4.0 * t), 0.0, 2.5 + t]
         operator.accept(displacement.ravel())
         operator.forces(displacement.ravel())
         seen.append(operator.friction.tables.tractions[operator.packed.passes["first_point"][0] :][:192].copy())
@@ -131,7 +131,7 @@ def test_other_points_go_on_from_where_these_were(friction):
     model = pair()
     model = rubbing(replace(model, contacts=model.contacts[:1]), friction)
     way, second = np.zeros((model.dofs // 3, 3)), model.first_node[1]
-    way[second:] = model.is_carrier[second:, None] * np.array([0.0, 2e-3, 3e-3])
+    way[second:] = model.is_control_point[second:, None] * np.array([0.0, 2e-3, 3e-3])
     start = shaken(model, 1e-3)
     coarse, fine = (
         ContactOperator(replace(model, contacts=[replace(model.contacts[0], points=points)]))
@@ -189,7 +189,7 @@ def squeezed(friction, penalty=3e4):
     planes = [Plane((0.0, side * 0.98, 0.0), (0.0, -side, 0.0)) for side in (-1.0, 1.0)]
     contacts = [Contact(0, plane, penalty, points=(4, 3), friction=friction) for plane in planes]
     model = Model([Body(space, STIFF, density=1.0)], [], contacts=contacts)
-    return model, (model.is_carrier[:, None] * np.array([0.0, 0.0, 1.0])).ravel()
+    return model, (model.is_control_point[:, None] * np.array([0.0, 0.0, 1.0])).ravel()
 
 
 @cache
@@ -211,7 +211,7 @@ def test_a_sliding_rod_slows_down_as_coulomb_says_and_stops(integrator, step, en
     given = {"displacement": displacement, "velocity": speed * along, "integrator": integrator}
     history = dynamics.solve(model, 1.2 * speed / slowing, step, 12, **given)
     momenta = Mass(model, np.arange(model.dofs)).momenta
-    mean = [momenta(v).reshape(-1, 3)[model.is_carrier, 2].sum() / mass for v in history.velocity]
+    mean = [momenta(v).reshape(-1, 3)[model.is_control_point, 2].sum() / mass for v in history.velocity]
     print(integrator, history.steps, mean[:9], slowing, np.abs(history.energy_error).max())
     # After the springs are stretched, and before it stops.
     measured = (mean[1] - mean[8]) / (history.times[8] - history.times[1])
@@ -228,7 +228,7 @@ def test_what_sticks_does_not_creep():
     displacement, _ = at_rest()
     model, along = squeezed(0.5, 3e3)
     history = dynamics.solve(model, 6.0, 1e-3, 6, damping=6.0, displacement=displacement, velocity=2e-3 * along)
-    middle = [u.reshape(-1, 3)[model.is_carrier, 2].mean() for u in history.displacement]
+    middle = [u.reshape(-1, 3)[model.is_control_point, 2].mean() for u in history.displacement]
     print(middle, history.contact_energy)
     assert abs(middle[-1]) < 1e-3 * np.abs(middle).max()
 
@@ -251,7 +251,7 @@ def lying():
 def center(model, values):
     """Return the mean along the axis of a vector of degrees of freedom, by mass."""
     momentum = Mass(model, np.arange(model.dofs)).momenta
-    return momentum(values).reshape(-1, 3)[model.is_carrier, 2].sum() / (3.0 * np.pi)
+    return momentum(values).reshape(-1, 3)[model.is_control_point, 2].sum() / (3.0 * np.pi)
 
 
 def test_a_rod_slides_down_a_steep_incline():
@@ -284,7 +284,7 @@ def test_rods_that_strike_and_rub_keep_the_balance():
     bodies = [Body(one, STIFF, density=1.0) for one in (space, Space.paper(thin, degree=2, quadrature="auto"))]
     model = Model(bodies, contacts=[Contact(0, 1, 3e3, points=(6, 6), friction=0.3)])
     velocity = np.zeros((model.dofs // 3, 3))
-    velocity[model.first_node[1] :] = model.is_carrier[model.first_node[1] :, None] * np.array([0.3, -1.0, 1.5])
+    velocity[model.first_node[1] :] = model.is_control_point[model.first_node[1] :, None] * np.array([0.3, -1.0, 1.5])
     history = dynamics.solve(model, 0.6, 5e-4, 12, velocity=velocity.ravel())
     print(history.penetration.max(), history.dissipated[-1] / history.kinetic[0], np.abs(history.energy_error).max())
     assert history.dissipated[-1] > 0.15 * history.kinetic[0]

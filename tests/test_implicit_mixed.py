@@ -111,9 +111,9 @@ def test_bodies_whose_pressures_are_chosen_pass_on_their_momentum(cylinder):
     other = Rod(rod.axis, rod.control_points + np.array([2.05 * RADIUS, 0.0, 0.3 * LENGTH]))
     spaces = [Space.paper(one, degree=2, order=2, quadrature="auto") for one in (rod, other)]
     model = Model([Body(one, NeoHookean(E, 0.4999), DENSITY) for one in spaces], contacts=[Contact(0, 1, 1000.0)])
-    first = np.arange(len(model.is_carrier)) < model.first_node[1]
+    first = np.arange(len(model.is_control_point)) < model.first_node[1]
     history = implicit(
-        model, 0.7, 0.02, outputs=7, velocity=np.outer(model.is_carrier & first, [0.4, 0.0, 0.0]).ravel()
+        model, 0.7, 0.02, outputs=7, velocity=np.outer(model.is_control_point & first, [0.4, 0.0, 0.0]).ravel()
     )
     print(f"energy {np.abs(history.energy_error).max():.1e}, momentum {np.abs(history.momentum_error).max():.1e}")
     assert {body.formulation for body in history.model.bodies} == {"mixed"}
@@ -124,8 +124,8 @@ def test_bodies_whose_pressures_are_chosen_pass_on_their_momentum(cylinder):
     _, angular, begun = change_of_momenta(history)
     assert angular < 1e-10 * begun
     # Of what it had the one that was thrown keeps less than it gives.
-    given = (model.is_carrier & ~first) @ moving[-1, :, 0]
-    assert 0.5 < given / (model.is_carrier @ moving[0, :, 0]) < 1.0
+    given = (model.is_control_point & ~first) @ moving[-1, :, 0]
+    assert 0.5 < given / (model.is_control_point @ moving[0, :, 0]) < 1.0
 
 
 def test_explicit_steps_say_that_they_take_displacements(cylinder):

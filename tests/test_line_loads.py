@@ -19,7 +19,7 @@ def bent():
 
 
 def resultants(own, nodal):
-    return nodal[own.is_carrier].sum(axis=0), np.cross(own.positions, nodal).sum(axis=0)
+    return nodal[own.is_control_point].sum(axis=0), np.cross(own.positions, nodal).sum(axis=0)
 
 
 def test_a_line_load_is_its_length_times_the_force():

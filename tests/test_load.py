@@ -22,7 +22,7 @@ def test_work_of_loads_on_rigid_motions(name):
     weight = BodyForce(tuple(force / volume)).nodal(space)
     xi = [[0.0, 0.0]]
     for nodal in (end, weight):
-        assert nodal[space.is_carrier].sum(axis=0) == pytest.approx(force, rel=1e-8)
+        assert nodal[space.is_control_point].sum(axis=0) == pytest.approx(force, rel=1e-8)
     places = np.array([space.rod.grid(table.xi, u)[0] for u in table.u])
     centroid = np.einsum("etq,etqa->a", table.weights, places) / volume
     top = space.rod.grid(xi, [space.axis.breaks[-1]])[0][0, 0]
@@ -37,7 +37,7 @@ def test_section_load_inside_is_that_of_the_end_when_it_gets_there():
         SectionLoad.end(space, "end", (1.0, 2.0, 3.0)).nodal(space), abs=1e-15
     )
     inside = SectionLoad((1.0, 2.0, 3.0), u=0.4).nodal(space)
-    assert inside[space.is_carrier].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0])
+    assert inside[space.is_control_point].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0])
 
 
 def test_bar_under_end_load_and_weight_is_stretched_as_in_one_dimension():

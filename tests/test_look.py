@@ -49,7 +49,7 @@ def model():
 def bending(model, size):
     """Return a displacement along x that grows with the square of the height."""
     positions = model.bodies[0].space.positions
-    values = size * (model.bodies[0].space.is_carrier * (positions[:, 2] / 6.0) ** 2)
+    values = size * (model.bodies[0].space.is_control_point * (positions[:, 2] / 6.0) ** 2)
     return (values[:, None] * [1.0, 0.0, 0.0]).ravel()
 
 

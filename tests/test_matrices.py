@@ -118,7 +118,7 @@ def test_the_folder_says_what_is_in_it(written):
         nodes = list(csv.DictReader(file))
     space = Blade().model().bodies[0].space
     assert np.array_equal([[float(row[axis]) for axis in "xyz"] for row in nodes], space.positions)
-    assert [row["carrier"] == "1" for row in nodes] == space.is_carrier.tolist()
+    assert [row["carrier"] == "1" for row in nodes] == space.is_control_point.tolist()
 
 
 def bar(law=None, supports=None, density=3.0, **more):
@@ -163,7 +163,7 @@ def test_a_free_body_has_its_mass_and_no_stiffness_against_translation():
     model = bar(supports=lambda space: [])
     for lumped in (False, True):
         found = matrices(model, lumped=lumped)
-        way = np.tile([1.0, 0.0, 0.0], model.dofs // 3) * np.repeat(model.is_carrier, 3)
+        way = np.tile([1.0, 0.0, 0.0], model.dofs // 3) * np.repeat(model.is_control_point, 3)
         assert np.array_equal(found.expansion @ way, way)
         assert way @ (found.mass @ way) == pytest.approx(3.0 * model.bodies[0].space.rod.volume(), rel=1e-12)
         assert np.abs(found.stiffness @ way).max() < 1e-12 * found.stiffness.max()

@@ -68,7 +68,7 @@ def test_load_forces_include_contact_of_held_nodes():
     """The bar without pressures, all held, moves onto the other: its prescribed motion acts through contact alone."""
     model = crossing(gap=-0.02)
     high = model.bodies[1].space
-    everything = Support(np.arange(high.nodes), "xyz", high.is_carrier[:, None] * np.array([0.0, -0.01, 0.0]), 1)
+    everything = Support(np.arange(high.nodes), "xyz", high.is_control_point[:, None] * np.array([0.0, -0.01, 0.0]), 1)
     assembler = MixedAssembler(replace(model, supports=[*model.supports[:2], everything]))
     assert_load_forces_are_differences(assembler)
 

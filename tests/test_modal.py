@@ -191,7 +191,7 @@ def test_total_mass_is_density_times_volume(name, lumped, bar):
     expected = model.bodies[0].density * space.rod.volume()
     for a in range(3):
         shift = np.zeros((space.nodes, 3))
-        shift[space.is_carrier, a] = 1.0
+        shift[space.is_control_point, a] = 1.0
         exact = name in ("straight", "slender", "order 2", "polynomials")
         assert shift.ravel() @ mass @ shift.ravel() == pytest.approx(expected, rel=1e-12 if exact else 2e-4)
 

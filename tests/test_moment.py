@@ -47,7 +47,7 @@ def test_resultants_wherever_the_section_is():
         turned = own.positions @ (np.diag([1.3, 0.8, 1.1]) @ rotation((1.0, 2.0, -0.7))) - own.positions
         change = assembler._pressing[0].forces(assembler.parts[0].nodal(assembler.local(turned.ravel())))
         forces = assembler.everywhere(assembler._sums([assembler.parts[0].padded(change)])).reshape(-1, 3)
-        assert forces[own.is_carrier].sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+        assert forces[own.is_control_point].sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
         assert np.cross(own.positions + turned, forces).sum(axis=0) == pytest.approx(moment, rel=1e-10)
 
 

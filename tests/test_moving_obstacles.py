@@ -109,7 +109,7 @@ def belt(speed, friction=0.1):
     planes = [Plane((0.0, side * 0.98, 0.0), (0.0, -side, 0.0), motion=motion) for side in (-1.0, 1.0)]
     contacts = [Contact(0, plane, 3e3, points=(4, 3), friction=friction) for plane in planes]
     model = Model([Body(space, STIFF, density=1.0)], [], contacts=contacts)
-    return model, (model.is_carrier[:, None] * np.array([0.0, 0.0, 1.0])).ravel()
+    return model, (model.is_control_point[:, None] * np.array([0.0, 0.0, 1.0])).ravel()
 
 
 @pytest.mark.filterwarnings("ignore:time step")

@@ -19,7 +19,7 @@ def thrown(penalty, friction=0.0):
     model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty, friction=friction, points=(3, 3))])
     model = replace(model, supports=[Support.end(model.bodies[0].space, end) for end in ("start", "end")])
     velocity = np.zeros((model.dofs // 3, 3))
-    velocity[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
+    velocity[model.first_node[1] :, 1] = -4.0 * model.is_control_point[model.first_node[1] :]
     return model, velocity.ravel()
 
 
@@ -97,7 +97,7 @@ def test_ways_through_each_other_are_seen_however_long_the_step(turn):
     model, passing = watched(Contact(0, 1), (0.0, 2.1, 0.0), turn=turn)
     rest, carriers = (
         np.zeros((model.dofs // 3, 3)),
-        model.is_carrier & (np.arange(model.dofs // 3) >= model.first_node[1]),
+        model.is_control_point & (np.arange(model.dofs // 3) >= model.first_node[1]),
     )
     for way, through in (((0.0, -0.5, 0.0), False), ((0.0, -4.2, 0.0), True), ((0.0, -9e3, 0.0), True)):
         moved = rest + carriers[:, None] * np.array(way)
@@ -116,7 +116,7 @@ def test_ways_through_a_rigid_obstacle_are_seen(obstacle):
     model, passing = watched(Contact(0, obstacle))
     rest = np.zeros((model.dofs // 3, 3))
     for way, through in ((0.3, False), (-0.3, False), (-3.2, True)):
-        moved = rest + model.is_carrier[:, None] * np.array([0.0, way, 0.0])
+        moved = rest + model.is_control_point[:, None] * np.array([0.0, way, 0.0])
         said = passing.passed(rest.ravel(), moved.ravel())
         assert (said is not None and "through the obstacle of contact 0" in said) is through
 
@@ -126,7 +126,7 @@ def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
     model = Model([Body(space, LAW)], contacts=[Contact(0)])
     passing = Passing(model)
     rest = np.zeros((space.nodes, 3))
-    squeeze = rest - np.where(space.is_carrier, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
+    squeeze = rest - np.where(space.is_control_point, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
     assert passing.passed(rest.ravel(), 0.2 * squeeze.ravel()) is None
     assert "body 0 at u" in passing.passed(rest.ravel(), 2.0 * squeeze.ravel())
 
@@ -134,7 +134,7 @@ def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
 def test_a_way_is_free_until_rods_enter_each_other_by_a_fifth_of_a_radius():
     model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, 100.0)])
     start, way = np.zeros(model.dofs), np.zeros((model.dofs // 3, 3))
-    way[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
+    way[model.first_node[1] :, 1] = -4.0 * model.is_control_point[model.first_node[1] :]
     watch = Passing(model)
     # Of a way of four radii 0.3 are free: the gap and a fifth of a radius.
     assert watch.free(start, way.ravel()) == 0.0625

@@ -54,8 +54,8 @@ def test_a_patch_holds_no_more_nodes_than_act_there(space):
     nodes = Support.patch(space, AROUND, ALONG).nodes
     whole = Support.patch(space, (0.0, 360.0), (0.0, 10.0)).nodes
     assert set(nodes) < set(whole)
-    assert space.is_carrier[whole].all()
-    assert len(whole) == np.count_nonzero(space.is_carrier)
+    assert space.is_control_point[whole].all()
+    assert len(whole) == np.count_nonzero(space.is_control_point)
     # Two elements of degree 2 have 4 layers; 70 degrees meet three arcs of 45, on which five functions live.
     assert len(nodes) == 4 * 5
 

@@ -27,7 +27,7 @@ def bar(height=6.0, **keywords):
 
 
 def moved(model, displacement):
-    carriers = model.bodies[0].space.is_carrier[:, None]
+    carriers = model.bodies[0].space.is_control_point[:, None]
     return State(model, (carriers * np.broadcast_to(displacement, (carriers.size, 3))).ravel())
 
 

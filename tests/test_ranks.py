@@ -43,7 +43,7 @@ def layers(law=STIFF):
 
 def swing(model):
     """Velocities that bend, one body after the other."""
-    moving = [body.space.positions[:, 2] * body.space.is_carrier for body in model.bodies]
+    moving = [body.space.positions[:, 2] * body.space.is_control_point for body in model.bodies]
     return np.outer(np.concatenate(moving), [0.1, 0.02, 0.0]).ravel()
 
 
@@ -51,7 +51,7 @@ def ring():
     """A closed rod, whose first elements are beside the last ones, and what makes it an oval."""
     space = Space.paper(arc(4.0, 360.0).sweep(circle(4, 0.5)), elements=8, degree=2, quadrature="auto")
     model = Model([Body(space, STIFF, density=2.0)])
-    velocity = space.positions * space.is_carrier[:, None] * [0.05, -0.05, 0.0]
+    velocity = space.positions * space.is_control_point[:, None] * [0.05, -0.05, 0.0]
     return model, velocity.ravel()
 
 
@@ -68,7 +68,7 @@ def rubbing():
     model = Model(bodies, contacts=contacts)
     velocity = np.zeros((model.dofs // 3, 3))
     velocity[int(model.first_node[1]) :] = [0.3, -0.5, -0.1]
-    velocity *= model.is_carrier[:, None]
+    velocity *= model.is_control_point[:, None]
     return model, velocity.ravel()
 
 

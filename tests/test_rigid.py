@@ -148,7 +148,7 @@ def test_a_slender_bar_is_held_by_its_end_face_and_not_by_its_axis(slenderness, 
 def test_only_nodes_that_carry_the_rod_hold_it(cylinder):
     """The functions of higher order vanish in every rigid motion."""
     space = bar(cylinder, order=2)
-    inner = np.flatnonzero(~space.is_carrier)
+    inner = np.flatnonzero(~space.is_control_point)
     assert len(rigid_motions.free_motions(Model([Body(space, LAW)], [Support(inner)]))) == 6
     assert not rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
 
@@ -194,8 +194,8 @@ def words(text):
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("size", [1.0, 1e-9])
 def test_motions_are_described(axis, what, sign, size, space):
-    carried = space.is_carrier[:, None]
-    arm = space.positions - space.positions[space.is_carrier].mean(axis=0)
+    carried = space.is_control_point[:, None]
+    arm = space.positions - space.positions[space.is_control_point].mean(axis=0)
     direction = sign * np.eye(3)[axis]
     motion = size * carried * (direction if what == "move along" else np.cross(direction, arm))
     said, where = words(rigid_motions.describe(space, motion))
@@ -204,7 +204,7 @@ def test_motions_are_described(axis, what, sign, size, space):
 
 
 def test_a_turn_about_a_far_axis_is_a_turn(space):
-    arm = space.is_carrier[:, None] * (space.positions - [50.0, 3.0, -20.0])
+    arm = space.is_control_point[:, None] * (space.positions - [50.0, 3.0, -20.0])
     said, where = words(rigid_motions.describe(space, np.cross([0.6, 0.0, 0.8], arm)))
     assert said == "turn about"
     assert np.abs(where - [0.6, 0.0, 0.8]).max() < 1e-3

@@ -220,10 +220,10 @@ def test_volume_and_weight_leave_the_hole_out():
     assert coil.with_rings((0.5, 1.0)).volume() == pytest.approx(0.75 * coil.volume(), rel=1e-3)
     assert coil.with_rings((0.5, 1.0)).refine(2).rings == (0.5, 1.0)
     space = Space(rod, section_degree=3)
-    weight = BodyForce((0.0, 0.0, -2.0)).nodal(space)[space.is_carrier].sum(axis=0)
+    weight = BodyForce((0.0, 0.0, -2.0)).nodal(space)[space.is_control_point].sum(axis=0)
     assert weight == pytest.approx([0.0, 0.0, -2.0 * rod.volume()], abs=1e-10)
     force = SectionLoad((1.0, 2.0, 3.0)).nodal(space)
-    assert force[space.is_carrier].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0], rel=1e-12)
+    assert force[space.is_control_point].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0], rel=1e-12)
 
 
 @pytest.mark.parametrize("rings", [(0.5, 1.0), (0.0, 0.6, 1.0), (0.3, 0.6, 1.0)])

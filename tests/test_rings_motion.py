@@ -64,7 +64,7 @@ def test_mass_is_that_of_the_layers_and_the_most_that_is_added_trebles_their_ine
     whole = np.pi * LENGTH * density @ np.diff(edges**2)
     turning = np.pi / 4 * LENGTH * density @ np.diff(edges**4)
     along, turned = np.zeros((2, space.nodes, 3))
-    along[space.is_carrier, 2], turned[:, 2] = 1.0, space.positions[:, 0]
+    along[space.is_control_point, 2], turned[:, 2] = 1.0, space.positions[:, 0]
     assert along.ravel() @ mass.momenta(along.ravel()) == pytest.approx(whole, rel=1e-10)
     assert turned.ravel() @ mass.momenta(turned.ravel()) == pytest.approx(turning, rel=1e-10)
     mass.scaling = mass.largest_scaling
@@ -140,7 +140,7 @@ def test_implicit_steps_keep_energy_and_momenta_whatever_the_step(rings, laws, f
     model = rod(rings, laws, density, held="", formulation=formulation, section_degree=2, elements=2, length=10.0)
     space = model.bodies[0].space
     x = space.positions
-    velocity = np.outer(x[:, 2] * x[:, 2] / 10.0, [0.5, 0.0, 0.0]) * space.is_carrier[:, None]
+    velocity = np.outer(x[:, 2] * x[:, 2] / 10.0, [0.5, 0.0, 0.0]) * space.is_control_point[:, None]
     velocity += np.cross([0.3, 0.0, 0.5], x)
     run = dynamics.solve(
         model, 10.0, 0.5, integrator="implicit", outputs=4, velocity=velocity.ravel(), petsc={"snes_rtol": 1e-12}
@@ -161,4 +161,4 @@ def test_explicit_steps_of_layers_keep_their_energy_and_long_ones_are_stable():
     assert long.added_kinetic.max() > 0.0 and np.abs(long.energy_error).max() < 1e-2
     moved = np.abs(short.displacement[-1]).max()
     assert long.displacement[-1] == pytest.approx(short.displacement[-1], abs=0.05 * moved)
-    assert short.displacement[-1].reshape(-1, 3)[model.is_carrier][-1, 0] > 0.5 * moved > 0.5
+    assert short.displacement[-1].reshape(-1, 3)[model.is_control_point][-1, 0] > 0.5 * moved > 0.5

@@ -47,7 +47,7 @@ def test_resultant_acts_at_the_centroid_of_the_outline(name, space, u):
     area, first, _ = outline_integrals(space, u)
     height = space.rod.points([[0.0, 0.0]], [u])[0, 2]
     centroid = np.array([*(first / area), height])
-    assert nodal[space.is_carrier].sum(axis=0) == pytest.approx(FORCE, rel=1e-12)
+    assert nodal[space.is_control_point].sum(axis=0) == pytest.approx(FORCE, rel=1e-12)
     moment = np.cross(space.positions, nodal).sum(axis=0)
     assert moment == pytest.approx(np.cross(centroid, FORCE), abs=1e-7)
 

@@ -69,7 +69,7 @@ def on_block(law=LAW, shape="hexahedron", counts=(3, 3, 2), degree=2, held=False
 
 def thrown(rod, block):
     """Return the initial state of both that fly and turn as one."""
-    velocity = np.cross(SPIN, rod.positions) + rod.is_carrier[:, None] * AHEAD
+    velocity = np.cross(SPIN, rod.positions) + rod.is_control_point[:, None] * AHEAD
     return {"velocity": velocity.ravel(), "solids": [(0.0, (np.cross(SPIN, block.positions) + AHEAD).ravel())]}
 
 
@@ -97,7 +97,7 @@ def states(found):
     model = found.model
     space, block = model.bodies[0].space, model.solids[0]
     rest = np.concatenate([space.positions, block.positions])
-    carries = np.append(space.is_carrier, np.ones(block.nodes))
+    carries = np.append(space.is_control_point, np.ones(block.nodes))
     moved, moving = (
         np.concatenate([rods, others], axis=1).reshape(len(found), -1, 3)
         for rods, others in (
@@ -279,7 +279,7 @@ def test_a_resumed_run_is_that_which_was_not_stopped(tmp_path):
 def test_what_a_block_exerts_on_a_rod_changes_its_momentum():
     model, rod, _ = on_block(LinearElastic(10.0, 0.3))
     step = 0.02
-    velocity = 1e-5 * (np.cross(SPIN, rod.positions) + rod.is_carrier[:, None] * AHEAD)
+    velocity = 1e-5 * (np.cross(SPIN, rod.positions) + rod.is_control_point[:, None] * AHEAD)
     found = dynamics.solve(model, 30 * step, step, outputs=30, integrator="implicit", velocity=velocity.ravel())
     own = momenta(Model([model.bodies[0]]), found.velocity).sum(axis=1)
     rate = (own[2:] - own[:-2]) / (2.0 * step)

@@ -57,7 +57,7 @@ def test_refinement_does_not_move_the_rod(rod, change):
     assert np.abs(position - exact).max() < 1e-13 * size
     # the displacement that doubles all positions
     assert np.abs(gradient - 2 * np.eye(3)).max() < 1e-11
-    assert not space.positions[~space.is_carrier].any()
+    assert not space.positions[~space.is_control_point].any()
 
 
 @pytest.mark.parametrize("change", REFINEMENTS)
@@ -113,7 +113,7 @@ def test_number_of_nodes(degree, cylinder):
         assert space.layers == degree + 1 + knots
         assert space.layer_nodes == 3 * 12
         assert space.nodes == space.layers * 36
-        assert np.count_nonzero(space.is_carrier) == space.layers * 12
+        assert np.count_nonzero(space.is_control_point) == space.layers * 12
 
 
 def clamped(rod, change, law, rule="12x6x8"):

@@ -62,8 +62,8 @@ def test_both_ends_turned_alike_turn_the_rod_as_a_rigid_body(name, turns):
     turn, center, move = np.array([0.2, -0.5, 1.0]) * turns, (1.0, 2.0, -1.0), (0.5, 0.0, 0.3)
     supports = [Support.end(space, end, "xyz", move, turn=tuple(turn), center=center) for end in ("start", "end")]
     solution = statics.solve(Model([Body(space, LAW)], supports), 8)
-    arms = space.positions - space.is_carrier[:, None] * np.array(center)
-    wanted = arms @ (rotation(turn) - np.eye(3)).T + space.is_carrier[:, None] * np.array(move)
+    arms = space.positions - space.is_control_point[:, None] * np.array(center)
+    wanted = arms @ (rotation(turn) - np.eye(3)).T + space.is_control_point[:, None] * np.array(move)
     found = solution.model.nodal(solution.displacement)
     assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
     assert np.abs(solution.reactions).max() < 1e-9

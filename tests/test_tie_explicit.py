@@ -29,7 +29,7 @@ def welded(held=True, contacts=(), ties=(WELD,)):
 
 def velocity(model, spin=(0.1, 0.2, 0.3), ahead=(0.0, 0.0, 0.0)):
     spaces = [body.space for body in model.bodies]
-    moving = [np.cross(spin, space.positions) + space.is_carrier[:, None] * np.array(ahead) for space in spaces]
+    moving = [np.cross(spin, space.positions) + space.is_control_point[:, None] * np.array(ahead) for space in spaces]
     return np.concatenate(moving).ravel()
 
 

@@ -165,6 +165,6 @@ def test_an_end_passes_linear_stresses_to_a_part_of_a_larger_face():
     assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
     difference = found - wanted
     arms = np.zeros((len(found), 3))
-    arms[: spaces[0].nodes] = np.column_stack([spaces[0].is_carrier, spaces[0].positions[:, :2]])
+    arms[: spaces[0].nodes] = np.column_stack([spaces[0].is_control_point, spaces[0].positions[:, :2]])
     linear = wanted @ np.linalg.solve(arms.T @ wanted, arms.T @ difference)
     assert difference == pytest.approx(linear, abs=1e-12)

@@ -28,7 +28,7 @@ def moving(model, step, outputs):
     start = np.zeros(model.dofs // 3 * 3).reshape(-1, 3)
     rows = slice(model.bodies[0].space.nodes, None)
     upper = model.bodies[1].space
-    start[rows] = np.cross([2e-6, 1e-6, 3e-6], upper.positions) + upper.is_carrier[:, None] * PUSH
+    start[rows] = np.cross([2e-6, 1e-6, 3e-6], upper.positions) + upper.is_control_point[:, None] * PUSH
     return dynamics.solve(model, step * outputs, step, outputs=outputs, integrator="implicit", velocity=start.ravel())
 
 
@@ -36,8 +36,8 @@ def rates(model, history, step):
     """Return the rates of momentum and angular momentum of the upper bar at all outputs but the first and last."""
     space = model.bodies[1].space
     own = momenta(model, history.velocity).reshape(len(history), -1, 3)[:, model.bodies[0].space.nodes :]
-    arms = space.positions - space.is_carrier[:, None] * CENTER
-    found = (own * space.is_carrier[:, None]).sum(axis=1), np.cross(arms, own).sum(axis=1)
+    arms = space.positions - space.is_control_point[:, None] * CENTER
+    found = (own * space.is_control_point[:, None]).sum(axis=1), np.cross(arms, own).sum(axis=1)
     return [(one[2:] - one[:-2]) / (2.0 * step) for one in found]
 
 

@@ -99,7 +99,7 @@ def test_rigid_motions_of_a_welded_pair_cost_nothing():
     assembler = assembler_for(model)
     turn = rotation(np.array([0.3, -0.5, 0.9])) - np.eye(3)
     everywhere = np.concatenate([space.positions @ turn.T for space in (lower, upper)])
-    everywhere += model.is_carrier[:, None] * [1.0, -2.0, 0.5]
+    everywhere += model.is_control_point[:, None] * [1.0, -2.0, 0.5]
     x, force = assembler.state(everywhere.ravel()), assembler.vector()
     assert np.abs(assembler.displacement(x, 1.0).reshape(-1, 3) - everywhere).max() < 1e-11
     assembler.residual(x, 1.0, force)
@@ -304,7 +304,7 @@ def test_a_disk_swings_on_its_bond():
     step = period / 24
     late = 2.0 / step * np.arctan(0.5 * frequency * step)
     way = np.zeros((model.dofs // 3, 3))
-    way[lower.nodes :, 0] = 0.1 * disk.is_carrier
+    way[lower.nodes :, 0] = 0.1 * disk.is_control_point
 
     def swung(quarter, shape, size, **start):
         found = dynamics.solve(model, period, step, outputs=8, integrator="implicit", **start)

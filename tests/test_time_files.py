@@ -45,7 +45,7 @@ def test_a_table_in_a_file_is_that_in_the_scene(scene):
 def test_a_rod_begins_as_its_table_says(scene):
     thrown = scene(BAR.replace("density", "velocity = [1.0, 0, 0]\nspin = [0, 0.1, 0]\ndensity"), STEPS)
     velocity = thrown.model().bodies[0].initial_velocity
-    carriers = thrown.model().is_carrier
+    carriers = thrown.model().is_control_point
     places = thrown.model().bodies[0].space.positions[carriers]
     turned = np.cross([0.0, 0.1, 0.0], places - [0.0, 0.0, 0.5])
     assert velocity[carriers] - turned == pytest.approx(np.tile([1.0, 0.0, 0.0], (len(places), 1)), abs=1e-12)

@@ -81,7 +81,7 @@ def test_a_free_body_has_the_impulse_of_the_table(integrator, step):
     model = bar([lambda space: isorod.BodyForce((0.0, 0.3, 0.0), history=table)])
     found = isorod.dynamics.solve(model, 2.0, step, outputs=4, integrator=integrator)
     given = [TimeTable.of(table).integral(0.0, time) for time in found.times]
-    speed = [one.velocity.reshape(-1, 3)[model.is_carrier, 1].mean() for one in found]
+    speed = [one.velocity.reshape(-1, 3)[model.is_control_point, 1].mean() for one in found]
     # Explicit velocities of outputs are means of those half a step before and after.
     assert speed == pytest.approx([0.3 / DENSITY * one for one in given], abs=1e-10 if step else 1e-3)
     assert found.momentum_error.max() < 1e-10 and np.abs(found.energy_error).max() < 1e-9
@@ -171,7 +171,7 @@ def test_a_thrown_bar_that_turns_flies_as_a_rigid_one(integrator, step):
     rates = isorod.Model(model.bodies).bodies[0].initial_velocity
     assert at_once - at_once[2] == pytest.approx(arms, abs=1e-12)
     expected = np.array(velocity) + np.cross(spin, model.bodies[0].space.positions[:] - 0.0)
-    carriers = model.is_carrier
+    carriers = model.is_control_point
     middle = np.cross(spin, [0.0, 0.0, 0.5])
     assert rates[carriers] == pytest.approx((expected - middle)[carriers], abs=1e-12)
     assert np.ptp(found.kinetic + found.stored) < 1e-6 * found.kinetic[0] and found.momentum_error.max() < 1e-10

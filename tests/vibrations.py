@@ -56,7 +56,7 @@ def share(modes, field):
     """Return how much of each mode but rigid ones is in every layer of nodes a multiple of ``field`` (0 to 1)."""
     space = modes.model.bodies[0].space
     moved = modes.vectors[modes.rigid :].reshape(-1, space.layers, 3 * space.layer_nodes)
-    field = np.where(space.is_carrier[:, None], field, 0.0).reshape(space.layers, -1)
+    field = np.where(space.is_control_point[:, None], field, 0.0).reshape(space.layers, -1)
     field /= np.linalg.norm(field, axis=1)[:, None]
     return (np.einsum("mja,ja->mj", moved, field) ** 2).sum(axis=1) / (moved**2).sum(axis=(1, 2))
 

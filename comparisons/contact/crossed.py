@@ -95,7 +95,7 @@ class Cylinders:
     def lowered(self, model: Model) -> Array:
         """Return displacements ``(dofs,)`` by which the upper bar has come nearer by Hertz' approach."""
         found = np.zeros((model.dofs // 3, 3))
-        model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_carrier, 1] = -self.exact().approach
+        model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_control_point, 1] = -self.exact().approach
         return found.reshape(-1)
 
     def _model(self, low: Space, high: Space, supports: Sequence[Support], loads: Sequence[SectionLoad] = ()) -> Model:
@@ -124,7 +124,7 @@ class Cylinders:
 def _back(space: Space, sign: float) -> Index:
     """Return the nodes of a bar's side that looks up, or down if ``sign`` is negative."""
     height = sign * space.positions[:, 1].reshape(space.layers, -1)[0]
-    carriers = np.flatnonzero(space.basis.is_carrier)
+    carriers = np.flatnonzero(space.basis.is_control_point)
     middle = sign * float(space.rod.grid([[0.0, 0.0]], [0.5])[0][0, 0, 1])
     chosen = carriers[height[carriers] > middle + _BACK * RADIUS]
     return np.asarray((np.arange(space.layers)[:, None] * space.layer_nodes + chosen).ravel())

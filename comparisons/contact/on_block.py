@@ -78,7 +78,7 @@ def model(points: float) -> Model:
     space = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.7, 1.5 * HALF / RADIUS, 1.2, HALF / points)])
     # What is nearest to the middle above: one control point of a section, or two.
     y, z = space.positions[:, 1:].T
-    above = space.is_carrier & (z > RADIUS)
+    above = space.is_control_point & (z > RADIUS)
     middle = np.flatnonzero(above & (np.abs(y) < np.abs(y[above]).min() + 1e-6))
     supports = [Support(np.arange(space.nodes), "x"), Support(middle, "y")]
     weight = BodyForce((0.0, 0.0, -FORCE / (np.pi * RADIUS**2)))

@@ -251,7 +251,7 @@ def released(ratio: float, share: float, size: float = 1.0, lasting: float = 3.0
         integrator="implicit",
     )
     space = model.bodies[0].space
-    last = np.arange(-space.layer_nodes, 0)[space.is_carrier[-space.layer_nodes :]]
+    last = np.arange(-space.layer_nodes, 0)[space.is_control_point[-space.layer_nodes :]]
     heights = motion.displacement.reshape(len(motion.times), -1, 3)[:, last, 1].mean(axis=1)
     return float((heights[-2] - heights[-1]) / ratio / (lasting / 3.0))
 

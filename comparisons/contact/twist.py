@@ -41,7 +41,7 @@ def model(elements: int, degree: int = 3, order: int = 1, section_points: int = 
         space = Space(rod, elements=elements, degree=degree, continuity=degree - 1, order=order)
         nodes = (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)
         arms = np.zeros((nodes.size, 3))
-        arms[space.is_carrier[nodes], 0] = x
+        arms[space.is_control_point[nodes], 0] = x
         bodies.append(Body(space, NeoHookean(MODULUS, 0.0)))
         supports += [
             Support.end(space, "start", "xy", body=k),

@@ -182,9 +182,9 @@ def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
         nodes = layers[space.end(which)]
         corners = np.eye(3) * [RADIUS, RADIUS, 0.0] + [0.0, 0.0, problem.length * (which == "end")]
         moved = problem.solution.displacement(corners, 0)
-        # Of functions that are no carriers positions are nothing, and so is what does not move with these.
+        # Of functions that are no control points positions are nothing, and so is what does not move with these.
         weights = space.positions[nodes, :2] / RADIUS
-        rest = space.is_carrier[nodes] - weights.sum(axis=1)
+        rest = space.is_control_point[nodes] - weights.sum(axis=1)
         given = np.column_stack([weights, rest]) @ moved
         supports.append(Support(nodes, problem.ends, displacement=AMPLITUDE * given, space=space))
     return supports

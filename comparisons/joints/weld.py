@@ -208,7 +208,7 @@ def solve(
 def _balance(one: Any, nodal: Array, space: Space, sign: float) -> float:
     """Return how far the tie's resultants are from what balances a load, relative to force times the rod's length."""
     tie = one.ties[0]
-    carriers = space.is_carrier[:, None]
+    carriers = space.is_control_point[:, None]
     force = (carriers * nodal).sum(axis=0)
     moment = np.cross(space.positions - carriers * tie.center, nodal).sum(axis=0)
     largest = max(np.abs(force).max() * ROD, np.abs(moment).max())

@@ -35,12 +35,12 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
     found = []
     for which, how in ends.items():
         nodes = placed.layer(which)
-        moved = placed.initial[nodes[placed.space.basis.is_carrier]].mean(axis=0)
+        moved = placed.initial[nodes[placed.space.basis.is_control_point]].mean(axis=0)
         if how == CLAMPED:
             _check_clamp(placed, which)
         for some, components in held(placed, which, how):
             arm, turn = _detour(moved, gravity) if how == PINNED else (None, np.zeros(3))
-            given = np.zeros(3) if turn.any() else moved * placed.space.is_carrier[some, None]
+            given = np.zeros(3) if turn.any() else moved * placed.space.is_control_point[some, None]
             around = None if arm is None else np.tile(arm, (some.size, 1))
             found.append(isorod.Support(some, components, given, turn=tuple(turn), arms=around))
     if CLAMPED not in ends.values():
@@ -51,7 +51,7 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
 def _check_clamp(placed: Placed, which: str) -> None:
     """Refuse a clamp in which the rod is not as at rest, along a coordinate axis."""
     nodes = placed.layer(which)
-    other = placed.initial[nodes[~placed.space.basis.is_carrier]]
+    other = placed.initial[nodes[~placed.space.basis.is_control_point]]
     if np.abs(other).max() > 1e-3 * placed.given.radius:
         raise NotImplementedError(f"a clamp at the {which} that holds the rod in another direction than its chord's")
 

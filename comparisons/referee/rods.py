@@ -115,7 +115,7 @@ def place(
 
 def arms(space: isorod.Space) -> Array:
     """Return the coefficients of the section's points from its centre at rest, shape ``(layer_nodes, 3)``."""
-    first, carriers = space.positions[: space.layer_nodes], space.basis.is_carrier
+    first, carriers = space.positions[: space.layer_nodes], space.basis.is_control_point
     return first - carriers[:, None] * first[carriers].mean(axis=0)
 
 
@@ -149,7 +149,7 @@ def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, n
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     now = np.stack([first, np.cross(tangent, first)], axis=2) * stretch[:, :, None] ** -nu
     at_rest = arms(space) @ np.stack([normal, np.cross(direction, normal)], axis=1)
-    centres = space.basis.is_carrier[:, None] * curve(along)[:, None]
+    centres = space.basis.is_control_point[:, None] * curve(along)[:, None]
     wanted = centres + np.einsum("tab,nb->tna", now, at_rest)
     found = np.linalg.solve(matrix, wanted.reshape(places.size, -1))
     return found.reshape(-1, 3) - space.positions
@@ -158,7 +158,7 @@ def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, n
 def held(placed: Placed, which: str, how: str) -> list[tuple[Index, str]]:
     """Return which nodes and components of an end a clamp or a pin holds."""
     space, nodes = placed.space, placed.layer(which)
-    carriers = space.basis.is_carrier
+    carriers = space.basis.is_control_point
     if how == PINNED and carriers.sum() == 1:
         return [(nodes[carriers], "xyz")]
     if how == PINNED:

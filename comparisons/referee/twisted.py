@@ -96,7 +96,7 @@ def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
     space, along = placed.space, placed.direction
     shape = (space.layers, space.layer_nodes, 3)
     initial, now = placed.initial.reshape(shape), (space.positions + turned.fields(0)["displacement"]).reshape(shape)
-    carriers = space.basis.is_carrier
+    carriers = space.basis.is_control_point
     off = initial[:, carriers].mean(axis=1)
     off -= (off @ along)[:, None] * along
     places, matrix = interpolation(space)

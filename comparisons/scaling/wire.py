@@ -84,7 +84,7 @@ def _velocity(wire: Model) -> Any:
     (body,) = wire.bodies
     space: Space = body.space
     share = space.positions[:, 2] / np.abs(space.positions[:, 2]).max()
-    return (space.is_carrier[:, None] * share[:, None] * np.array([0.0, 0.0, 1e3])).ravel()
+    return (space.is_control_point[:, None] * share[:, None] * np.array([0.0, 0.0, 1e3])).ravel()
 
 
 ANALYSES: dict[str, Callable[[Model], dict[str, Any]]] = {

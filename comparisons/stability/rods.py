@@ -54,12 +54,12 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
     axis = {"torsion": 2, "weak": 0, "strong": 1}[kind]
     turn = np.cross(
         np.eye(3)[axis] * ANGLE,
-        space.positions[ends[1]] - space.is_carrier[ends[1], None] * np.array([0.0, 0.0, length]),
+        space.positions[ends[1]] - space.is_control_point[ends[1], None] * np.array([0.0, 0.0, length]),
     )
     held = "xy" if kind == "torsion" else "z"
     supports = [Support(ends[0], held), Support(ends[1], held, turn)]
     # What the faces leave free of rigid motions, held where it takes no force.
-    first = int(np.argmax(space.is_carrier))
+    first = int(np.argmax(space.is_control_point))
     if kind == "torsion":
         supports.append(Support(np.array([first]), "z"))
     else:

@@ -90,7 +90,7 @@ def _end(model: Model, displacement: Array) -> Array:
     """Return the mean displacement of the free end."""
     space = model.bodies[0].space
     last = np.arange(space.nodes - space.layer_nodes, space.nodes)
-    return np.asarray(model.nodal(displacement)[last[space.is_carrier[last]]].mean(axis=0))
+    return np.asarray(model.nodal(displacement)[last[space.is_control_point[last]]].mean(axis=0))
 
 
 def _critical(model: Model) -> float:

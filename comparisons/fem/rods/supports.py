@@ -109,8 +109,8 @@ class Supports:
     def forces(self, nodal: Array, displacement: Array) -> tuple[Array, Array]:
         """Return force and moment of each support that holds nodes, both ``(supports, 3)``, at least one row.
 
-        Moments are about the mean of its carriers, as isorod's: in present positions, and in those at rest where a body
-        has a law of small strains, whose stress balances there.
+        Moments are about the mean of its control points, as isorod's: in present positions, and in those at rest where
+        a body has a law of small strains, whose stress balances there.
 
         Parameters
         ----------

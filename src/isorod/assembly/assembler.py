@@ -239,7 +239,7 @@ class Assembler(Loaded):
         """Return the resultant ``(3,)`` of the forces on what no support holds."""
         with self._timed():
             moved, slots = self._exchange.moved
-            loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
+            loose = self.model.is_control_point[moved // 3] & ~np.isin(moved, self.model.bound)
             total = self._forces(self._state(x, factor), factor)[slots]
             own: Array = np.bincount(moved[loose] % 3, total[loose], 3).astype(float)
             if self.coupling is not None:
@@ -263,7 +263,7 @@ class Assembler(Loaded):
             moved, slots = self._exchange.moved
             before, lost = self._internal(local, factor), np.zeros(self.model.bound.size)
             for way in (1.0, -1.7, 0.3):
-                local[slots[self.model.is_carrier[moved // 3]]] += way * self.model.size
+                local[slots[self.model.is_control_point[moved // 3]]] += way * self.model.size
                 lost = np.maximum(lost, np.abs(self._bound(self._internal(local, factor) - before)))
             return lost
 

@@ -72,8 +72,8 @@ class Passed(NamedTuple):
 def moments(space: Space, which: str, origin: Array, size: float, radii: Array) -> Moments:
     """Return the moments of a rod's functions on an end face by its elements' rule, in layers between ``radii``."""
     trace = end_trace(space, which, own=True)
-    arms = space.positions - space.is_carrier[:, None] * origin
-    fields = np.column_stack([space.is_carrier, arms / size])
+    arms = space.positions - space.is_control_point[:, None] * origin
+    fields = np.column_stack([space.is_control_point, arms / size])
     layer = np.searchsorted(radii, np.linalg.norm(space.section_rule(space.rule)[0], axis=1))
     nodes = trace.nodes[0]
     known = trace.weights[:, None] * (trace.values @ fields[nodes])

@@ -116,7 +116,7 @@ class Part:
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
         space = self.body.space
-        carriers = space.is_carrier[space.element_nodes[0]]
+        carriers = space.is_control_point[space.element_nodes[0]]
         diagonal = np.einsum("eii->ei", self.mass)
         return np.where(carriers, self.mass @ carriers.astype(float), diagonal)
 
@@ -124,7 +124,7 @@ class Part:
         """Return the centrifugal forces, shape of ``dofs``."""
         space = self.body.space
         nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
-        center = space.is_carrier[nodes, None] * np.array(spin.center)
+        center = space.is_control_point[nodes, None] * np.array(spin.center)
         arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
         return self.padded(self.mass @ arm @ spin.field)
 

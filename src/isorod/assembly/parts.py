@@ -86,8 +86,8 @@ class Parts(Unknowns):
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.
 
-        Lumped, the carriers (`Space.is_carrier`) get their row sums over each other, so that the total mass is right;
-        the others get their diagonal entries.  Pressures of the mixed formulation have none.
+        Lumped, control points (`Space.is_control_point`) get their row sums over each other, so that the total mass is
+        right; the others get their diagonal entries.  Pressures of the mixed formulation have none.
         """
         with self._timed():
             rods = self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])

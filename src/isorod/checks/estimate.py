@@ -233,8 +233,8 @@ def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0)
 def _carried_along(model: Model, given: Array) -> Array:
     """Return all degrees of freedom where everything moves as supports do on average, given how their nodes move."""
     moved = np.zeros((model.dofs // 3, 3))
-    carriers = model.is_carrier[model.bound // 3]
+    carriers = model.is_control_point[model.bound // 3]
     for a in range(3):
         own = given[carriers & (model.bound % 3 == a)]
-        moved[model.is_carrier, a] = own.mean() if own.size else 0.0
+        moved[model.is_control_point, a] = own.mean() if own.size else 0.0
     return moved.ravel()

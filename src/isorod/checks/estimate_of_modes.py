@@ -321,7 +321,7 @@ def _turns(model: Model) -> list[Array]:
         moved = []
         for body in model.bodies:
             space = body.space
-            carriers = space.is_carrier[:, None]
+            carriers = space.is_control_point[:, None]
             arms = space.positions - carriers * space.positions[carriers[:, 0]].mean(axis=0)
             way = np.repeat(np.arange(space.layers) / space.layers, space.layer_nodes)
             moved.append((way[:, None] * np.cross(turn, arms)).ravel())

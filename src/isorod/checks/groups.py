@@ -85,7 +85,7 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
         b: model.bodies[b].space.positions + (0.0 if displacement is None else model.nodal(displacement, b))
         for b in group.bodies
     }
-    carriers = {b: model.bodies[b].space.is_carrier for b in group.bodies}
+    carriers = {b: model.bodies[b].space.is_control_point for b in group.bodies}
     solids = [model.solids[s] for s in group.solids]
     if group.bodies:
         first = group.bodies[0]

@@ -161,7 +161,7 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array | N
     places = _places(model, displacement) if own else displacement
     for k, amounts in own.items():
         mean = averages.mean_of(model, model.means[k])
-        nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_carrier[:, None]
+        nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_control_point[:, None]
         shares = averages.shares(model, model.means[k])
         moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
         share = 1.0 if model.times is None else model.share(model.means[k].history, factor)
@@ -179,7 +179,7 @@ def support_forces(model: Model, forces: Array) -> Array:
     """Return the force of each support, shape ``(supports, 3)``, of those on the degrees of freedom `Model.bound`."""
     result = np.zeros((max(len(model.supports), 1), 3))
     # Only functions that add up to one take part in the virtual work of a translation.
-    carried = model.is_carrier[model.bound // 3]
+    carried = model.is_control_point[model.bound // 3]
     np.add.at(result, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
     return result
 
@@ -200,7 +200,7 @@ def _means(model: Model, nodal: Array) -> Array:
     result = np.zeros((len(model.supports), 3))
     for k in range(len(model.supports)):
         mine = np.unique(nodes[model.support_of == k])
-        carriers = mine[model.is_carrier[mine]]
+        carriers = mine[model.is_control_point[mine]]
         result[k] = nodal[carriers].mean(axis=0) if carriers.size else 0.0
     for k, one in model.means.items():
         result[k] = averages.shares(model, one) @ nodal
@@ -223,15 +223,15 @@ def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
     nodal.ravel()[model.bound] = forces
     owner = np.full((model.dofs // 3, 3), -1)
     owner.ravel()[model.bound] = model.support_of
-    is_carrier = model.is_carrier
+    is_control_point = model.is_control_point
     places = _places(model, displacement)
     result = np.zeros((max(len(model.supports), 1), 3))
     for k in range(len(model.supports)):
         mine = (owner == k).any(axis=1)
-        carries = mine & is_carrier
+        carries = mine & is_control_point
         if not carries.any():
             continue
-        arms = places[mine] - is_carrier[mine, None] * places[carries].mean(axis=0)
+        arms = places[mine] - is_control_point[mine, None] * places[carries].mean(axis=0)
         own = np.where(owner[mine] == k, nodal[mine], 0.0)
         work = arms.T @ own
         result[k] = work[1, 2] - work[2, 1], work[2, 0] - work[0, 2], work[0, 1] - work[1, 0]

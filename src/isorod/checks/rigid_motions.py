@@ -33,13 +33,13 @@ def motions(space: Space, moved: Array | float = 0.0) -> Array:
     A rod reproduces them exactly, since its functions reproduce its own map.  They are those of the rod where it has
     ``moved`` to, by ``(nodes, 3)``.
     """
-    return np.linalg.qr(motions_of(_arms(space, moved), space.is_carrier))[0]
+    return np.linalg.qr(motions_of(_arms(space, moved), space.is_control_point))[0]
 
 
 def _arms(space: Space, moved: Array | float = 0.0) -> Array:
     """Return the coefficients of the position from a point near the middle."""
     places = space.positions + moved
-    return np.asarray(places - places[space.is_carrier].mean(axis=0) * space.is_carrier[:, None])
+    return np.asarray(places - places[space.is_control_point].mean(axis=0) * space.is_control_point[:, None])
 
 
 def _clamped(space: Space, free: Index) -> bool:
@@ -136,11 +136,11 @@ def _spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]
         raise InputError("modes: what slides freely has rigid motions; give the tie a bond, or support the body")
     group = next(one for one in groups(model) if body in one.bodies)
     space = model.bodies[body].space
-    amounts = np.linalg.lstsq(motions_of(space.positions, space.is_carrier), motion.ravel(), rcond=None)[0]
+    amounts = np.linalg.lstsq(motions_of(space.positions, space.is_control_point), motion.ravel(), rcond=None)[0]
     rods = np.zeros(model.dofs)
     for b in group.bodies:
         space = model.bodies[b].space
-        model.nodal(rods, b)[:] = (motions_of(space.positions, space.is_carrier) @ amounts).reshape(-1, 3)
+        model.nodal(rods, b)[:] = (motions_of(space.positions, space.is_control_point) @ amounts).reshape(-1, 3)
     solids = []
     for k, solid in enumerate(model.solids):
         moved = motions_of(solid.positions, np.ones(len(solid.positions), dtype=bool)) @ amounts
@@ -206,10 +206,10 @@ def _refuse(model: Model, loose: list[tuple[int, Array]]) -> None:
 def describe(space: Space, motion: Array) -> str:
     """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
     arm = _arms(space)
-    shift = motion[space.is_carrier].mean(axis=0)
+    shift = motion[space.is_control_point].mean(axis=0)
     turn, *_ = np.linalg.lstsq(
         np.concatenate([np.cross(np.eye(3)[a], arm).reshape(-1, 1) for a in range(3)], axis=1),
-        (motion - shift * space.is_carrier[:, None]).ravel(),
+        (motion - shift * space.is_control_point[:, None]).ravel(),
         rcond=None,
     )
     size = np.abs(arm).max()

@@ -83,9 +83,9 @@ def results(model: Model, coupling: "Coupling", forces: Array, displacement: Arr
         Of all degrees of freedom.
     """
     constraints, forces, moved = coupling.constraints, forces.copy(), displacement.reshape(-1, 3)
-    # Of solids all functions add up to one, of rods those of carriers.
+    # Of solids all functions add up to one, of rods those of control points.
     carriers = np.ones(len(moved))
-    carriers[: model.dofs // 3] = model.is_carrier
+    carriers[: model.dofs // 3] = model.is_control_point
     of_solids = coupling.everywhere([solid.positions.ravel() for solid in model.solids])
     places = np.concatenate([*(body.space.positions for body in model.bodies), of_solids.reshape(-1, 3)])
     found: list[TieResult | None] = [None] * len(constraints.ties)

@@ -175,8 +175,8 @@ class Packed(NamedTuple):
     starts
         Rows of `START`, ``(Q,)``.
     before, travel, clear
-        Positions of all these nodes in the last call, ``(nodes, 3)``; the sum of the longest way any carrier has gone
-        in each call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
+        Positions of all these nodes in the last call, ``(nodes, 3)``; the sum of the longest distance that any control
+        point has moved in each call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
     boxes
         Lower and upper corners of the elements, ``(E, 2, 3)``.
     rings

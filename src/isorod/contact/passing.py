@@ -70,7 +70,7 @@ class Passing:
             breaks, degree = space.axis.breaks, space.axis.degree
             # The mean round a hole, of harmonic functions that in its centre.
             hole = space.rod.rings[0] * circle(_ROUND)
-            centre = space.basis.functions(hole)[0][:, space.basis.is_carrier].mean(axis=0)
+            centre = space.basis.functions(hole)[0][:, space.basis.is_control_point].mean(axis=0)
             shares = np.arange(_SEGMENTS) / _SEGMENTS
             u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
             functions, near, _ = space.axis.local(u)

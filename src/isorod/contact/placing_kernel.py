@@ -51,7 +51,7 @@ def place_obstacles(packed: Packed, when: float) -> None:
         follow(packed.tracks, one.first_track, one.tracks, when, now)
         axis[:] = one.spin
         _turn(axis, now[3], frame)
-        # Of the farthest carrier: how far the obstacle moves there.
+        # Of the farthest control point: how far the obstacle moves there.
         twist = moved = far = 0.0
         for a in range(3):
             pivot = one.center[a] + now[a]

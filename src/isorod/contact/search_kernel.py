@@ -1,10 +1,10 @@
 """Compiled: what is near a point of a rod's surface, and until when nothing is.
 
-Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way
-than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and nothing
-to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
-carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.  Of
-a rigid obstacle, whose own way is added to ``w``, the whole of ``D`` counts.
+Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no control point have moved
+farther than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and
+nothing to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
+control points and has moved no farther than ``w`` either; the slave's point **and** the master's may both have
+approached.  Of a rigid obstacle, whose own path is added to ``w``, the whole of ``D`` counts.
 
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
 which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
@@ -321,7 +321,7 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, reach: float
 
 @njit(b1(PACKED, F2), **FAST)
 def add_travel(packed: Packed, positions: Array) -> bool:
-    """Add the longest way of a carrier since the last call to ``travel``; False if a position is not finite."""
+    """Add how far a control point has moved since the last call to ``travel``; False if a position is not finite."""
     longest = 0.0
     finite = True
     for node in packed.carriers:

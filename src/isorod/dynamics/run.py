@@ -75,7 +75,7 @@ class Run(ABC):
         self._energy = 0.0
         self._momentum = np.zeros(3)
         # Only functions that add up to one take part in the virtual work of a translation.
-        self._carried = system.model.is_carrier.repeat(3).astype(float)
+        self._carried = system.model.is_control_point.repeat(3).astype(float)
         own = np.zeros(2)
         for share in system.ranks.shares:
             body, table = share.body, share.body.space.tabulate(share.first, share.last)

@@ -19,7 +19,7 @@ class Facets:
     ----------
     cells
         The cells.
-    carrier, face
+    cell, face
         The cell of each facet, and which of its facets it is.
 
     Attributes
@@ -28,13 +28,13 @@ class Facets:
         Some of their points, all around them, shape ``(facets, m, 3)``.
     """
 
-    def __init__(self, cells: Cells, carrier: Index, face: Index) -> None:
+    def __init__(self, cells: Cells, cell: Index, face: Index) -> None:
         self._simplex, self._flat = cells.simplex, cells.affine
         degree = cells.geometry.degree
         nodes = _grid(self._simplex, degree)
         self._powers: Index = np.rint(degree * nodes).astype(np.int64)
         X = cells.on_faces(np.repeat(face, len(nodes)), np.tile(nodes, (len(face), 1)))
-        x = cells.at(np.repeat(carrier, len(nodes)), X)[0].reshape(len(face), len(nodes), 3)
+        x = cells.at(np.repeat(cell, len(nodes)), X)[0].reshape(len(face), len(nodes), 3)
         self._coefficients: Array = np.linalg.inv(self._functions(nodes, 0)[0]) @ x
         self._grid = _grid(self._simplex, 1 if self._flat else max(_GRID, degree))
         self.samples: Array = self._functions(self._grid, 0)[0] @ self._coefficients

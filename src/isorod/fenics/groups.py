@@ -80,9 +80,9 @@ def corners(mesh: Any, facets: Index) -> Index:
     """Return the numbers ``(f, 3 or 4)`` that the corners of facets of this rank had when the mesh was made."""
     faces = np.array(basix.topology(compat.geometry_element(mesh).cell_type)[2], dtype=np.int64)
     cells, first = compat.links(mesh, 2, 3)
-    carrier = cells[first[facets]]
-    table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[carrier]
-    nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[carrier]
+    cell = cells[first[facets]]
+    table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[cell]
+    nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[cell]
     found = np.take_along_axis(nodes, faces[(table == facets[:, None]).argmax(axis=1)], axis=1)
     return np.asarray(compat.original_nodes(mesh)[found])
 

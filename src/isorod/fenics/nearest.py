@@ -44,18 +44,18 @@ class Nearest:
         This rank's cells.
     some
         Those in which points are looked for.
-    carrier, face
+    cell, face
         The cell of each facet, and which of its facets it is.
     """
 
-    def __init__(self, cells: Cells, some: Index, carrier: Index, face: Index) -> None:
-        self._cells, self._some, self._carrier, self._face = cells, some, carrier, face
+    def __init__(self, cells: Cells, some: Index, cell: Index, face: Index) -> None:
+        self._cells, self._some, self._cell, self._face = cells, some, cell, face
         # Within rounding, or where the nodes are not the hull.
         self._margin = cells.slack if cells.geometry.degree == 1 else _CURVED
         if len(some):
             self._boxes = self._around(cells.x[some])
-        if len(carrier):
-            self._facets = Facets(cells, carrier, face)
+        if len(cell):
+            self._facets = Facets(cells, cell, face)
             self._facet_boxes = self._around(self._facets.samples)
             self._middles = cKDTree(self._facets.samples.mean(axis=1))
 
@@ -74,7 +74,7 @@ class Nearest:
             if len(self._some):
                 self._look_within(points[own], own, place)
             own = own[place.cell[own] < 0]
-            if len(self._carrier) and len(own):
+            if len(self._cell) and len(own):
                 self._project(points[own], own, place)
         return place
 
@@ -97,7 +97,7 @@ class Nearest:
         s, distance = self._facets.nearest(things, points[of])
         best = _first_of(of, distance)
         things = things[best]
-        place.cell[own], place.distance[own] = self._carrier[things], distance[best]
+        place.cell[own], place.distance[own] = self._cell[things], distance[best]
         place.X[own] = self._cells.on_faces(self._face[things], s[best])
 
 

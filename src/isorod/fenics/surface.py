@@ -70,9 +70,9 @@ class Surface:
     def rows(self, points: Array, facets: Index | None) -> Rows:
         """Return `Rows` at points that all ranks know."""
         own = self._exterior if facets is None else self._own(facets)
-        carrier, face = self._places(own)
-        some = np.arange(len(self._cells.x)) if facets is None else np.unique(carrier)
-        place = Nearest(self._cells, some, carrier, face)(points)
+        cell, face = self._places(own)
+        some = np.arange(len(self._cells.x)) if facets is None else np.unique(cell)
+        place = Nearest(self._cells, some, cell, face)(points)
         # The nearest rank answers, of several the first.
         gap, least = place.distance, np.empty_like(place.distance)
         self._comm.Allreduce(gap, least, op=MPI.MIN)
@@ -93,7 +93,7 @@ class Surface:
     def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
         """Return the `Trace` of exterior facets."""
         cells = self._cells
-        carrier, face = self._places(self._exterior if facets is None else self._own(facets))
+        cell, face = self._places(self._exterior if facets is None else self._own(facets))
         kind = basix.CellType.triangle if cells.simplex else basix.CellType.quadrilateral
         degree = 2 * cells.element.degree + 2 * cells.geometry.degree
         s, w = basix.make_quadrature(kind, degree if pieces is None else 2)[:2]
@@ -103,7 +103,7 @@ class Surface:
         layout = self._space.dofmap.dof_layout
         normals = basix.cell.facet_outward_normals(cells.element.cell_type)
         for f in range(len(cells.faces)):
-            own = carrier[face == f]
+            own = cell[face == f]
             on = np.asarray(layout.entity_closure_dofs(2, f), dtype=np.int64)
             X = cells.on_faces(np.full(len(s), f), s)
             values = tabulated(cells.element, 0, X)[0][:, on]
@@ -146,9 +146,9 @@ class Surface:
         """Return the cells of exterior facets, and which of their facets they are."""
         mesh = self._space.mesh
         cells, first = compat.links(mesh, 2, 3)
-        carrier = cells[first[facets]]
-        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[carrier]
-        return carrier, (table == facets[:, None]).argmax(axis=1)
+        cell = cells[first[facets]]
+        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[cell]
+        return cell, (table == facets[:, None]).argmax(axis=1)
 
 
 def _in_pieces(s: Array, w: Array, pieces: int, simplex: bool) -> tuple[Array, Array]:

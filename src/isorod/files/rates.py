@@ -86,7 +86,7 @@ def _motion(solution: Any, support: int) -> _Motion:
     one: Support = solution.model.supports[support]
     space = solution.model.bodies[one.body].space
     nodes, turn = np.asarray(one.nodes), np.asarray(one.turn, dtype=float)
-    carriers = space.is_carrier[nodes]
+    carriers = space.is_control_point[nodes]
     given: Array = np.broadcast_to(np.asarray(one.displacement, dtype=float), (nodes.size, 3))[carriers].mean(axis=0)
     given = given * np.array([letter in one.components for letter in "xyz"])
     if given.any() and turn.any():

@@ -195,7 +195,7 @@ def _sliding(
     found, everywhere = [], []
     for b in sorted({b for b, _ in free}):
         moved = np.stack([motion.ravel() for body, motion in free if body == b], axis=1)
-        moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_carrier.sum())
+        moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_control_point.sum())
         whole = np.zeros((contact.gaps.shape[1], moved.shape[1]))
         for column, one in zip(whole.T, moved.T, strict=True):
             model.nodal(column[: model.dofs], b)[:] = one.reshape(-1, 3)
@@ -224,9 +224,9 @@ def _sliding(
 def _tilts(model: Model, displacement: Array, body: int, motion: Array, normals: Array) -> float:
     """Return how much a rigid motion of a body's nodes ``(nodes, 3)`` tilts what presses, in sizes of the body."""
     space = model.bodies[body].space
-    places = (space.positions + model.nodal(displacement, body))[space.is_carrier]
+    places = (space.positions + model.nodal(displacement, body))[space.is_control_point]
     arms = places - places.mean(axis=0)
     rows = np.concatenate([np.cross(axis, arms).reshape(-1, 1) for axis in np.eye(3)], axis=1)
-    moved = motion[space.is_carrier]
+    moved = motion[space.is_control_point]
     turn = np.linalg.lstsq(rows, (moved - moved.mean(axis=0)).ravel(), rcond=None)[0]
     return float(np.abs(np.cross(turn, normals)).max(initial=0.0) * np.abs(arms).max())

@@ -137,7 +137,7 @@ class Body(Checked):
     def initial_velocity(self) -> Array:
         """The velocity of the nodes at the start of a motion, shape ``(nodes, 3)``."""
         space = self.space
-        return rigid_velocity(space.positions, space.is_carrier, self.velocity, self.spin, self.turned_about)
+        return rigid_velocity(space.positions, space.is_control_point, self.velocity, self.spin, self.turned_about)
 
     @property
     def turned_about(self) -> tuple[float, ...]:
@@ -145,7 +145,7 @@ class Body(Checked):
         if self.spin_center is not None or not any(self.spin):
             return self.spin_center or (0.0, 0.0, 0.0)
         masses = self.masses(self.space)
-        return tuple((masses @ self.space.positions / masses[self.space.is_carrier].sum()).tolist())
+        return tuple((masses @ self.space.positions / masses[self.space.is_control_point].sum()).tolist())
 
     def masses(self, space: Space) -> Array:
         """Return the integrals of density times the functions of a space on its rod, shape ``(nodes,)``."""

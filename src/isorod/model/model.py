@@ -358,7 +358,7 @@ class Model(Checked):
     @cached_property
     def size(self) -> float:
         """The largest extent of a body along an axis, units of length."""
-        positions = [body.space.positions[body.space.is_carrier] for body in self.bodies]
+        positions = [body.space.positions[body.space.is_control_point] for body in self.bodies]
         return max(float(np.ptp(one, axis=0).max()) for one in positions)
 
     @property
@@ -367,9 +367,9 @@ class Model(Checked):
         return int(self.free.max(initial=-1)) + 1
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a node is a carrier (`Space.is_carrier`), shape ``(nodes,)``."""
-        return np.concatenate([body.space.is_carrier for body in self.bodies])
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a node is a control point (`Space.is_control_point`), shape ``(nodes,)``."""
+        return np.concatenate([body.space.is_control_point for body in self.bodies])
 
     @cached_property
     def whole_nodes(self) -> bool:

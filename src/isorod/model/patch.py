@@ -24,7 +24,7 @@ def patch_nodes(space: Space, around: tuple[float, float], along: tuple[float, f
         raise InputError(f"patch: around is from {first:g} to {last:g} degrees, need a positive angle of at most 360")
     theta = np.radians(np.linspace(first, last, _PLACES * space.points_around + 1))
     values, _ = space.basis.functions(np.stack([np.cos(theta), np.sin(theta)], axis=1))
-    acting = (np.abs(values) > _SMALL).any(axis=0) & space.basis.is_carrier
+    acting = (np.abs(values) > _SMALL).any(axis=0) & space.basis.is_control_point
     layers = np.unique(space.element_layers[_elements(space, along)])
     return (layers[:, None] * space.layer_nodes + np.flatnonzero(acting)).ravel()
 

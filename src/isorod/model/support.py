@@ -36,7 +36,7 @@ class Support(InTime):
         Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
     tied
         Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: their
-        carriers (`Space.is_carrier`) share one unknown.
+        control points (`Space.is_control_point`) share one unknown.
     space
         That of the nodes, if it is to be checked that the body has the same.
     during
@@ -112,7 +112,7 @@ class Support(InTime):
             Rotation vector at load factor 1, shape ``(3,)``: along its axis, as long as its angle, which may be many
             whole turns; radians, in scene files (`rotation`) degrees.
         center
-            The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
+            The point ``c``, shape ``(3,)``; the mean of the face's control points where not given.
         during
             Load factors between which it moves (`Support`).
         spin
@@ -175,13 +175,13 @@ class Support(InTime):
         cls, nodes: Index, space: Space, displacement: Numbers, turn: Numbers, center: Numbers | None, **rest: Any
     ) -> "Support":
         """Return a support of nodes that move as a rigid body does; ``rest`` are its other fields."""
-        is_carrier = space.is_carrier[nodes, None]
+        is_control_point = space.is_control_point[nodes, None]
         arms = None
         if np.any(turn) or np.any(rest["spin"]):
             arms = space.positions[nodes]
-            middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
-            arms = arms - is_carrier * middle
-        moved = is_carrier * np.array(displacement, dtype=float)
+            middle = arms[is_control_point[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
+            arms = arms - is_control_point * middle
+        moved = is_control_point * np.array(displacement, dtype=float)
         return cls(nodes, displacement=moved, turn=turn, arms=arms, space=space, **rest)
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
@@ -204,7 +204,7 @@ class Support(InTime):
         if set(self.components) & set(self.tied):
             raise InputError(f"components {self.components!r} held and {self.tied!r} tied, need one or the other")
         columns = np.array(["xyz".index(letter) for letter in letters])
-        tied = np.array([letter in self.tied for letter in letters]) & space.is_carrier[nodes, None]
+        tied = np.array([letter in self.tied for letter in letters]) & space.is_control_point[nodes, None]
         given = np.asarray(self.displacement, dtype=float)
         if given.shape not in ((3,), (nodes.size, 3)):
             raise InputError(f"got displacements of shape {given.shape}, need (3,) or ({nodes.size}, 3)")
@@ -248,12 +248,12 @@ class Support(InTime):
             raise InputError(f"got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
         result += arms[:, None]
         if tied.any():
-            result[tied] -= arms[np.argmax(space.is_carrier[nodes])]
+            result[tied] -= arms[np.argmax(space.is_control_point[nodes])]
         return result
 
 
 def center_of(space: Space, support: Support) -> Array:
     """Return the point about which a support turns, shape ``(3,)``."""
     nodes = np.asarray(support.nodes)
-    k = int(np.argmax(space.is_carrier[nodes]))
+    k = int(np.argmax(space.is_control_point[nodes]))
     return np.asarray(space.positions[nodes[k]] - np.asarray(support.arms)[k])

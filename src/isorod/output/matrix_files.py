@@ -137,7 +137,7 @@ def _write(found: Matrices, folder: Path, readme: Mapping[str, Any]) -> None:
         [b, k, *place, int(carrier)]
         for b, body in enumerate(found.model.bodies)
         for k, (place, carrier) in enumerate(
-            zip(body.space.positions.tolist(), body.space.is_carrier.tolist(), strict=True)
+            zip(body.space.positions.tolist(), body.space.is_control_point.tolist(), strict=True)
         )
     )
     _table(folder / "nodes.csv", ["body", "node", "x", "y", "z", "carrier"], nodes)

@@ -182,7 +182,7 @@ class Prism:
         """Return the coefficients ``(3 count, 6)`` of the section's rigid motions, in units of its size."""
         polygon = np.concatenate([np.zeros((len(self.outline), 1)), self.outline / self._size], axis=1)
         _, y, z = basis.positions(polygon[None])[0].T
-        return _motions(basis.is_carrier.astype(float), y, z)
+        return _motions(basis.is_control_point.astype(float), y, z)
 
 
 class _Points(NamedTuple):

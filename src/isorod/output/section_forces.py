@@ -103,9 +103,9 @@ def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: 
     layers = np.arange(space.axis.count) % space.layers
     places = (space.positions + moved).reshape(space.layers, -1, 3)[layers]
     origin = centroid.mean(axis=0)
-    places = places - space.basis.is_carrier[:, None] * origin
+    places = places - space.basis.is_control_point[:, None] * origin
     forces = _nodal_forces(body, nodal, factor, pressure)
-    means = _beyond(forces[:, space.basis.is_carrier].sum(axis=1)), _beyond(np.cross(places, forces).sum(axis=1))
+    means = _beyond(forces[:, space.basis.is_control_point].sum(axis=1)), _beyond(np.cross(places, forces).sum(axis=1))
     centres = np.einsum("q,ql,jla->ja", area / area.sum(), table.section[:, 2], places)
     force, about_origin = _recovered(space.axis, means, centres, where)
     moment = about_origin - np.cross(centroid - origin, force)

@@ -231,7 +231,7 @@ def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str
             yield "held mean", _HELD, place
             continue
         nodes = np.asarray(support.nodes)
-        held = nodes[space.is_carrier[nodes]]
+        held = nodes[space.is_control_point[nodes]]
         layers = np.unique(nodes // space.layer_nodes)
         place = space.positions[held].mean(axis=0)
         breaks = space.rod.axis.breaks

@@ -188,7 +188,7 @@ class Coil(Scene):
         there = laid.sweep(section.circle(self.section_points, self.wire_radius))
         change = rod.axis.transfer(space.axis, there.control_points - rod.control_points)
         moved = space.basis.positions(change).reshape(-1, 3)
-        moved[space.is_carrier, 2] += down
+        moved[space.is_control_point, 2] += down
         return np.asarray(moved)
 
     @property

@@ -158,9 +158,9 @@ class Knot(Scene):
         centers = nearest(axis, u, np.stack(points, axis=1))
         across = Frames(axis, centers, np.array([0.0, 1.0, 0.0]))(bspline.greville(axis.knots, axis.degree))
         rest = space.positions.reshape(space.layers, -1, 3)
-        arms = rest - rest[:, space.basis.is_carrier].mean(axis=1, keepdims=True)
+        arms = rest - rest[:, space.basis.is_control_point].mean(axis=1, keepdims=True)
         places = centers[:, None] + np.einsum("jad,jld->jla", across, arms[..., 1:])
-        result: Array = np.where(space.basis.is_carrier[:, None], places - rest, 0.0).reshape(-1, 3)
+        result: Array = np.where(space.basis.is_control_point[:, None], places - rest, 0.0).reshape(-1, 3)
         return result
 
     def model(self) -> "isorod.Model":

@@ -19,15 +19,15 @@ def family_of(order: int) -> str:
 
 
 class Functions(Protocol):
-    """Functions on the unit disk: some of them, the carriers (`isorod.space.Space.is_carrier`), add up to one."""
+    """Functions on the unit disk; those of control points (`isorod.space.Space.is_control_point`) add up to one."""
 
     @property
     def count(self) -> int:
         """Number of functions."""
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is a carrier, shape ``(count,)``."""
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a function is of a control point, shape ``(count,)``."""
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(q, count)`` and gradients ``(q, count, 2)`` at points of the closed disk ``(q, 2)``."""
@@ -42,7 +42,7 @@ class SectionBasis(Functions, Protocol):
     Attributes
     ----------
     on_surface
-        Whether the carriers are the functions of control points round the surface and come first; of others
+        Whether control points stand round the surface and come first; of others
         contact takes the traces (`isorod.contact.traces`).
     """
 

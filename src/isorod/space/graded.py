@@ -28,7 +28,7 @@ ORDER = 3
 
 @dataclass(frozen=True, eq=False)
 class Graded(Checked):
-    """Polyharmonic functions of control points not evenly spaced; the ``T_i`` come first and are the carriers.
+    """Polyharmonic functions of control points not evenly spaced; the ``T_i`` come first and are the control points.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ class Graded(Checked):
         return replace(self, arcs=tuple(part for n in self.arcs for part in ((n, n) if n == least else (2 * n,))))
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is a carrier, shape ``(count,)``."""
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a function is of a control point, shape ``(count,)``."""
         return np.arange(self.count) < len(self.arcs)
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:

@@ -70,7 +70,7 @@ def zernike(xi: ArrayLike, waves: Sequence[tuple[int, int]]) -> Array:
 
 @dataclass(frozen=True)
 class Polyharmonic:
-    """Function ``i`` is ``T_i``, function ``k n + j`` the ``j``-th wave's of that ``k``; the ``T_i`` are the carriers.
+    """Function ``i`` is ``T_i``, function ``k n + j`` the ``j``-th wave's of that ``k``; ``T_i`` are of control points.
 
     Parameters
     ----------
@@ -110,8 +110,8 @@ class Polyharmonic:
         return self.order * self.n
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is a carrier, shape ``(K n,)``."""
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a function is of a control point, shape ``(K n,)``."""
         return np.arange(self.count) < self.n
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:

@@ -114,8 +114,8 @@ class Polynomials:
         return self._powers.shape[0]
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is a carrier: the first alone is, shape ``(count,)``."""
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a function is of a control point: the first alone is, shape ``(count,)``."""
         return np.arange(self.count) == 0
 
     @property

@@ -231,13 +231,13 @@ class Space(Checked):
         return self.layers * self.layer_nodes
 
     @cached_property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a node is a carrier, shape ``(nodes,)``.
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a node is a control point, shape ``(nodes,)``.
 
-        The carriers are the nodes whose functions make the partition of unity: a translation of the rod moves each of
-        them by the same, and no other node; their forces alone add up to the resultant.
+        Control points are the nodes whose functions make the partition of unity: a translation of the rod moves each
+        of them by the same, and no other node; their forces alone add up to the resultant.
         """
-        return np.tile(self.basis.is_carrier, self.layers)
+        return np.tile(self.basis.is_control_point, self.layers)
 
     @cached_property
     def positions(self) -> Array:

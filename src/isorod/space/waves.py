@@ -61,8 +61,8 @@ class Waves:
         self.count: int = self._polynomials.count + rank
 
     @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is a carrier: the first alone is, shape ``(count,)``."""
+    def is_control_point(self) -> NDArray[np.bool_]:
+        """Whether a function is of a control point: the first alone is, shape ``(count,)``."""
         return np.arange(self.count) == 0
 
     @property

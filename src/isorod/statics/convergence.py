@@ -97,7 +97,7 @@ class Convergence:
     def __init__(self, assembler: Assembler) -> None:
         self.assembler = assembler
         spaces = [body.space for body in assembler.model.bodies]
-        self.size = max(float(np.ptp(space.positions[space.is_carrier], axis=0).max()) for space in spaces)
+        self.size = max(float(np.ptp(space.positions[space.is_control_point], axis=0).max()) for space in spaces)
         # Unknowns that are not displacements, and contact, have units and rounding of their own.
         self._forces_alone = assembler.unknowns == assembler.model.unknowns
         self.plain = assembler.contact is None and self._forces_alone
@@ -133,8 +133,8 @@ class Convergence:
         sizes = []
         for body in self.assembler.model.bodies:
             space = body.space
-            others = np.abs(space.positions[~space.is_carrier])
-            sizes.append(np.where(space.is_carrier, self.size, others.max(initial=0.0)))
+            others = np.abs(space.positions[~space.is_control_point])
+            sizes.append(np.where(space.is_control_point, self.size, others.max(initial=0.0)))
         everywhere = np.repeat(np.concatenate(sizes), 3)
         state = self.assembler.state(everywhere, solids=self.size)
         found = np.array(state.array_r)

@@ -75,7 +75,7 @@ def _waves(assembler: Assembler) -> PETSc.Vec:
     """Return a smooth motion without symmetry, about the same on all spaces: it says which of two ways to buckle."""
     model, moved = assembler.model, np.zeros(assembler.model.dofs)
     for b, body in enumerate(model.bodies):
-        carriers = body.space.is_carrier
+        carriers = body.space.is_control_point
         model.nodal(moved, b)[carriers] = np.sin(body.space.positions[carriers] @ _WAVES.T / model.size + _PHASES)
     return assembler.state(moved)
 

@@ -36,8 +36,8 @@ class Stabilisation(Proximal):
         bodies = np.unique([body for body, _ in loose])
         mine = np.zeros(model.dofs)
         for body in bodies:
-            # Rigid motions are of carriers alone; many others together can be near to nothing.
-            model.nodal(mine, int(body))[model.bodies[body].space.is_carrier] = 1.0
+            # Rigid motions are of control points alone; many others together can be near to nothing.
+            model.nodal(mine, int(body))[model.bodies[body].space.is_control_point] = 1.0
         self._loose = loose
         stiffness = matrix.getDiagonal()
         stiffness.pointwiseMult(stiffness, assembler.state(mine))

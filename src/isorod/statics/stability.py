@@ -126,7 +126,7 @@ def pressed_by_potential(model: Model, load: Pressure) -> bool:
     direction = model.nodal(model.prescribed(1.0), load.body)
     for layer in () if space.rod.closed else (0, space.layers - 1):
         edge = slice(layer * space.layer_nodes, (layer + 1) * space.layer_nodes)
-        places = (space.positions + direction)[edge][space.is_carrier[edge]]
+        places = (space.positions + direction)[edge][space.is_control_point[edge]]
         flat = np.ptp(places, axis=0) <= _FLAT * model.size
         if not held[edge].all() and not (held[edge].all(axis=0) & flat).any():
             return False

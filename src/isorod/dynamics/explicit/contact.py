@@ -97,7 +97,7 @@ def pack(
         positions=np.empty_like(packed.before),
         forces=np.empty_like(packed.before),
         limits=np.repeat(limits(model), [contact.passes for contact in model.contacts]),
-        carries=model.is_carrier.astype(float),
+        carries=model.is_control_point.astype(float),
         shared=known,
         mine=mine,
         call=ranks.call(),

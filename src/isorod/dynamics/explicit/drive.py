@@ -52,7 +52,7 @@ class Drive:
         self._springs = [averages.mean_of(model, one) for one in model.means.values() if one.stiffness is not None]
         self._held = [k for k, one in model.means.items() if one.stiffness is None]
         self._constraints = Constraints(model) if model.means else None
-        self._carriers = model.is_carrier.repeat(3)
+        self._carriers = model.is_control_point.repeat(3)
         self._following = [
             (share.which, Pressing(share, [one for one in model.following if one.body == share.which]))
             for share in (system.ranks.shares if model.following else ())

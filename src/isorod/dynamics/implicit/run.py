@@ -244,7 +244,7 @@ class Run(run.Run):
         for one, motion in zip(model.supports, model.motions, strict=True):
             if isinstance(one, Support) and motion.clock.moves and motion.turn.any():
                 space, (first, last) = model.bodies[one.body].space, model.first_node[one.body : one.body + 2]
-                arms = space.positions - space.is_carrier[:, None] * center_of(space, one)
+                arms = space.positions - space.is_control_point[:, None] * center_of(space, one)
                 own = arms + displacement.reshape(-1, 3)[first:last]
                 turned = own @ rotation(motion.clock.at(time) * motion.turn) - arms
                 result.reshape(-1, 3)[first:last] = turned
