@@ -71,7 +71,7 @@ def test_elements_on_the_mesh_of_the_papers_counts():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("arguments", ["--along 4 --layers 6", presets.PRESETS["paper-enhanced"]])
+@pytest.mark.parametrize("arguments", ["--along 4 --layers 6", "--along 8 --layers 12 --degree 1 --family enhanced"])
 def test_two_ranks_give_the_serial_modes(on_ranks, fem, arguments):
     words = ["blade", *arguments.split()]
     parallel = json.loads(on_ranks(2, ON_RANKS, *words))
