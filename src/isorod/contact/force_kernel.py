@@ -23,9 +23,9 @@ from isorod.contact.search_kernel import (
 from isorod.contact.surface_kernel import (
     EDGE,
     END,
-    FOOT,
     LOST,
-    Foot,
+    PROJECTION,
+    Projection,
     arc_of,
     closest,
     dot,
@@ -56,8 +56,8 @@ def rigid_gap(pass_: Row, x: Array, normal: Array) -> float:
     return distance - pass_.radius
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def obstacle_gap(packed: Packed, pass_: Row, x: Array, projection: Foot) -> float:
+@njit(f8(PACKED, PASS_ROW, F1, PROJECTION), **FAST)
+def obstacle_gap(packed: Packed, pass_: Row, x: Array, projection: Projection) -> float:
     """Return the gap of a point to the obstacle of a pass, and fill normal and position of a projection."""
     if pass_.master == MESH:
         return mesh_gap(packed, pass_, x, projection)
@@ -67,8 +67,8 @@ def obstacle_gap(packed: Packed, pass_: Row, x: Array, projection: Foot) -> floa
     return gap
 
 
-@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
-def project(packed: Packed, pass_: Row, point: int, positions: Array, projection: Foot) -> float:
+@njit(f8(PACKED, PASS_ROW, i8, F2, PROJECTION), **FAST)
+def project(packed: Packed, pass_: Row, point: int, positions: Array, projection: Projection) -> float:
     """Return the gap of an active point, and fill its projection, that of the last forces."""
     x = packed.points[point]
     if pass_.master < 0:
@@ -81,8 +81,8 @@ def project(packed: Packed, pass_: Row, point: int, positions: Array, projection
     return surface_gap(projection, packed.states[point].edge)
 
 
-@njit(void(PACKED, PASS_ROW, ANCHOR_ROW, F2, FOOT), **FAST)
-def place_of(packed: Packed, pass_: Row, anchor: Row, positions: Array, projection: Foot) -> None:
+@njit(void(PACKED, PASS_ROW, ANCHOR_ROW, F2, PROJECTION), **FAST)
+def place_of(packed: Packed, pass_: Row, anchor: Row, positions: Array, projection: Projection) -> None:
     """Fill a projection at an anchor of friction; on an obstacle only the first row of ``y``."""
     if pass_.master < 0:
         for a in range(3):
@@ -94,8 +94,8 @@ def place_of(packed: Packed, pass_: Row, anchor: Row, positions: Array, projecti
     evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, projection)
 
 
-@njit(f8(PACKED, i8, FOOT, FOOT, F1), **FAST)
-def stretch_of(packed: Packed, point: int, projection: Foot, there: Foot, s: Array) -> float:
+@njit(f8(PACKED, i8, PROJECTION, PROJECTION, F1), **FAST)
+def stretch_of(packed: Packed, point: int, projection: Projection, there: Projection, s: Array) -> float:
     """Fill ``s``, the tangential vector from a point's anchor to the point, and return its length."""
     along = 0.0
     for a in range(3):
@@ -148,8 +148,8 @@ def _start(packed: Packed, point: int, positions: Array, work: Work, count: int)
     return True
 
 
-@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT, _WORK), **FAST)
-def _gap(packed: Packed, pass_: Row, point: int, positions: Array, projection: Foot, work: Work) -> float:
+@njit(f8(PACKED, PASS_ROW, i8, F2, PROJECTION, _WORK), **FAST)
+def _gap(packed: Packed, pass_: Row, point: int, positions: Array, projection: Projection, work: Work) -> float:
     """Return the gap of a slave point, fill its projection, and set the travel up to which it needs no search.
 
     Infinite where the point is clear of the master or beyond its end, NaN if the search did not converge.
@@ -217,8 +217,8 @@ def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push:
                 forces[node, a] += push[a] * axial[j] * phi[c]
 
 
-@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
-def press(packed: Packed, pass_: Row, point: int, projection: Foot, push: Array, forces: Array) -> None:
+@njit(void(PACKED, PASS_ROW, i8, PROJECTION, F1, F2), **FAST)
+def press(packed: Packed, pass_: Row, point: int, projection: Projection, push: Array, forces: Array) -> None:
     """Add a force ``push`` at a slave point, and its reaction on the master, to the nodal forces."""
     slave = packed.surfaces[pass_.slave]
     at = site(pass_, slave, point)

@@ -37,15 +37,22 @@ from isorod.contact.packed import (
     Row,
     Table,
 )
-from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, new_projection, surface_gap
+from isorod.contact.surface_kernel import LOST, PROJECTION, Projection, closest, dot, new_projection, surface_gap
 
 # A point slips where its traction reaches the limit up to this fraction.
 _NEARLY = 1e-9
 
 
-@njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
+@njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, PROJECTION, ANCHOR_ROW), **FAST)
 def _put(
-    packed: Packed, pass_: Row, point: int, x: Array, positions: Array, start: Table, projection: Foot, anchor: Row
+    packed: Packed,
+    pass_: Row,
+    point: int,
+    x: Array,
+    positions: Array,
+    start: Table,
+    projection: Projection,
+    anchor: Row,
 ) -> None:
     """Put an anchor where the master of a point's projection is nearest to ``x``."""
     if pass_.master < 0:
@@ -84,9 +91,16 @@ def _slave_at(packed: Packed, pass_: Row, point: int, positions: Array, x: Array
                 x[a] += axial[j] * phi[c] * positions[layers[j] + (at.arc + c - 1) % slave.around, a]
 
 
-@njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
+@njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, PROJECTION, ANCHOR_ROW), **FAST)
 def _near(
-    packed: Packed, pass_: Row, point: int, x: Array, positions: Array, start: Table, projection: Foot, anchor: Row
+    packed: Packed,
+    pass_: Row,
+    point: int,
+    x: Array,
+    positions: Array,
+    start: Table,
+    projection: Projection,
+    anchor: Row,
 ) -> float:
     """Put an anchor where the master of a point's projection is nearest to ``x``, and return the gap there."""
     _put(packed, pass_, point, x, positions, start, projection, anchor)
@@ -178,8 +192,8 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
             _put(packed, pass_, point, x, positions, friction.start, there, anchor)
 
 
-@njit(f8(PASS_ROW, FOOT, f8, b1, F1, F1), **FAST)
-def _work(pass_: Row, projection: Foot, gap: float, edge: bool, t: Array, slip: Array) -> float:
+@njit(f8(PASS_ROW, PROJECTION, f8, b1, F1, F1), **FAST)
+def _work(pass_: Row, projection: Projection, gap: float, edge: bool, t: Array, slip: Array) -> float:
     """Return the work of a traction on the displacement of a point whose projection slips.
 
     With ``H`` of `isorod.contact.tangent_kernel` it is ``t^a H_ab slip^b``: at a gap from a curved surface the point's

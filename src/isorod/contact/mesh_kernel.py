@@ -11,7 +11,7 @@ from numba import f8, i8, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.packed import NODE_ROW, PACKED, PASS_ROW, Packed, Row
-from isorod.contact.surface_kernel import FOOT, Foot, dot
+from isorod.contact.surface_kernel import PROJECTION, Projection, dot
 
 # Parts of a triangle: the face, one of the edges from corner k to the next, one of the corners.
 FACE, EDGES, CORNERS = 0, 1, 4
@@ -78,8 +78,8 @@ def aside(normal: Array, out: Array) -> None:
     out /= np.sqrt(dot(out, out))
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def _resting_gap(packed: Packed, pass_: Row, x: Array, projection: Foot) -> float:
+@njit(f8(PACKED, PASS_ROW, F1, PROJECTION), **FAST)
+def _resting_gap(packed: Packed, pass_: Row, x: Array, projection: Projection) -> float:
     """Return `mesh_gap` of a mesh at rest."""
     best, place, triangle, size = np.inf, FACE, pass_.masters, 1
     stack = np.empty(_LEVELS, dtype=np.int64)
@@ -126,8 +126,8 @@ def _resting_gap(packed: Packed, pass_: Row, x: Array, projection: Foot) -> floa
     return gap
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def mesh_gap(packed: Packed, pass_: Row, x: Array, projection: Foot) -> float:
+@njit(f8(PACKED, PASS_ROW, F1, PROJECTION), **FAST)
+def mesh_gap(packed: Packed, pass_: Row, x: Array, projection: Projection) -> float:
     """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
 
     Parameters

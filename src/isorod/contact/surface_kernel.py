@@ -29,7 +29,7 @@ _SLOW = 20
 _LOOSER = 1e3
 
 
-class Foot(NamedTuple):
+class Projection(NamedTuple):
     """A point of a surface, and the vector from it to another point.
 
     Attributes
@@ -53,7 +53,7 @@ class Foot(NamedTuple):
     normal: Array
 
 
-FOOT = types.NamedTuple((F2, F2, F2, F1, F1), Foot)
+PROJECTION = types.NamedTuple((F2, F2, F2, F1, F1), Projection)
 
 
 class Slopes(NamedTuple):
@@ -69,10 +69,10 @@ class Slopes(NamedTuple):
 SLOPES = types.NamedUniTuple(f8, 5, Slopes)
 
 
-@njit(FOOT(), **FAST)
-def new_projection() -> Foot:
+@njit(PROJECTION(), **FAST)
+def new_projection() -> Projection:
     """Return a projection to be filled."""
-    return Foot(np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3), np.empty(3))
+    return Projection(np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3), np.empty(3))
 
 
 @njit(f8(F1, F1), **FAST)
@@ -101,7 +101,7 @@ def arc_of(surface: Row, theta: float) -> int:
 
 @njit(i8(SURFACE_ROW, f8, F2), **FAST)
 def section_functions(surface: Row, theta: float, phi: Array) -> int:
-    """Fill ``phi`` (see `Foot`), and return the arc."""
+    """Fill ``phi`` (see `Projection`), and return the arc."""
     turns, arcs = _turns(surface, theta), surface.arcs
     whole = turns // surface.fine
     number = _arc(surface, turns - whole * surface.fine)
@@ -123,7 +123,7 @@ def section_functions(surface: Row, theta: float, phi: Array) -> int:
 
 @njit(void(ELEMENT_ROW, i8, f8, F2), **FAST)
 def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
-    """Fill ``axial`` (see `Foot`) with those of the ``count`` rational functions of an element."""
+    """Fill ``axial`` (see `Projection`) with those of the ``count`` rational functions of an element."""
     polynomials = element.polynomials
     w0 = w1 = w2 = 0.0
     for j in range(count):
@@ -145,8 +145,8 @@ def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
         axial[0, j] = r
 
 
-@njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, FOOT), **FAST)
-def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, projection: Foot) -> None:
+@njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, PROJECTION), **FAST)
+def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, projection: Projection) -> None:
     """Fill ``phi``, ``axial`` and ``y`` of a projection.
 
     Parameters
@@ -183,8 +183,8 @@ def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Arra
             y[5, a] += phi[0, i] * c2
 
 
-@njit(SLOPES(FOOT, F1), **FAST)
-def _slopes(projection: Foot, x: Array) -> Slopes:
+@njit(SLOPES(PROJECTION, F1), **FAST)
+def _slopes(projection: Projection, x: Array) -> Slopes:
     """Fill ``d`` of a projection, its vector to a point ``x``, and return the slopes of their distance."""
     y, d = projection.y, projection.d
     for a in range(3):
@@ -192,8 +192,8 @@ def _slopes(projection: Foot, x: Array) -> Slopes:
     return Slopes(-dot(d, y[1]), -dot(d, y[2]), dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2]))
 
 
-@njit(types.UniTuple(f8, 2)(FOOT, SLOPES, f8, b1, b1), **FAST)
-def _newton_step(projection: Foot, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
+@njit(types.UniTuple(f8, 2)(PROJECTION, SLOPES, f8, b1, b1), **FAST)
+def _newton_step(projection: Projection, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
     """Return Newton's step of (theta, s), with the metric in the place of a Hessian that is not positive.
 
     ``held`` keeps ``s``.  Where the step leaves the element although the gradient points inward, only one parameter
@@ -234,8 +234,8 @@ def _cut(step_theta: float, step_s: float, s: float, longest: float) -> tuple[fl
     return cut * step_theta, cut * step_s, s + cut * step_s
 
 
-@njit(i8(SURFACE_ROW, ELEMENTS, F1, START_ROW, F2, FOOT), **FAST)
-def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, projection: Foot) -> int:
+@njit(i8(SURFACE_ROW, ELEMENTS, F1, START_ROW, F2, PROJECTION), **FAST)
+def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, projection: Projection) -> int:
     """Find the point of a surface nearest to ``x``, move ``start`` there, and fill ``projection`` but its normal.
 
     Newton on half the squared distance, with steps halved until that decreases; the search goes from element to
@@ -304,8 +304,8 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
     return outcome
 
 
-@njit(f8(FOOT, b1), **FAST)
-def surface_gap(projection: Foot, edge: bool) -> float:
+@njit(f8(PROJECTION, b1), **FAST)
+def surface_gap(projection: Projection, edge: bool) -> float:
     """Return the gap at a closest point (see `closest`) and fill its normal; on an edge it is along ``d``."""
     y, d, normal = projection.y, projection.d, projection.normal
     for a in range(3):

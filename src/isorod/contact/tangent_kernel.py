@@ -17,7 +17,7 @@ from isorod.compiled import F1, F2, I1, STRICT, njit
 from isorod.contact.force_kernel import place_of, project, stretch_of
 from isorod.contact.packed import FRICTION, FUNCTIONS, MESH, PACKED, PASS_ROW, PLANE, Friction, Packed, Row, Table
 from isorod.contact.search_kernel import site
-from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_projection
+from isorod.contact.surface_kernel import PROJECTION, Projection, arc_of, dot, new_projection
 
 # A point couples at most this many nodes: three control points round each of three sections.
 NODES = 9 * FUNCTIONS
@@ -87,8 +87,8 @@ def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> tuple[int, int]:
     return count, count + _add_nodes(packed, patch.anchor_element, patch.anchor_arc, nodes[count:])
 
 
-@njit(void(PASS_ROW, FOOT, f8, F2), **STRICT)
-def _bend(pass_: Row, projection: Foot, gap: float, bend: Array) -> None:
+@njit(void(PASS_ROW, PROJECTION, f8, F2), **STRICT)
+def _bend(pass_: Row, projection: Projection, gap: float, bend: Array) -> None:
     """Fill the derivatives of an obstacle's normal by the point ``(3, 3)``."""
     bend[:] = 0.0
     if pass_.master == PLANE or (pass_.master == MESH and gap == 0.0):
@@ -104,8 +104,8 @@ def _bend(pass_: Row, projection: Foot, gap: float, bend: Array) -> None:
                 bend[c, a] = fixed / (gap + pass_.radius)
 
 
-@njit(void(FOOT, f8, b1, i8, F1, F2, F2), **STRICT)
-def _vary(projection: Foot, gap: float, edge: bool, mine: int, functions: Array, xi: Array, turn: Array) -> None:
+@njit(void(PROJECTION, f8, b1, i8, F1, F2, F2), **STRICT)
+def _vary(projection: Projection, gap: float, edge: bool, mine: int, functions: Array, xi: Array, turn: Array) -> None:
     """Fill variations by the nodes: of a projection's parameters ``xi`` ``(2, dofs)``, and of its normal ``(3, dofs)``.
 
     ``functions`` is ``D``; the first ``mine`` are those of the slave's nodes.
@@ -141,14 +141,14 @@ def _vary(projection: Foot, gap: float, edge: bool, mine: int, functions: Array,
                 turn[c, d] = -(y[1, c] * (a22 * tilt1 - a12 * tilt2) + y[2, c] * (a11 * tilt2 - a12 * tilt1)) / metric
 
 
-@njit(void(PACKED, FRICTION, F2, _PATCH_ROW, i8, FOOT, F1, F2, F2), **STRICT)
+@njit(void(PACKED, FRICTION, F2, _PATCH_ROW, i8, PROJECTION, F1, F2, F2), **STRICT)
 def _add_friction(
     packed: Packed,
     friction: Friction,
     positions: Array,
     patch: Row,
     point: int,
-    projection: Foot,
+    projection: Projection,
     functions: Array,
     turn: Array,
     change: Array,
