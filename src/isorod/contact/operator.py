@@ -160,7 +160,7 @@ class ContactOperator:
         """
         packed, positions = self.packed, self._positions(displacement)
         # Where the forces were computed just before, at the same positions, closest points are known.
-        if not np.array_equal(packed.before[packed.carriers], positions[packed.carriers]):
+        if not np.array_equal(packed.before[packed.control_points], positions[packed.control_points]):
             packed.forget()
         self._add_forces(positions)
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))

@@ -167,7 +167,7 @@ class Packed(NamedTuple):
         Rows of `LIFT`, and the matrices from a layer's coefficients to control points, row by row, ``(.,)``.
     tracks
         How obstacles move (`isorod.model.moving.ObstacleMotion.track`), ``(., 5)``.
-    carriers
+    control_points
         Control points of all surfaces: nodes of the model, then those of ``lifts``.
     multipliers
         Pressures of the augmented Lagrangian, zero for a plain penalty, ``(Q,)``.
@@ -204,7 +204,7 @@ class Packed(NamedTuple):
     lifts: Table
     matrices: Array
     tracks: Array
-    carriers: Index
+    control_points: Index
     multipliers: Array
     states: Table
     points: Array

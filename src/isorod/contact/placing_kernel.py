@@ -60,7 +60,7 @@ def place_obstacles(packed: Packed, when: float) -> None:
                 twist += (frame[a, b] - pass_.frame[a, b]) ** 2
         if moved == 0.0 and twist == 0.0:
             continue
-        for node in packed.carriers:
+        for node in packed.control_points:
             square = 0.0
             for a in range(3):
                 square += (packed.before[node, a] - pass_.pivot[a]) ** 2

@@ -325,7 +325,7 @@ def add_travel(packed: Packed, positions: Array) -> bool:
     """Add how far a control point has moved since the last call to ``travel``; False if a position is not finite."""
     longest = 0.0
     finite = True
-    for node in packed.carriers:
+    for node in packed.control_points:
         square = 0.0
         for a in range(3):
             x = positions[node, a]

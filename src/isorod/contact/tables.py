@@ -63,7 +63,7 @@ class _Tables:
         self.surfaces: list[Any] = []
         self.elements: list[Any] = []
         self.passes: list[Any] = []
-        self.carriers: list[Index] = []
+        self.control_points: list[Index] = []
         self.around: list[Array] = []
         self.along_rows: list[Array] = []
         self.shares: list[Array] = []
@@ -105,7 +105,7 @@ class _Tables:
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * stride
-            self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
+            self.control_points.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
             neighbours = [rows.get(other, -1) for other in beside]
             sizes = (along[e], along[e + 1], own.radius * radii(space, [e])[1])
@@ -166,7 +166,7 @@ class _Tables:
             nothing = np.zeros((FUNCTIONS, FUNCTIONS)), (-1, -1), 0.0, 0.0, np.inf
             self.elements.append((len(self.surfaces) - 1, layers, *nothing, *ladder))
         self.rungs.extend(np.tile(np.eye(size, FUNCTIONS), (count, 1)))
-        self.carriers.append(first_node + np.unique(own.nodes))
+        self.control_points.append(first_node + np.unique(own.nodes))
         starts = (first_point, 1, points, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
         along = np.pad(own.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
@@ -335,7 +335,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         lifts=np.array([*tables.lifts.values()], LIFT),
         matrices=np.concatenate([np.empty(0), *tables.matrices]),
         tracks=np.concatenate([np.empty((0, 5)), *tables.tracks]),
-        carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
+        control_points=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.control_points])),
         multipliers=np.zeros(areas.size),
         states=np.zeros(areas.size, STATE),
         points=np.zeros((areas.size, 3)),
