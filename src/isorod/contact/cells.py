@@ -94,7 +94,7 @@ def parameters(packed: Packed) -> Array:
         surface = packed.surfaces[pass_["slave"]]
         _, along, arcs, across = u.shape
         low, high = packed.elements["u"][surface["first_element"] :][: surface["elements"], :, None].swapaxes(0, 1)
-        u[:] = (low + (high - low) * packed.shares[pass_["first_along"] :][:along])[..., None, None]
+        u[:] = (low + (high - low) * packed.fractions[pass_["first_along"] :][:along])[..., None, None]
         x = np.polynomial.legendre.leggauss(across)[0]
         angle[:] = sense(surface) * (surface["arcs"][:arcs, :1] + np.pi * surface["arcs"][:arcs, 6:] * x)
 

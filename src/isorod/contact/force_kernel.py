@@ -188,7 +188,7 @@ def _gap(packed: Packed, pass_: Row, point: int, positions: Array, projection: P
         gap = np.inf
         if outcome != END and outcome != LOST:
             # A point does not touch its own neighbourhood.
-            fraction, there = packed.shares[at.along], 0.5 * (start.s + 1.0)
+            fraction, there = packed.fractions[at.along], 0.5 * (start.s + 1.0)
             if may_touch(packed, at.element, fraction, start.element, there):
                 gap = surface_gap(projection, outcome == EDGE)
                 # A point so deep in a wall is not inside the tube.

@@ -154,7 +154,7 @@ class Packed(NamedTuple):
     around, along
         The three section functions ``Phi`` at the points of each arc ``(., 3)``, and the axis functions ``R`` at the
         points along the elements ``(., l)``.
-    shares
+    fractions
         Position along its element of each row of ``along``, 0 to 1.
     rungs
         The ``R`` at sections evenly along the elements, at which searches start, ``(., l)``.
@@ -195,7 +195,7 @@ class Packed(NamedTuple):
     passes: Table
     around: Array
     along: Array
-    shares: Array
+    fractions: Array
     rungs: Array
     areas: Array
     corners: Array
@@ -225,7 +225,7 @@ class Packed(NamedTuple):
         passes = self.passes.copy()
         for name in PLACED:
             passes[name] = 0.0
-        tables = self.surfaces, self.elements, passes, self.around, self.along, self.shares, self.rungs, self.areas
+        tables = self.surfaces, self.elements, passes, self.around, self.along, self.fractions, self.rungs, self.areas
         return *tables, self.corners, self.normals, self.nodes, self.lifts, self.matrices, self.tracks
 
     def passes_of(self, points: Index) -> Index:

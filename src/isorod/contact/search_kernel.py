@@ -281,7 +281,7 @@ def find_places(packed: Packed, pass_: Row, point: int, limit: float, reach: flo
     """
     x, slave = packed.points[point], packed.surfaces[pass_.slave]
     at = site(pass_, slave, point)
-    fraction = packed.shares[at.along]
+    fraction = packed.fractions[at.along]
     listed = packed.counts[at.element] <= packed.near.shape[1]
     first = 0 if listed else packed.surfaces[pass_.master].first_element
     looked_at = packed.counts[at.element] if listed else _last_row(packed, pass_) - first

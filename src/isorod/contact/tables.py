@@ -66,7 +66,7 @@ class _Tables:
         self.control_points: list[Index] = []
         self.around: list[Array] = []
         self.along_rows: list[Array] = []
-        self.shares: list[Array] = []
+        self.fractions: list[Array] = []
         self.rungs: list[Array] = []
         self.corners: list[Array] = []
         self.normals: list[Array] = []
@@ -142,13 +142,13 @@ class _Tables:
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, rule.across, rule.along, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
-        self._points(rule.around, rule.axial, np.tile(rule.shares, len(rule.areas)), fraction * rule.areas)
+        self._points(rule.around, rule.axial, np.tile(rule.fractions, len(rule.areas)), fraction * rule.areas)
 
     def _points(self, around: Array, along: Iterable[Array], fractions: Array, areas: Array) -> None:
         """Add the points of a pass."""
         self.around.extend(around)
         self.along_rows.extend(along)
-        self.shares.append(fractions)
+        self.fractions.append(fractions)
         self.areas.append(areas.ravel())
 
     def facets(self, own: Facets, first_node: int, masters: tuple[int, int], contact: Contact, force: float) -> None:
@@ -205,7 +205,7 @@ class _Rule:
         Number of points round an arc, and along an element.
     around, axial
         Rows of `Packed.around` and `Packed.along`.
-    shares
+    fractions
         Positions of the points along an element, 0 to 1, ``(along,)``.
     areas
         Reference areas, ``(elements, along, n across)``.
@@ -214,7 +214,7 @@ class _Rule:
     def __init__(self, space: "Space", own: Trace, chosen: Sequence[int], points: tuple[int, int]) -> None:
         self.across, self.along = points
         t, v = np.polynomial.legendre.leggauss(self.along)
-        self.shares = 0.5 * (1.0 + t)
+        self.fractions = 0.5 * (1.0 + t)
         self.around, theta, w = section_functions(own, self.across)
         circle = own.circle(theta)
         axial: list[Array] = []
@@ -327,7 +327,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         around=np.array(tables.around).reshape(-1, 3),
         along=np.array(tables.along_rows).reshape(-1, FUNCTIONS),
         rungs=np.array(tables.rungs).reshape(-1, FUNCTIONS),
-        shares=np.concatenate([np.empty(0), *tables.shares]),
+        fractions=np.concatenate([np.empty(0), *tables.fractions]),
         areas=areas,
         corners=np.concatenate([np.empty((0, 3, 3)), *tables.corners]),
         normals=np.concatenate([np.empty((0, 7, 3)), *tables.normals]),
