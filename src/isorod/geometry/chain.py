@@ -13,7 +13,7 @@ from isorod.geometry.coils import Winding, check_angle, wound
 from isorod.geometry.frames import ArcLength, Frames
 from isorod.geometry.given import check_length, finite_points
 from isorod.geometry.line import CenterLine
-from isorod.geometry.pieces import Piece, joined, tensors
+from isorod.geometry.pieces import Segment, joined, tensors
 from isorod.tensors import rotation
 
 # Largest gap between end and start of a closed chain, relative to its length, and between directions, radians.
@@ -61,7 +61,7 @@ class Straight(Checked):
     def line(self, tip: Tip) -> CenterLine:
         """Return the line from a tip on, and move the tip to its end."""
         points = np.array([[0.0], [0.5], [1.0]]) * self.length * tip.triad[:, 2]
-        return _exact([Piece(tip.place + points, self.length)], tip)
+        return _exact([Segment(tip.place + points, self.length)], tip)
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Arc(Checked):
             start, end = (centre - rotation(step * turn * about) @ to_centre for step in (k, k + 1))
             out = -rotation((k + 0.5) * turn * about) @ to_centre
             corner = centre + out / np.cos(0.5 * turn)
-            segments.append(Piece(np.array([start, corner, end]), self.radius * turn, turn, about))
+            segments.append(Segment(np.array([start, corner, end]), self.radius * turn, turn, about))
         return _exact(segments, tip)
 
 
@@ -154,7 +154,7 @@ class Helix(Checked):
         return CenterLine(axis, centers, frames=frames, deviation=own.deviation, cure=own.cure)
 
 
-def _exact(segments: Sequence[Piece], tip: Tip) -> CenterLine:
+def _exact(segments: Sequence[Segment], tip: Tip) -> CenterLine:
     """Return straight lines or arcs, and move the tip to their end."""
     rotations, stretches = tensors(segments, tip.frame())
     for segment in segments:

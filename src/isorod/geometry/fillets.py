@@ -7,7 +7,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.pieces import Piece, joined
+from isorod.geometry.pieces import Segment, joined
 from isorod.geometry.reading import turns
 
 # Turns below this, radians, need no fillet; segments below this fraction of the longest chord are left out.
@@ -20,7 +20,7 @@ class Path(NamedTuple):
 
     axis: Axis
     centers: Array
-    segments: list[Piece]
+    segments: list[Segment]
     stations: Array
 
 
@@ -68,7 +68,7 @@ def path(points: Array, radius: float, closed: bool) -> Path:
         if k:
             side = np.array([ends[k - 1], 0.5 * (ends[k - 1] + starts[k % count]), starts[k % count]])
             if room[k - 1] > _NOTHING * length.max():
-                segments.append(Piece(side, float(room[k - 1])))
+                segments.append(Segment(side, float(room[k - 1])))
             segments += first
         places.append(len(segments))
         if k < count:
@@ -77,7 +77,9 @@ def path(points: Array, radius: float, closed: bool) -> Path:
     return Path(axis, centers, segments, axis.breaks[places])
 
 
-def _halves(start: Array, before: Array, after: Array, turn: float, radius: float) -> tuple[list[Piece], list[Piece]]:
+def _halves(
+    start: Array, before: Array, after: Array, turn: float, radius: float
+) -> tuple[list[Segment], list[Segment]]:
     """Return the two halves of the arc from one direction to another, none where they are equal."""
     if not turn:
         return [], []
@@ -86,4 +88,4 @@ def _halves(start: Array, before: Array, after: Array, turn: float, radius: floa
     middle = (before + after) / np.linalg.norm(before + after)
     reach, length = radius * np.tan(0.25 * turn), 0.5 * radius * turn
     points = start + reach * np.cumsum([0.0 * before, before, middle, middle, after], axis=0)
-    return [Piece(points[:3], length, 0.5 * turn, about)], [Piece(points[2:], length, 0.5 * turn, about)]
+    return [Segment(points[:3], length, 0.5 * turn, about)], [Segment(points[2:], length, 0.5 * turn, about)]

@@ -10,7 +10,7 @@ from isorod.geometry.axis import Axis
 from isorod.tensors import rotation
 
 
-class Piece(NamedTuple):
+class Segment(NamedTuple):
     """A straight line, or an arc: its three control points ``(3, 3)``, length, angle, and the axis of rotation."""
 
     points: Array
@@ -19,7 +19,7 @@ class Piece(NamedTuple):
     about: Array = np.array([0.0, 0.0, 1.0])
 
 
-def joined(segments: Sequence[Piece]) -> tuple[Axis, Array]:
+def joined(segments: Sequence[Segment]) -> tuple[Axis, Array]:
     """Return the axis, whose parameter is the length, and control points ``(axis.count, 3)`` of segments in a row."""
     breaks = np.concatenate([[0.0], np.cumsum([segment.length for segment in segments])])
     knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
@@ -30,7 +30,7 @@ def joined(segments: Sequence[Piece]) -> tuple[Axis, Array]:
     )
 
 
-def tensors(segments: Sequence[Piece], first: Array) -> tuple[Array, Array]:
+def tensors(segments: Sequence[Segment], first: Array) -> tuple[Array, Array]:
     """Return the control tensors ``R_j`` and ``S_j`` of frames that turn with the arcs, ``(2 segments + 1, 3, 3)``.
 
     Parameters
