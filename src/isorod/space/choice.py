@@ -197,16 +197,16 @@ def _boundary_layers(
     """Return knots that, with the rod's elements cut in so many parts, resolve boundary layers."""
     if shape.slenderness > _SLENDEREST:
         return ()
-    there = np.interp(rod.axis.evenly(parts), shape.u, shape.way)
-    ends = [] if rod.closed else [0.0, shape.way[-1]]
-    middles = np.unique([*ends, *np.interp(places, shape.u, shape.way)])
+    there = np.interp(rod.axis.evenly(parts), shape.u, shape.lengths)
+    ends = [] if rod.closed else [0.0, shape.lengths[-1]]
+    middles = np.unique([*ends, *np.interp(places, shape.u, shape.lengths)])
     knots: list[float] = []
     for middle in middles:
         for side in (-1.0, 1.0):
             others = side * (middles - middle)
             room = 0.5 * min(others[others > 0.0], default=0.0)
             even = side * (there - middle)
-            element = min(even[even > 1e-9 * shape.way[-1]], default=0.0)
+            element = min(even[even > 1e-9 * shape.lengths[-1]], default=0.0)
             distance, size = 0.0, layer.first * shape.radius
             while size < element:
                 distance += size
@@ -215,7 +215,7 @@ def _boundary_layers(
                 if not near.any() and distance + _AFTER * size < room:
                     knots.append(middle + side * distance)
                 size *= layer.rise
-    return tuple(np.sort(np.interp(knots, shape.way, shape.u)).tolist())
+    return tuple(np.sort(np.interp(knots, shape.lengths, shape.u)).tolist())
 
 
 def halved(space: Any) -> dict[str, object]:

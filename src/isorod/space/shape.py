@@ -36,7 +36,7 @@ class Shape(NamedTuple):
         Largest distance of the outline from the centre line.
     thinness
         The least such distance over the largest one, of a section.
-    u, way
+    u, lengths
         Axis parameters in rising order, and arc lengths of the centre line there, both ends included.
     """
 
@@ -47,7 +47,7 @@ class Shape(NamedTuple):
     radius: float
     thinness: float
     u: Array
-    way: Array
+    lengths: Array
 
 
 def shape_of(rod: Rod) -> Shape:
