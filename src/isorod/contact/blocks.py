@@ -74,7 +74,7 @@ class Blocks:
         many = 1 + max(int(across.max()) for _, across in nodes)
         keys = np.concatenate([(many * down[:, None] + across).ravel() for down, across in nodes])
         pairs, number = np.unique(keys, return_inverse=True)
-        down, across = (3 * one[:, None, None] for one in np.divmod(pairs, many))
+        down, across = (3 * block[:, None, None] for block in np.divmod(pairs, many))
         shape = pairs.size, 3, 3
         self.rows = np.broadcast_to(down + np.arange(3)[:, None], shape).ravel()
         self.columns = np.broadcast_to(across + np.arange(3), shape).ravel()
@@ -82,8 +82,8 @@ class Blocks:
         # A block has three rows and columns a node, row by row.
         three = np.arange(3)[:, None, None], np.arange(3)
         within = [
-            (9 * one.reshape(rows, 1, columns, 1) + 3 * three[0] + three[1]).ravel()
-            for one, (rows, columns) in zip(np.split(number, ends[:-1]), shapes, strict=True)
+            (9 * block.reshape(rows, 1, columns, 1) + 3 * three[0] + three[1]).ravel()
+            for block, (rows, columns) in zip(np.split(number, ends[:-1]), shapes, strict=True)
         ]
         self._entry = np.concatenate(within)
         self._begin = np.append(0, 9 * ends)

@@ -29,10 +29,10 @@ class Crossing:
     """
 
     def __init__(self, model: "Model", contact: "Contact") -> None:
-        known, self._places = nodes_of(model)
-        own = facets(model, contact, 1, known)
-        corners = 4 if own.nodes.shape[1] in SQUARES else 3
-        self._corners: Index = np.concatenate([own.nodes[:, list(one)] for one in _TRIANGLES[corners]])
+        nodes, self._places = nodes_of(model)
+        faces = facets(model, contact, 1, nodes)
+        corners = 4 if faces.nodes.shape[1] in SQUARES else 3
+        self._corners: Index = np.concatenate([faces.nodes[:, list(one)] for one in _TRIANGLES[corners]])
 
     def first(self, points: tuple[Array, Array], moved: tuple[Array, Array], ahead: Array) -> int | None:
         """Return the number of a point that goes through a facet, if there is one.

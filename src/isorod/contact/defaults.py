@@ -65,10 +65,10 @@ def penalty(model: "Model", contact: Contact, in_motion: bool = False) -> float:
     stiffness = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        own = trace(space, contact.is_inner(body))
-        radius = own.radius * radii(space, elements)[0]
+        surface = trace(space, contact.is_inner(body))
+        radius = surface.radius * radii(space, elements)[0]
         softest = min(law.surface_modulus for law in model.bodies[body].laws)
-        count = space.points_around if own.lift is None else own.dimension
+        count = space.points_around if surface.lift is None else surface.dimension
         stiffness.append(softest * count / (2.0 * np.pi * radius))
     if contact.facets is not None:
         law = model.solids[contact.facets.solid].law
@@ -97,8 +97,8 @@ def points_of(model: "Model") -> list[tuple[int, int]]:
             surface = trace(space, contact.is_inner(body))
             n = space.points_around if surface.lift is None else len(surface.arcs)
             least = 3 if surface.lift is None else ceil(3 * surface.dimension / n)
-            own = least, space.axis.degree + 1
+            points = least, space.axis.degree + 1
             if not isinstance(space.basis, Graded):
-                own = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
-            result.append(contact.points or own)
+                points = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
+            result.append(contact.points or points)
     return result

@@ -64,16 +64,18 @@ def nodes_of(model: "Model") -> tuple[Index, Array]:
     firsts = np.cumsum([model.dofs // 3, *(solid.nodes for solid in model.solids)])
     nodes, places = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
     for k, solid in enumerate(model.solids):
-        own = [contact.facets for contact in model.contacts if contact.facets is not None and contact.facets.solid == k]
-        if own:
-            numbers = np.unique(np.concatenate([solid.trace(contact.facets).nodes.ravel() for contact in own]))
+        sides = [
+            contact.facets for contact in model.contacts if contact.facets is not None and contact.facets.solid == k
+        ]
+        if sides:
+            numbers = np.unique(np.concatenate([solid.trace(side.facets).nodes.ravel() for side in sides]))
             nodes.append(firsts[k] + numbers)
             places.append(np.concatenate(solid.comm.allgather(solid.positions))[numbers])
     return np.concatenate(nodes), np.concatenate(places)
 
 
-def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Facets:
-    """Return the facets of a contact, with at least so many points along a side; ``known`` are `nodes_of`."""
+def facets(model: "Model", contact: "Contact", points: int, all_nodes: Index) -> Facets:
+    """Return the facets of a contact, with at least so many points along a side; ``all_nodes`` are `nodes_of`."""
     assert contact.facets is not None
     k = contact.facets.solid
     parts = max(1, -(-points // 2))
@@ -81,22 +83,22 @@ def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Fac
     n, count = trace.each, trace.nodes.shape[1]
     first = model.dofs // 3 + sum(solid.nodes for solid in model.solids[:k])
     # All points of a facet have the same nodes.
-    nodes = np.searchsorted(known, first + trace.nodes[::n])
+    nodes = np.searchsorted(all_nodes, first + trace.nodes[::n])
     area = float(trace.weights.sum()) / np.unique(nodes).size
     return Facets(
         len(model.bodies) + k, nodes, trace.values.reshape(-1, n, count), trace.weights.reshape(-1, n), np.sqrt(area)
     )
 
 
-def values_of(model: "Model", contact: "Contact", known: Index, points: int) -> csr_matrix:
-    """Return the shape functions of so many points of a contact's facets, rows over all nodes of rods and ``known``."""
+def values_of(model: "Model", contact: "Contact", all_nodes: Index, points: int) -> csr_matrix:
+    """Return the shape functions of so many points of a contact's facets, rows over nodes of rods and `nodes_of`."""
     assert contact.facets is not None
     trace = model.solids[contact.facets.solid].trace(contact.facets.facets, 1)
     # Each facet has the points of its rule once for each of its parts.
-    own = facets(model, contact, 2 * round(np.sqrt(points / len(trace.weights))), known)
-    nodes = model.dofs // 3 + np.repeat(own.nodes, own.values.shape[1], axis=0)
+    faces = facets(model, contact, 2 * round(np.sqrt(points / len(trace.weights))), all_nodes)
+    nodes = model.dofs // 3 + np.repeat(faces.nodes, faces.values.shape[1], axis=0)
     places = np.arange(0, nodes.size + 1, nodes.shape[1])
-    return csr_matrix((own.values.ravel(), nodes.ravel(), places), shape=(points, model.dofs // 3 + known.size))
+    return csr_matrix((faces.values.ravel(), nodes.ravel(), places), shape=(points, model.dofs // 3 + all_nodes.size))
 
 
 def points_of(model: "Model", contact: "Contact", radius: float) -> tuple[int, int]:

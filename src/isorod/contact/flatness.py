@@ -41,6 +41,6 @@ def unevenness(model: "Model", contact: "Contact") -> Array:
     along = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     areas = trace.weights.reshape(-1, trace.each).sum(axis=1) * (1.0 if corners.shape[1] == 4 else 2.0)
     result = np.zeros(len(corners))
-    for own in (first, second):
-        np.maximum.at(result, own, angle * areas[own] / along / 8.0)
+    for side in (first, second):
+        np.maximum.at(result, side, angle * areas[side] / along / 8.0)
     return result

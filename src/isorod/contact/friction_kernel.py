@@ -142,8 +142,8 @@ def catch(packed: Packed, friction: Friction, passes: Table, before: Array, ahea
             anchor = friction.anchors[point]
             if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
                 continue
-            known = caught[point].element
-            if known >= 0 and (pass_.master < 0 or _same_surface(packed, known, packed.starts[point].element)):
+            element = caught[point].element
+            if element >= 0 and (pass_.master < 0 or _same_surface(packed, element, packed.starts[point].element)):
                 friction.anchors[point] = caught[point]
                 continue
             _slave_at(packed, pass_, point, ahead, x)

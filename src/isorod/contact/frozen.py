@@ -294,10 +294,10 @@ def _sliding(case: _Case, result: ContactResult) -> csr_matrix:
     """Return displacements of active points relative to their partners, rows over all nodes, for each component."""
     here = result.pressure > 0.0
     if result.on_facets:
-        own = values_of(case.model, case.contact, case.known, result.pressure.size)[here]
+        slave = values_of(case.model, case.contact, case.known, result.pressure.size)[here]
     else:
-        own = _functions(case, result.body[here], result.parameters[here])
-    return csr_matrix(own - _functions(case, result.partners[here], result.projections[here]))
+        slave = _functions(case, result.body[here], result.parameters[here])
+    return csr_matrix(slave - _functions(case, result.partners[here], result.projections[here]))
 
 
 def _along(functions: csr_matrix, directions: Array) -> csr_matrix:

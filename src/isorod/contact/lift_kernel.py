@@ -13,12 +13,12 @@ def lift(packed: Packed, positions: Array) -> None:
     for k in range(packed.lifts.size):
         row = packed.lifts[k]
         for layer in range(row.layers):
-            node, own = row.first_point + layer * row.around, row.first_node + layer * row.functions
+            node, first = row.first_point + layer * row.around, row.first_node + layer * row.functions
             for i in range(row.around):
                 for a in range(3):
                     value = 0.0
                     for f in range(row.functions):
-                        value += packed.matrices[row.first_value + i * row.functions + f] * positions[own + f, a]
+                        value += packed.matrices[row.first_value + i * row.functions + f] * positions[first + f, a]
                     positions[node + i, a] = value
 
 
@@ -28,15 +28,15 @@ def lower(packed: Packed, forces: Array) -> None:
     for k in range(packed.lifts.size):
         row = packed.lifts[k]
         for layer in range(row.layers):
-            node, own = row.first_point + layer * row.around, row.first_node + layer * row.functions
+            node, first = row.first_point + layer * row.around, row.first_node + layer * row.functions
             for i in range(row.around):
                 x, y, z = forces[node + i, 0], forces[node + i, 1], forces[node + i, 2]
                 if x == 0.0 and y == 0.0 and z == 0.0:
                     continue
                 for f in range(row.functions):
                     coefficient = packed.matrices[row.first_value + i * row.functions + f]
-                    forces[own + f, 0] += coefficient * x
-                    forces[own + f, 1] += coefficient * y
-                    forces[own + f, 2] += coefficient * z
+                    forces[first + f, 0] += coefficient * x
+                    forces[first + f, 1] += coefficient * y
+                    forces[first + f, 2] += coefficient * z
                 for a in range(3):
                     forces[node + i, a] = 0.0

@@ -35,10 +35,12 @@ class Lifts:
             values.append(np.tile(packed.matrices[lift["first_value"] :][:size], lift["layers"]))
         row, column, value = (np.concatenate(each) for each in (rows, columns, values))
         three = np.arange(3)
-        every = np.repeat(value, 3), ((3 * row[:, None] + three).ravel(), (3 * column[:, None] + three).ravel())
-        made = csr_matrix(every, shape=(3 * packed.before.shape[0], 3 * nodes))
-        made.eliminate_zeros()
-        self._lift = PETSc.Mat().createAIJ(made.shape, csr=(made.indptr, made.indices, made.data), comm=PETSc.COMM_SELF)
+        entries = np.repeat(value, 3), ((3 * row[:, None] + three).ravel(), (3 * column[:, None] + three).ravel())
+        lift_matrix = csr_matrix(entries, shape=(3 * packed.before.shape[0], 3 * nodes))
+        lift_matrix.eliminate_zeros()
+        self._lift = PETSc.Mat().createAIJ(
+            lift_matrix.shape, csr=(lift_matrix.indptr, lift_matrix.indices, lift_matrix.data), comm=PETSc.COMM_SELF
+        )
         self._matrix = PETSc.Mat()
         self._product: PETSc.Mat | None = None
         self._order, self._pattern = np.empty(0, dtype=np.int64), (np.empty(0), np.empty(0))

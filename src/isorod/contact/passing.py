@@ -172,8 +172,8 @@ class Passing:
         )
         if k is None:
             return None
-        one, other = sorted((int(first[k]), int(second[k])))
-        return f"tunnelling of {self._described(one)} through {self._described(other)}"
+        low_segment, high_segment = sorted((int(first[k]), int(second[k])))
+        return f"tunnelling of {self._described(low_segment)} through {self._described(high_segment)}"
 
     def _obstacle(self, start: Array, end: Array, when: tuple[float, float], enters: bool = False) -> str | None:
         """Return a message on a segment that goes through a cylinder or sphere, or penetrates it if ``enters``."""
@@ -181,22 +181,22 @@ class Passing:
             other = contact.obstacle
             if not isinstance(other, Cylinder | Sphere) or contact.has_inner:
                 continue
-            mine = np.flatnonzero(self._stretches.sides(contact)[1])
+            segments = np.flatnonzero(self._stretches.sides(contact)[1])
             middle = np.array(other.center if isinstance(other, Sphere) else other.point)
-            seen = [start[mine], end[mine]]
+            states = [start[segments], end[segments]]
             if contact.motion is not None:
-                seen = [contact.motion.back(places, at) for places, at in zip(seen, when, strict=True)]
-            rest, ends, increments = self._rest[mine] - middle, seen[0] - middle, seen[1] - seen[0]
+                states = [contact.motion.back(places, at) for places, at in zip(states, when, strict=True)]
+            rest, ends, increments = self._rest[segments] - middle, states[0] - middle, states[1] - states[0]
             if isinstance(other, Cylinder):
                 # Distances are from the axis.
                 axis = np.array(other.axis) / np.linalg.norm(other.axis)
                 rest, ends, increments = (one - (one @ axis)[..., None] * axis for one in (rest, ends, increments))
-            size, still = np.full(mine.size, float(other.radius)), np.zeros_like(ends)
+            size, still = np.full(segments.size, float(other.radius)), np.zeros_like(ends)
             relative = np.linalg.norm(increments, axis=2).max(axis=1)
             apart = _distance(rest, still)
-            pair = _nearer(apart, (ends, still), (increments, still), self._radius[mine], size, relative, enters)
+            pair = _nearer(apart, (ends, still), (increments, still), self._radius[segments], size, relative, enters)
             if pair is not None:
-                return f"tunnelling of {self._described(int(mine[pair]))} through the obstacle of contact {k}"
+                return f"tunnelling of {self._described(int(segments[pair]))} through the obstacle of contact {k}"
         return None
 
     def _wall(self, start: Array, increment: Array) -> str | None:
@@ -205,16 +205,16 @@ class Passing:
         for contact in self._inside:
             sides = self._stretches.sides(contact)[0]
             for tube in (body for body, _ in contact.sides if contact.is_inner(body)):
-                own = np.flatnonzero(self._stretches.body == tube)
-                others = np.flatnonzero((sides >= 0) & (sides != sides[own[0]]))
+                wall = np.flatnonzero(self._stretches.body == tube)
+                outside = np.flatnonzero((sides >= 0) & (sides != sides[wall[0]]))
                 hole = self._model.bodies[tube].space.rod.rings[0]
-                before, between, segment = _beside(middles[others], start[own])
+                before, between, segment = _beside(middles[outside], start[wall])
                 # Segments that were in the hole and are now outside the outer surface.
-                was_in = between & (before < hole * self._radius[own[segment]])
-                after, between, segment = _beside(end.mean(axis=1)[others], end[own])
-                out = np.flatnonzero(was_in & between & (after > self._radius[own[segment]]))
+                was_in = between & (before < hole * self._radius[wall[segment]])
+                after, between, segment = _beside(end.mean(axis=1)[outside], end[wall])
+                out = np.flatnonzero(was_in & between & (after > self._radius[wall[segment]]))
                 if out.size:
-                    return f"tunnelling of {self._described(int(others[out[0]]))} through the wall of body {tube}"
+                    return f"tunnelling of {self._described(int(outside[out[0]]))} through the wall of body {tube}"
         return None
 
     def _facets(self, start: Array, increment: Array, states: tuple[Array, Array], ahead: float) -> str | None:
@@ -223,12 +223,12 @@ class Passing:
         The point checked is so many radii ``ahead`` of its centre.
         """
         for k, contact, crossing in self._crossings:
-            own = np.flatnonzero(self._stretches.sides(contact)[1])
-            before, path = start[own].mean(axis=1), increment[own].mean(axis=1)
+            segments = np.flatnonzero(self._stretches.sides(contact)[1])
+            before, path = start[segments].mean(axis=1), increment[segments].mean(axis=1)
             first, second = (state[self._reference.size :] for state in states)
-            hit = crossing.first((before, before + path), (first, second), ahead * self._radius[own])
+            hit = crossing.first((before, before + path), (first, second), ahead * self._radius[segments])
             if hit is not None:
-                return f"tunnelling of {self._described(int(own[hit]))} through the facets of contact {k}"
+                return f"tunnelling of {self._described(int(segments[hit]))} through the facets of contact {k}"
         return None
 
     def _described(self, segment: int) -> str:
@@ -239,8 +239,8 @@ def limits(model: "Model") -> list[float]:
     """Return the largest penetration of each contact; infinite at a plane, which cannot be passed."""
     result = []
     for contact in model.contacts:
-        other, own = contact.obstacle, smallest_radius(model, contact)
-        smaller = min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+        other, radius = contact.obstacle, smallest_radius(model, contact)
+        smaller = min(radius, other.radius) if isinstance(other, Cylinder | Sphere) else radius
         walls = [deepest(model.bodies[body].space, contact.is_inner(body)) for body, _ in contact.sides]
         smaller = min([smaller, *(wall for wall in walls if wall > 0.0)])
         result.append(np.inf if isinstance(other, Plane) else DEEPEST * smaller)

@@ -86,10 +86,10 @@ def patches(
         # The mesh of a finite element body is not refined.
         if outcome.on_facets or outcome.wanders:
             return {}
-        made = _of_contact(model, contact, outcome, lines, moving)
-        if made is None:
+        by_body = _of_contact(model, contact, outcome, lines, moving)
+        if by_body is None:
             return {}
-        for body, here in made.items():
+        for body, here in by_body.items():
             result.setdefault(body, []).extend(here)
     return result
 
@@ -143,7 +143,7 @@ def _lines(
     if not cuts.size:
         return []
     strips = []
-    places, whole = space.rod.arc_length(u), float(space.rod.arc_length.total)
+    places, total = space.rod.arc_length(u), float(space.rod.arc_length.total)
     for line in np.split(np.roll(order, -cuts[-1] - 1), cuts[:-1] + angle.size - cuts[-1]):
         direction = complex(load[line] @ np.exp(1j * angle[line]))
         turned = np.angle(np.exp(1j * angle[line]) / direction)
@@ -154,7 +154,7 @@ def _lines(
         spread = np.sqrt(load[line] @ turned**2 / load[line].sum())
         width = sides * areas[line].sum() / length
         reach, arc = max(_OFF * spread, 0.5 * _RIM * width / radius), max(width / across, finest)
-        strips.append(Patch(float(u[line].mean()), float(np.angle(direction)), whole, float(reach), whole, float(arc)))
+        strips.append(Patch(float(u[line].mean()), float(np.angle(direction)), total, float(reach), total, float(arc)))
     return strips
 
 

@@ -109,13 +109,13 @@ def _of_facets(packed: Packed, pass_: Row, load: Array) -> Width:
     around = elements["radius"] * np.where(turned < _ROUND, np.inf, np.sqrt(24.0 * (1.0 - np.minimum(turned, 1.0))))
     slave = packed.surfaces[pass_["slave"]]
     facets = packed.elements[slave["first_element"] + pressed // int(pass_["along"])]
-    longest, widest, whole = _extents(packed, slave, facets, starts["element"], first + pressed)
-    along[along > _WHOLE * whole] = np.inf
+    longest, widest, extent = _extents(packed, slave, facets, starts["element"], first + pressed)
+    along[along > _WHOLE * extent] = np.inf
     # Points along a side; nodes of the facets, and functions of the rods.
     points, nodes = np.sqrt(_IN_PARTS[int(slave["functions"])] * load.shape[1]), _DEGREES[int(slave["functions"])]
     arcs = masters["arcs"][np.arange(pressed.size), _arcs(masters, starts["theta"]), 6]
-    own = 2.0 * np.pi * elements["radius"] * arcs * masters["around"] / masters["cells_round"]
-    of_facets, of_rods = (along / longest, around / widest), (along / lengths * masters["cells"], around / own)
+    spacing = 2.0 * np.pi * elements["radius"] * arcs * masters["around"] / masters["cells_round"]
+    of_facets, of_rods = (along / longest, around / widest), (along / lengths * masters["cells"], around / spacing)
     cells = np.minimum(nodes * np.minimum(*of_facets), np.minimum(*of_rods))
     total = float(loads.sum())
     widths = (float(loads @ each / total) for each in (along / longest * points, around / widest * points, cells))
@@ -143,8 +143,8 @@ def _extents(packed: Packed, slave: Row, facets: Table, touched: Index, points: 
     across = np.cross(packed.states["normal"][points], axis)
     longest, widest = (np.ptp(np.einsum("mca,ma->mc", corners, direction), axis=1) for direction in (axis, across))
     rows = packed.elements[slave["first_element"] :][: slave["elements"]]
-    every = packed.before[rows["layers"][:, : slave["functions"]]]
-    return longest, widest, float(np.ptp(every @ axis.mean(axis=0)))
+    all_corners = packed.before[rows["layers"][:, : slave["functions"]]]
+    return longest, widest, float(np.ptp(all_corners @ axis.mean(axis=0)))
 
 
 def _mean(loads: Array, cyclic: bool) -> float:
@@ -163,9 +163,9 @@ def _runs(active: NDArray[np.bool_], cyclic: bool) -> Array:
     before = np.maximum.accumulate(np.where(wide, 0, place), axis=1)
     after = np.minimum.accumulate(np.where(wide, place[-1], place)[:, ::-1], axis=1)[:, ::-1]
     lengths = np.where(wide, after - before - 1, 0)[:, 1:-1]
-    own = lengths[:, count : 2 * count] if cyclic else lengths
+    inner = lengths[:, count : 2 * count] if cyclic else lengths
     # A contact all round has no width.
-    return np.where(own >= count, np.inf, own)
+    return np.where(inner >= count, np.inf, inner)
 
 
 def carrying(patches: Sequence[Width]) -> list[int]:
@@ -177,10 +177,10 @@ def carrying(patches: Sequence[Width]) -> list[int]:
 def across(packed: Packed, chosen: Sequence[int]) -> tuple[float, float]:
     """Return the width of the patch of some passes in points and in cells, the least; 0 where it has none."""
     patches = widths(packed)
-    own = [chosen[k] for k in carrying([patches[k] for k in chosen])]
-    if not own:
+    loaded = [chosen[k] for k in carrying([patches[k] for k in chosen])]
+    if not loaded:
         return 0.0, 0.0
-    points, cells = min(min(patches[k].along, patches[k].around) for k in own), min(patches[k].cells for k in own)
+    points, cells = min(min(patches[k].along, patches[k].around) for k in loaded), min(patches[k].cells for k in loaded)
     return (points, cells) if np.isfinite(points) else (0.0, 0.0)
 
 
@@ -192,14 +192,14 @@ def more(
     With ``between`` they are doubled where nothing touches but might between two points.
     """
     patches, changed = widths(packed), {}
-    own = [chosen[k] for k in carrying([patches[k] for k in chosen])]
-    for k in own or [k for k in chosen if between and _is_near(packed, k)]:
+    loaded = [chosen[k] for k in carrying([patches[k] for k in chosen])]
+    for k in loaded or [k for k in chosen if between and _is_near(packed, k)]:
         old = points[k]
-        seen = (patches[k].around, patches[k].along) if own else (TARGET / 2, TARGET / 2)
+        current = (patches[k].around, patches[k].along) if loaded else (TARGET / 2, TARGET / 2)
         new = [
             # The small number keeps round-off from adding a point.
             min(MAX_POINTS, int(np.ceil(count * TARGET / width - 1e-9))) if width < FEWEST else count
-            for count, width in zip(old, seen, strict=True)
+            for count, width in zip(old, current, strict=True)
         ]
         surface = packed.surfaces[packed.passes[k]["slave"]]
         most = min(MOST, MOST_OF_FACETS / surface["elements"]) if is_facets(surface) else MOST

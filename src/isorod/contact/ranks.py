@@ -49,16 +49,16 @@ class Ranks:
             self._known = packed, np.argsort(owners, kind="stable"), points
         _, order, points = self._known
         for table in tables:
-            mine, whole = table[packed.own], np.empty_like(table)
+            own_rows, all_rows = table[packed.own], np.empty_like(table)
             counts = points * (table.itemsize * int(np.prod(table.shape[1:])))
-            self._comm.Allgatherv(mine.view(np.uint8), (whole.view(np.uint8), counts))
-            table[order] = whole
+            self._comm.Allgatherv(own_rows.view(np.uint8), (all_rows.view(np.uint8), counts))
+            table[order] = all_rows
 
     def sums(self, array: Array, *numbers: float) -> tuple[Array, Array]:
         """Return the sums over all ranks of an array of any shape, and of some numbers, the same on all ranks."""
         if self._comm is None:
             return array, np.array(numbers)
-        own = np.concatenate([array.ravel(), numbers])
-        total = np.empty_like(own)
-        self._comm.Allreduce(own, total)
+        local = np.concatenate([array.ravel(), numbers])
+        total = np.empty_like(local)
+        self._comm.Allreduce(local, total)
         return total[: array.size].reshape(array.shape), total[array.size :]

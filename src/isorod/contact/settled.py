@@ -45,10 +45,18 @@ def restore(contact: "ContactOperator", left: Settled) -> None:
 
 def _pressures(contact: "ContactOperator") -> Array:
     """Return the penalty pressure at each point at a penetration of the smallest radius, ``(Q,)``."""
-    pressures = np.empty(contact.packed.areas.size)
-    for definition, passes, points in of_contacts(contact.model, contact.packed):
-        pressures[points] = contact.packed.passes["penalty"][passes.start] * smallest_radius(contact.model, definition)
+    pressures = _radii(contact)
+    for _, passes, points in of_contacts(contact.model, contact.packed):
+        pressures[points] *= contact.packed.passes["penalty"][passes.start]
     return pressures
+
+
+def _radii(contact: "ContactOperator") -> Array:
+    """Return the smallest radius of the contact of each point, ``(Q,)``."""
+    radii = np.empty(contact.packed.areas.size)
+    for definition, _, points in of_contacts(contact.model, contact.packed):
+        radii[points] = smallest_radius(contact.model, definition)
+    return radii
 
 
 class Tight:
@@ -93,10 +101,10 @@ class Tight:
 
     def tangent(self, displacement: Array) -> Array:
         """Return the values of both, at ``rows`` and ``columns``."""
-        own = self._contact.tangent(displacement)
+        values = self._contact.tangent(displacement)
         self.rows = np.append(self._contact.rows, self._entries[0])
         self.columns = np.append(self._contact.columns, self._entries[1])
-        self.values = np.append(own, self._entries[2])
+        self.values = np.append(values, self._entries[2])
         return self.values
 
     def product(self, move: Array) -> Array:
@@ -105,10 +113,7 @@ class Tight:
 
     def gaps(self, contact: "ContactOperator") -> Array:
         """Return the gaps of the points that are held, of the last forces of ``contact``, in smallest radii."""
-        gaps = contact.packed.states["gap"].copy()
-        for definition, _, points in of_contacts(contact.model, contact.packed):
-            gaps[points] /= smallest_radius(contact.model, definition)
-        return gaps[self._pressed]
+        return np.asarray((contact.packed.states["gap"] / _radii(contact))[self._pressed])
 
     def held(self, gaps: Array) -> Array:
         """Return the internal forces ``(dofs,)`` by which cells resist gaps of `gaps`."""
@@ -122,7 +127,4 @@ class Tight:
         return pressures
 
     def _of_lengths(self, gaps: Array) -> Array:
-        sizes = np.empty(self._contact.packed.areas.size)
-        for contact, _, points in of_contacts(self._contact.model, self._contact.packed):
-            sizes[points] = smallest_radius(self._contact.model, contact)
-        return gaps * sizes[self._pressed]
+        return np.asarray(gaps * _radii(self._contact)[self._pressed])

@@ -103,9 +103,9 @@ def arc_of(surface: Row, theta: float) -> int:
 def section_functions(surface: Row, theta: float, phi: Array) -> int:
     """Fill ``phi`` (see `Projection`), and return the arc."""
     turns, arcs = _turns(surface, theta), surface.arcs
-    whole = turns // surface.fine
-    number = _arc(surface, turns - whole * surface.fine)
-    angle = theta - 2.0 * np.pi * whole - arcs[number, 0]
+    full_turns = turns // surface.fine
+    number = _arc(surface, turns - full_turns * surface.fine)
+    angle = theta - 2.0 * np.pi * full_turns - arcs[number, 0]
     cos, sin = np.cos(angle), np.sin(angle)
     ca, flat, steep, before, after = arcs[number, 1], arcs[number, 2], arcs[number, 3], arcs[number, 4], arcs[number, 5]
     for d in range(3):

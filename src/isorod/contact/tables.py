@@ -78,49 +78,49 @@ class _Tables:
         self.size = size
 
     def surface(
-        self, body: int, space: "Space", first_node: int, own: Trace, chosen: Sequence[int], sought: bool
+        self, body: int, space: "Space", first_node: int, section: Trace, chosen: Sequence[int], sought: bool
     ) -> None:
         """Add a surface, the slave of the next pass.
 
         Parameters
         ----------
-        body, space, first_node, own
+        body, space, first_node, section
             The rod's number, its space, the first of its nodes in the model, and its inner or outer surface.
         chosen
             Elements of its axis.
         sought
             Whether bodies, not only obstacles, touch it.
         """
-        axis, arc_of, arcs = space.axis, own.arc_of, own.arcs
+        axis, arc_of, arcs = space.axis, section.arc_of, section.arcs
         n, stride = len(arcs), space.layer_nodes
-        if own.lift is not None:
-            first_node, stride = self._lifted(body, space, first_node, own), n
+        if section.lift is not None:
+            first_node, stride = self._lifted(body, space, first_node, section), n
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
         along = space.rod.arc_length(axis.breaks)
         period = along[-1] if space.rod.closed else np.inf
-        counts = axis.degree + 1, first, len(rows), sought, len(arc_of), functions(space), own.dimension
+        counts = axis.degree + 1, first, len(rows), sought, len(arc_of), functions(space), section.dimension
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
-        self.surfaces.append((body, n, *counts, own.turn, period, deepest(space, own.sense < 0.0), *padded))
+        self.surfaces.append((body, n, *counts, section.turn, period, deepest(space, section.sense < 0.0), *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * stride
             self.control_points.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
             neighbours = [rows.get(other, -1) for other in beside]
-            sizes = (along[e], along[e + 1], own.radius * radii(space, [e])[1])
+            sizes = (along[e], along[e + 1], section.radius * radii(space, [e])[1])
             rungs, reach = _rungs(space, e, sizes)
             ladder = (reach, len(self.rungs), len(rungs), axis.breaks[e : e + 2])
             self.rungs.extend(rungs)
             self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes, *ladder))
 
-    def _lifted(self, body: int, space: "Space", first_node: int, own: Trace) -> int:
+    def _lifted(self, body: int, space: "Space", first_node: int, section: Trace) -> int:
         """Add the control points of a surface whose space has none there, and return the first of them."""
-        assert own.lift is not None
-        key, shape = (body, own.sense), (space.layers, *own.lift.shape)
+        assert section.lift is not None
+        key, shape = (body, section.sense), (space.layers, *section.lift.shape)
         if key not in self.lifts:
             first_value = sum(matrix.size for matrix in self.matrices)
-            self.matrices.append(own.lift.ravel())
+            self.matrices.append(section.lift.ravel())
             self.lifts[key] = self.size, first_node, *shape, first_value
             self.size += shape[0] * shape[1]
         return int(self.lifts[key][0])
@@ -151,26 +151,26 @@ class _Tables:
         self.fractions.append(fractions)
         self.areas.append(areas.ravel())
 
-    def facets(self, own: Facets, first_node: int, masters: tuple[int, int], contact: Contact, force: float) -> None:
+    def facets(self, faces: Facets, first_node: int, masters: tuple[int, int], contact: Contact, force: float) -> None:
         """Add facets of a finite element body, and the pass in which they are the slave (`slave`)."""
-        (count, points), size = own.areas.shape, own.nodes.shape[1]
+        (count, points), size = faces.areas.shape, faces.nodes.shape[1]
         first_point, first = sum(areas.size for areas in self.areas), len(self.elements)
         arcs = np.zeros((MAX_COUNT, 7))
         arcs[0, 6] = 1.0
         counts = 1, size, first, count, True, 1, 1, 1
-        self.surfaces.append((own.body, *counts, 0.0, np.inf, 0.0, np.zeros(MAX_COUNT, dtype=np.int64), arcs))
-        nodes = np.pad(first_node + own.nodes, ((0, 0), (0, FUNCTIONS - size)))
+        self.surfaces.append((faces.body, *counts, 0.0, np.inf, 0.0, np.zeros(MAX_COUNT, dtype=np.int64), arcs))
+        nodes = np.pad(first_node + faces.nodes, ((0, 0), (0, FUNCTIONS - size)))
         for e, layers in enumerate(nodes):
             # The rungs are the nodes.
             ladder = (0.0, len(self.rungs) + e * size, size, (e, e + 1))
             nothing = np.zeros((FUNCTIONS, FUNCTIONS)), (-1, -1), 0.0, 0.0, np.inf
             self.elements.append((len(self.surfaces) - 1, layers, *nothing, *ladder))
         self.rungs.extend(np.tile(np.eye(size, FUNCTIONS), (count, 1)))
-        self.control_points.append(first_node + np.unique(own.nodes))
+        self.control_points.append(first_node + np.unique(faces.nodes))
         starts = (first_point, 1, points, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
-        along = np.pad(own.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
-        self._points(np.array([[0.0, 1.0, 0.0]]), along, np.zeros(len(along)), own.areas)
+        along = np.pad(faces.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
+        self._points(np.array([[0.0, 1.0, 0.0]]), along, np.zeros(len(along)), faces.areas)
 
     def _obstacle(self, contact: Contact) -> tuple[Any, ...]:
         """Return the fields of a pass for a rigid obstacle, from its point on, and add its track."""
@@ -180,8 +180,8 @@ class _Tables:
             return point, direction, radius, np.eye(3), point, point, direction, point, np.zeros(3), first, 0
         self.tracks.append(motion.track)
         middle = motion.middle
-        own = middle, point, direction, middle, motion.direction
-        return point, direction, radius, np.eye(3), *own, first, len(motion.track)
+        placement = middle, point, direction, middle, motion.direction
+        return point, direction, radius, np.eye(3), *placement, first, len(motion.track)
 
     def obstacle(self, contact: Contact) -> tuple[int, int]:
         """Add the tables of a contact's obstacle; return its kind and the first of its boxes, if it has any."""
@@ -211,12 +211,12 @@ class _Rule:
         Reference areas, ``(elements, along, n across)``.
     """
 
-    def __init__(self, space: "Space", own: Trace, chosen: Sequence[int], points: tuple[int, int]) -> None:
+    def __init__(self, space: "Space", section: Trace, chosen: Sequence[int], points: tuple[int, int]) -> None:
         self.across, self.along = points
         t, v = np.polynomial.legendre.leggauss(self.along)
         self.fractions = 0.5 * (1.0 + t)
-        self.around, theta, w = section_functions(own, self.across)
-        circle = own.circle(theta)
+        self.around, theta, w = section_functions(section, self.across)
+        circle = section.circle(theta)
         axial: list[Array] = []
         areas = []
         for e in chosen:
@@ -293,8 +293,8 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
     ``points`` are those of each pass, `points_of` by default.  Nodes of facets
     (`isorod.contact.facets.nodes_of`) come after those of the rods.
     """
-    first_node, known = int(model.first_node[-1]), facets.nodes_of(model)[0]
-    tables, rules = _Tables(first_node + known.size), iter(points_of(model) if points is None else points)
+    first_node, facet_nodes = int(model.first_node[-1]), facets.nodes_of(model)[0]
+    tables, rules = _Tables(first_node + facet_nodes.size), iter(points_of(model) if points is None else points)
     for contact in model.contacts:
         first, groups = len(tables.surfaces), contact.groups
         sizes = [len(bodies) for bodies in groups]
@@ -308,14 +308,14 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         for number, (body, elements) in enumerate(contact.sides):
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
-            own = trace(space, contact.is_inner(body))
-            tables.surface(body, space, int(model.first_node[body]), own, chosen, contact.obstacle is None)
+            section = trace(space, contact.is_inner(body))
+            tables.surface(body, space, int(model.first_node[body]), section, chosen, contact.obstacle is None)
             if contact.facets is None:
-                rule = _Rule(space, own, chosen, next(rules))
+                rule = _Rule(space, section, chosen, next(rules))
                 tables.slave(rule, masters[int(number >= sizes[0])], contact, force, fraction)
         if contact.facets is not None:
             tables.facets(
-                facets.facets(model, contact, max(next(rules)), known), first_node, masters[0], contact, force
+                facets.facets(model, contact, max(next(rules)), facet_nodes), first_node, masters[0], contact, force
             )
     areas = np.concatenate([np.empty(0), *tables.areas])
     rows = np.array(tables.elements, ELEMENT)

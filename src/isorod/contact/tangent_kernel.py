@@ -72,11 +72,11 @@ def _add_nodes(packed: Packed, element: int, arc: int, nodes: Index) -> int:
     if element < 0:
         return 0
     layers = packed.elements[element].layers
-    own = packed.surfaces[packed.elements[element].surface]
-    for j in range(own.functions):
+    surface = packed.surfaces[packed.elements[element].surface]
+    for j in range(surface.functions):
         for c in range(3):
-            nodes[3 * j + c] = layers[j] + (arc + c - 1) % own.around
-    return 3 * own.functions
+            nodes[3 * j + c] = layers[j] + (arc + c - 1) % surface.around
+    return 3 * surface.functions
 
 
 @njit(types.UniTuple(i8, 2)(PACKED, _PATCH_ROW, I1), **STRICT)

@@ -69,25 +69,25 @@ def trace(space: Space, inner: bool) -> Trace:
 
 
 @lru_cache(maxsize=16)
-def _projected(basis: SectionBasis, own: int, radius: float, inner: bool) -> Trace:
-    """Return the surface at a radius of the disk; ``own`` are the control points of the rod's own sections."""
-    multiple, sense = -(-_FEWEST // own), -1.0 if inner else 1.0
+def _projected(basis: SectionBasis, points: int, radius: float, inner: bool) -> Trace:
+    """Return the surface at a radius of the disk; ``points`` is the number of control points of the rod's sections."""
+    multiple, sense = -(-_FEWEST // points), -1.0 if inner else 1.0
     while True:
-        n, turn = own * multiple, refinement_turn(own, multiple)
+        n, turn = points * multiple, refinement_turn(points, multiple)
         arc_of, arcs = _arcs(np.ones(n, dtype=np.int64), turn)
         surface = Trace(arc_of, arcs, turn, radius, sense, 0, None)
         functions, angle, weight = section_functions(surface, _POINTS)
         root = np.sqrt(weight)[:, None]
-        mine = root * basis.functions(surface.circle(angle))[0]
+        target = root * basis.functions(surface.circle(angle))[0]
         across = np.zeros((angle.size, n))
         for c in range(3):
             across[np.arange(angle.size), (np.repeat(np.arange(n), _POINTS) + c - 1) % n] += functions[:, c]
-        lift = np.linalg.lstsq(root * across, mine, rcond=None)[0]
-        norms = np.linalg.norm(mine, axis=0)
+        lift = np.linalg.lstsq(root * across, target, rcond=None)[0]
+        norms = np.linalg.norm(target, axis=0)
         # Functions that vanish there do not count.
         norms = np.maximum(norms, _LITTLE * norms.max())
-        missed = np.linalg.norm(mine - root * across @ lift, axis=0) / norms
-        sizes = np.linalg.svd(mine / norms, compute_uv=False)
+        missed = np.linalg.norm(target - root * across @ lift, axis=0) / norms
+        sizes = np.linalg.svd(target / norms, compute_uv=False)
         dimension = int((sizes > _LITTLE * sizes[0]).sum())
         exact = missed.max() <= _MISSED and missed[:_PLANE].max() <= _MAP
         if n >= dimension and (exact or 2 * n > MAX_COUNT):

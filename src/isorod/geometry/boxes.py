@@ -39,14 +39,14 @@ def pairs(low: Array, high: Array) -> tuple[Index, Index]:
 def _swept(low: Array, high: Array, axis: int) -> Iterator[tuple[Index, Index]]:
     """Yield the pairs of boxes in the order in which they begin along an axis, a block of boxes at a time."""
     count = np.searchsorted(low[:, axis], high[:, axis], "right") - np.arange(low.shape[0]) - 1
-    others = [k for k in range(3) if k != axis]
+    axes = [k for k in range(3) if k != axis]
     total = np.concatenate([[0], np.cumsum(count)])
     begin = 0
     while begin < low.shape[0]:
         end = max(int(np.searchsorted(total, total[begin] + _BLOCK, "right")) - 1, begin + 1)
         first = np.repeat(np.arange(begin, end), count[begin:end])
         second = first + 1 + np.arange(first.size) - (total[first] - total[begin])
-        for k in others:
+        for k in axes:
             meet = (low[first, k] <= high[second, k]) & (low[second, k] <= high[first, k])
             first, second = first[meet], second[meet]
         yield first, second

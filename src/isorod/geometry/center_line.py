@@ -204,8 +204,8 @@ def nurbs(curve: Any, closed: bool = False, *, normal: Numbers | None = None) ->
     if knots is None:
         knots = np.repeat([0.0, 1.0], p + 1)
     weights = getattr(curve, "weights", None)
-    known = weights is not None and np.size(weights) > 0
-    axis = Axis(p, knots, np.asarray(weights, dtype=float).ravel() if known else np.ones(len(centers)))
+    rational = weights is not None and np.size(weights) > 0
+    axis = Axis(p, knots, np.asarray(weights, dtype=float).ravel() if rational else np.ones(len(centers)))
     if len(centers) != axis.count:
         raise InputError(f"nurbs: got {len(centers)} control points, need {axis.count} for the degree and the knots")
     finite_points("nurbs", centers, (None, 3))

@@ -135,15 +135,15 @@ class Helix(Checked):
         """Return the line from a tip on, and move the tip to its end; its parameter is the length."""
         tip.roll(self.roll)
         winding = self._winding()
-        own = winding.line()
+        helix = winding.line()
         start, end = winding.frames(np.array([0.0, self.turns]))
         # A helix bends towards its axis: normals point there.
         inwards = np.array([-1.0, -1.0, 1.0])
         turn = (tip.triad * inwards) @ start.T
-        centers = tip.place + (own.centers - own.centers[0]) @ turn.T
+        centers = tip.place + (helix.centers - helix.centers[0]) @ turn.T
         section = start.T @ turn.T @ tip.frame()[:, :2]
-        length, last = ArcLength(own.axis, own.centers).total, own.axis.breaks[-1]
-        axis = Axis(own.axis.degree, own.axis.knots * (length / last), own.axis.weights)
+        length, last = ArcLength(helix.axis, helix.centers).total, helix.axis.breaks[-1]
+        axis = Axis(helix.axis.degree, helix.axis.knots * (length / last), helix.axis.weights)
 
         def frames(u: Array) -> Array:
             directions: Array = turn @ winding.frames(self.turns / length * u) @ section
@@ -151,7 +151,7 @@ class Helix(Checked):
 
         tip.place, tip.triad = centers[-1], (turn @ end) * inwards
         tip.first = (turn @ end @ section)[:, 0]
-        return CenterLine(axis, centers, frames=frames, deviation=own.deviation, cure=own.cure)
+        return CenterLine(axis, centers, frames=frames, deviation=helix.deviation, cure=helix.cure)
 
 
 def _exact(segments: Sequence[Segment], tip: Tip) -> CenterLine:

@@ -61,7 +61,7 @@ def path(points: Array, radius: float, closed: bool) -> Path:
     trim = radius * slope[:, None]
     before = np.roll(along, 1, axis=0)
     starts, ends = points - trim * before, points + trim * along
-    halves = [_halves(*one, radius) for one in zip(starts, before, along, turn, strict=True)]
+    halves = [_halves(*corner, radius) for corner in zip(starts, before, along, turn, strict=True)]
     segments, places = [], []
     for k in range(count + closed):
         first, second = halves[k % count]

@@ -68,5 +68,5 @@ def _turned(u: Array, facing: Array, faces: Array) -> str:
         return "the section has no area or the line stands still"
     before = int(good[np.argmin(np.abs(good - bad))])
     low, high = sorted((u[before], u[bad]))
-    what = "the frame flips over" if faces[bad] @ faces[before] < 0.0 else "the centre line turns back"
-    return f"{what} between u = {low:.4g} and {high:.4g}"
+    text = "the frame flips over" if faces[bad] @ faces[before] < 0.0 else "the centre line turns back"
+    return f"{text} between u = {low:.4g} and {high:.4g}"

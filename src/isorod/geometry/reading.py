@@ -177,7 +177,7 @@ def moments(ring: Array) -> tuple[float, Array]:
     a, both = ring - centre, ring + after - 2.0 * centre
     b = both - a
     cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    second: Array = sum(np.einsum("k,ka,kb->ab", cross, one, one) for one in (a, b, both)) / 24.0
+    second: Array = sum(np.einsum("k,ka,kb->ab", cross, arm, arm) for arm in (a, b, both)) / 24.0
     return area, second
 
 

@@ -155,13 +155,13 @@ def axis(
     if elements is not None:
         return Along(elements, degree, continuity, knots or ())
     # Degrees out of range are refused by the axis.
-    known = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
+    valid_degree = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
     shape = shape_of(rod)
-    least = ELEMENTS[known] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
+    least = ELEMENTS[valid_degree] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
     functions = max(degree - smooth, 1)
     # There are more functions per element at the rod's own knots, if these are less smooth.
     rough = max(0, smooth - rod.axis.degree + int(rod.axis.multiplicities[1:-1].min(initial=degree))) if own > 1 else 0
-    turns = np.degrees(shape.angle + angle / (_TURNED * own)) / ANGLES[known]
+    turns = np.degrees(shape.angle + angle / (_TURNED * own)) / ANGLES[valid_degree]
     turning = ceil(turns - 0.1 - rough / functions)
     parts = max(turning, ceil(least / own - rough / functions), 1)
     if knots is None:
@@ -203,8 +203,8 @@ def _boundary_layers(
     knots: list[float] = []
     for middle in middles:
         for side in (-1.0, 1.0):
-            others = side * (middles - middle)
-            room = 0.5 * min(others[others > 0.0], default=0.0)
+            distances = side * (middles - middle)
+            room = 0.5 * min(distances[distances > 0.0], default=0.0)
             even = side * (there - middle)
             element = min(even[even > 1e-9 * shape.lengths[-1]], default=0.0)
             distance, size = 0.0, layer.first * shape.radius
@@ -248,9 +248,9 @@ def touching(
     elements are shorter (`TOUCHING`).
     """
     chosen, degree, *_ = axis(rod, None, degree, None, (), angle)
-    own = rod.axis.elements
+    rod_elements = rod.axis.elements
     return {
-        "elements": own * ceil(TOUCHING * chosen / own - 1e-9) if elements is None else elements,
+        "elements": rod_elements * ceil(TOUCHING * chosen / rod_elements - 1e-9) if elements is None else elements,
         "degree": degree,
         "continuity": min(1, degree - 1) if continuity is None else continuity,
     }
@@ -363,9 +363,9 @@ def stressed(rod: Rod, reach: float, pressed: bool = False) -> dict[str, int]:
     # Shear warps a section by cubic functions of its thickness.
     while degree < MOST and polynomials(rod, degree).across < CUBIC:
         degree += 1
-    missed = [_missed(rod, one, best) for one in range(degree, max(degree, MOST_TWISTED) + 1)]
+    missed = [_missed(rod, error, best) for error in range(degree, max(degree, MOST_TWISTED) + 1)]
     return {
-        "section_degree": degree + next(k for k, one in enumerate(missed) if one <= max(TWISTED, 1.01 * missed[-1]))
+        "section_degree": degree + next(k for k, error in enumerate(missed) if error <= max(TWISTED, 1.01 * missed[-1]))
     }
 
 

@@ -60,11 +60,11 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     if rod.rings != WHOLE:
         raise InputError("patches: hollow and layered rods cannot be refined locally; use section_degree")
     # The elements of the rod without patches.
-    own, least = rod.axis.elements, max(DEGREE, rod.axis.degree)
+    rod_elements, least = rod.axis.elements, max(DEGREE, rod.axis.degree)
     lines = all(patch.size >= rod.arc_length.total for patch in patches)
     parts, degree, continuity, _ = choice.axis(rod, None, None if lines else least, None if lines else least - 1)
-    made = rod.refine(parts // own, degree, continuity)
-    length, breaks = rod.arc_length, made.axis.breaks
+    refined = rod.refine(parts // rod_elements, degree, continuity)
+    length, breaks = rod.arc_length, refined.axis.breaks
     middles = length(np.array([patch.u for patch in patches])).tolist()
     stretches = [(middle, patch.along, patch.size) for middle, patch in zip(middles, patches, strict=True)]
     ends, period = length(breaks), length.total if rod.closed else np.inf
@@ -72,22 +72,22 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
         count = _evenly(ends[k + 1] - ends[k], stretches)
         cuts = np.cumsum(_cut(ends[k], ends[k + 1], count, stretches, period))[:-1] / count
         for fraction in cuts:
-            made = made.insert(float(breaks[k] + fraction * (breaks[k + 1] - breaks[k])))
+            refined = refined.insert(float(breaks[k] + fraction * (breaks[k + 1] - breaks[k])))
     basis = _section(rod, patches, choice.ORDER if lines else ORDER)
-    return Space.paper(made, continuity=continuity, quadrature="auto", order=1, section_basis=basis)
+    return Space.paper(refined, continuity=continuity, quadrature="auto", order=1, section_basis=basis)
 
 
 def _section(rod: Rod, patches: Sequence[Patch], order: int) -> Graded:
     """Return section functions of an order, with arcs that are the same along the rod."""
     n, radius = rod.section_points, float(rod.radii(rod.axis.breaks, 16)[1].max())
     arcs = [(patch.angle, patch.around, (patch.arc or patch.size) / radius) for patch in patches]
-    whole = 2.0 * np.pi / n
-    count = max(_evenly(whole, arcs), ceil(_FEWEST / n))
+    arc = 2.0 * np.pi / n
+    count = max(_evenly(arc, arcs), ceil(_FEWEST / n))
     if n * count > MAX_COUNT:
         raise InputError(f"patches: got a size for {n * count} points round the section, need {MAX_COUNT} at most")
     parts: list[int] = []
     for k in range(n):
-        parts += _cut((k - 0.5) * whole, (k + 0.5) * whole, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
+        parts += _cut((k - 0.5) * arc, (k + 0.5) * arc, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
     return Graded(n, tuple(parts), order)
 
 

@@ -144,15 +144,17 @@ class Graded(Checked):
             value, slope = powers[-1]
             inner = rest[:, None, None] * slope - 2.0 * value[:, :, None] * points[:, None, :]
             powers.append((rest[:, None] * value, inner))
-        return np.concatenate([one for one, _ in powers], axis=1), np.concatenate([one for _, one in powers], axis=1)
+        return np.concatenate([array for array, _ in powers], axis=1), np.concatenate(
+            [array for _, array in powers], axis=1
+        )
 
     def positions(self, polygons: Array) -> Array:
         """Return coefficients ``(layers, count, 3)`` of the map of the rod's control points ``(layers, n, 3)``."""
         layers = polygons.shape[0]
         fine = refine(polygons.swapaxes(0, 1), self.fine // self.n).reshape(self.fine, -1)
         result = np.zeros((layers, self.count, 3))
-        own = np.linalg.lstsq(self.among_fine, fine, rcond=None)[0]
-        result[:, : len(self.arcs)] = own.reshape(-1, layers, 3).swapaxes(0, 1)
+        coefficients = np.linalg.lstsq(self.among_fine, fine, rcond=None)[0]
+        result[:, : len(self.arcs)] = coefficients.reshape(-1, layers, 3).swapaxes(0, 1)
         return result
 
     def points(self, rule: Rule) -> tuple[Array, Array]:

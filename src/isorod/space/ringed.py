@@ -147,10 +147,10 @@ class Ringed(Polynomials):
                 t = (r**power - edge**power) / (1.0 - edge**power)
                 grows = power * r ** (power - 1.0) / (1.0 - edge**power)
                 for k in range(1, count):
-                    own = eval_jacobi(k - 1, 0.0, 2.0, 2.0 * t - 1.0)
+                    jacobi = eval_jacobi(k - 1, 0.0, 2.0, 2.0 * t - 1.0)
                     rise = (k + 2.0) * eval_jacobi(k - 2, 1.0, 3.0, 2.0 * t - 1.0) if k > 1 else 0.0
-                    value[beyond, j, of, k] = t * own
-                    slope[beyond, j, of, k] = (own + t * rise) * grows
+                    value[beyond, j, of, k] = t * jacobi
+                    slope[beyond, j, of, k] = (jacobi + t * rise) * grows
         return value, slope
 
     def auto(self, degree: int) -> Rule:
@@ -226,8 +226,8 @@ class Ringed(Polynomials):
         """
         kinds, smooth = _kinds(self._rings, self.degree - 1, self.across - 1), len(self._pressure_powers)
         values, ring = self._candidates(xi, self._pressure_powers, kinds)[0], ring_of(self._rings, xi)
-        own = [np.append(np.ones(smooth, dtype=bool), kinds[:, 0] == r) for r in range(len(self._rings) - 1)]
-        return [np.where(ring[:, None] == r, values[:, mine], 0.0) for r, mine in enumerate(own)]
+        columns = [np.append(np.ones(smooth, dtype=bool), kinds[:, 0] == r) for r in range(len(self._rings) - 1)]
+        return [np.where(ring[:, None] == r, values[:, column], 0.0) for r, column in enumerate(columns)]
 
     @property
     def pressure_count(self) -> int:

@@ -167,10 +167,12 @@ class Space(Checked):
     @cached_property
     def axis(self) -> Axis:
         """Axis of the displacement space."""
-        own, elements = self.rod.axis.elements, cast(int, self.elements)
-        if elements < own or elements % own:
-            raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
-        even = self.rod.axis.refine(elements // own, self.degree, self.continuity)
+        rod_elements, elements = self.rod.axis.elements, cast(int, self.elements)
+        if elements < rod_elements or elements % rod_elements:
+            raise InputError(
+                f"elements: got {elements}, need a multiple of the {rod_elements} elements of the rod itself"
+            )
+        even = self.rod.axis.refine(elements // rod_elements, self.degree, self.continuity)
         return even.with_knots(self.knots, choice.SMOOTH) if self.knots else even
 
     @cached_property
@@ -196,13 +198,13 @@ class Space(Checked):
     @cached_property
     def multiple(self) -> int:
         """Number of this space's section arcs in one of the rod's."""
-        own = self.rod.section_points
-        requested = own if self.section_points is None else self.section_points
+        rod_points = self.rod.section_points
+        requested = rod_points if self.section_points is None else self.section_points
         if isinstance(self.section_basis, Graded):
             requested = self.section_basis.fine
-        if requested < own or requested % own:
-            raise InputError(f"section points: got {requested}, need a multiple of the {own} of the rod itself")
-        return check_count(requested) // own
+        if requested < rod_points or requested % rod_points:
+            raise InputError(f"section points: got {requested}, need a multiple of the {rod_points} of the rod itself")
+        return check_count(requested) // rod_points
 
     @property
     def points_around(self) -> int:
@@ -241,8 +243,8 @@ class Space(Checked):
     @cached_property
     def positions(self) -> Array:
         """Coefficients of the rod's own map, shape ``(nodes, 3)``."""
-        own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
-        return self.basis.positions(own).reshape(-1, 3)
+        polygons = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
+        return self.basis.positions(polygons).reshape(-1, 3)
 
     @cached_property
     def element_layers(self) -> Index:

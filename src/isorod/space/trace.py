@@ -192,14 +192,14 @@ def lateral_trace(
     # Higher-order functions of control points vanish there, and polynomials are dependent there.
     triangle, order = qr(across, mode="r", pivoting=True)
     pivots = np.abs(np.diag(triangle))
-    own = np.sort(order[: int(np.count_nonzero(pivots > (_NEW if kept is None else _PART) * pivots[0]))])
-    seen = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
+    basis = np.sort(order[: int(np.count_nonzero(pivots > (_NEW if kept is None else _PART) * pivots[0]))])
+    acting = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
     axial = space.axis.local(u.ravel())[1]
     layers = np.repeat(space.element_layers[element], u.shape[1], axis=0)
-    values = np.einsum("tj,ql->tqjl", axial, across[:, seen])
-    nodes = (layers[:, :, None] * space.layer_nodes + seen).reshape(len(axial), 1, -1)
+    values = np.einsum("tj,ql->tqjl", axial, across[:, acting])
+    nodes = (layers[:, :, None] * space.layer_nodes + acting).reshape(len(axial), 1, -1)
     count = values.shape[0] * values.shape[1]
-    independent = (np.unique(space.element_layers[chosen])[:, None] * space.layer_nodes + own).ravel()
+    independent = (np.unique(space.element_layers[chosen])[:, None] * space.layer_nodes + basis).ravel()
     return Trace(
         position.reshape(-1, 3),
         (normal / size[..., None]).reshape(-1, 3),
@@ -248,16 +248,16 @@ def _finer_rule(rule: Rule, finer: int) -> Rule:
 
 def _between(space: Space, chosen: Index, count: int, breaks: Array | None) -> tuple[Index, Array, Array]:
     """Return elements ``(i,)``, Gauss points and weights ``(i, count)`` of intervals between breaks of two bodies."""
-    own = space.axis.breaks
-    joints = own if breaks is None else np.unique(np.concatenate([own, breaks]))
+    own_breaks = space.axis.breaks
+    joints = own_breaks if breaks is None else np.unique(np.concatenate([own_breaks, breaks]))
     # Nearly coincident joints are merged.
-    joints = joints[np.append(True, np.diff(joints) > _ROUNDED * (own[-1] - own[0]))]
-    joints[-1] = own[-1]
-    element = np.searchsorted(own, 0.5 * (joints[1:] + joints[:-1]), "right") - 1
-    mine = np.isin(element, chosen)
-    begin, size = joints[:-1][mine], np.diff(joints)[mine]
+    joints = joints[np.append(True, np.diff(joints) > _ROUNDED * (own_breaks[-1] - own_breaks[0]))]
+    joints[-1] = own_breaks[-1]
+    element = np.searchsorted(own_breaks, 0.5 * (joints[1:] + joints[:-1]), "right") - 1
+    inside = np.isin(element, chosen)
+    begin, size = joints[:-1][inside], np.diff(joints)[inside]
     x, w = np.polynomial.legendre.leggauss(count)
-    return element[mine], begin[:, None] + size[:, None] * 0.5 * (x + 1.0), size[:, None] * 0.5 * w
+    return element[inside], begin[:, None] + size[:, None] * 0.5 * (x + 1.0), size[:, None] * 0.5 * w
 
 
 def breaks_on(space: Space, other: Space) -> Array:

@@ -53,9 +53,9 @@ class Waves:
         slopes = gradients @ (np.swapaxes(np.linalg.inv(turn), 1, 2) * root[:, None, None])
         table = np.vstack([*np.moveaxis(slopes, 2, 0)])
         table /= np.linalg.norm(table, axis=0)
-        products, own = table.T @ table, self._polynomials.count - 1
-        mixed = products[:own, own:]
-        rest = products[own:, own:] - mixed.T @ cho_solve(cho_factor(products[:own, :own]), mixed)
+        products, smooth = table.T @ table, self._polynomials.count - 1
+        mixed = products[:smooth, smooth:]
+        rest = products[smooth:, smooth:] - mixed.T @ cho_solve(cho_factor(products[:smooth, :smooth]), mixed)
         _, order, rank, _ = dpstrf(rest, tol=_NEW)
         self._taken = np.sort(order[:rank] - 1)
         self.count: int = self._polynomials.count + rank
@@ -88,8 +88,8 @@ class Waves:
         turned = np.concatenate([-m * sin, (m * cos)[:, 1:]], axis=1) / radius[:, None]
         across, rise = self._across(radius)
 
-        def products(one: Array, other: Array) -> Array:
-            return np.asarray((one[:, :, None] * other[:, None, :]).reshape(len(xi), -1)[:, self._taken])
+        def products(radial: Array, circular: Array) -> Array:
+            return np.asarray((radial[:, :, None] * circular[:, None, :]).reshape(len(xi), -1)[:, self._taken])
 
         outward, around = products(rise, angular), products(across, turned)
         c, s = xi.T[:, :, None] / radius[:, None]
