@@ -20,7 +20,7 @@ from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.contact import cells, quality
 from isorod.contact.facets import nodes_of
-from isorod.contact.passing import Passing
+from isorod.contact.passing import Tunnelling
 from isorod.contact.quality import widths
 from isorod.contact.tables import pack
 from isorod.fenics import compat
@@ -166,7 +166,7 @@ def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
     """Also where all of it passes along the edges of facets."""
     model = lying(shape, height=0.3)
     count = model.dofs + assembler_for(model).contact.beyond.size
-    passing = Passing(model)
+    passing = Tunnelling(model)
 
     def moved(way, below=0.0):
         found = np.zeros((count // 3, 3))

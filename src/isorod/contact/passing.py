@@ -40,7 +40,7 @@ _ENTERS, _STILL, _LEAST = 0.2, 0.02, 1e-9
 _SEGMENTS, _ROUND = 4, 16
 
 
-class Passing:
+class Tunnelling:
     """Checks the bodies of a model's contacts for tunnelling.
 
     Parameters
