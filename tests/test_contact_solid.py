@@ -141,7 +141,7 @@ def test_the_width_of_a_strip_is_that_in_which_points_press():
     depth, radius = 0.01, 0.4
     model = lying(radius=radius, height=-depth, push=0.0)
     contact = assembler_for(model).contact
-    assert contact.see_better(np.zeros(model.dofs + contact.beyond.size), between=False)
+    assert contact.increase_points(np.zeros(model.dofs + contact.beyond.size), between=False)
     contact.forces(np.zeros(model.dofs + contact.beyond.size))
     (width,) = widths(contact.packed)
     spacing = np.sqrt(contact.packed.areas.mean())
@@ -201,7 +201,7 @@ def seen():
     model = lying(degree=1, height=-0.01, push=0.0)
     contact = assembler_for(model).contact
     rest = np.zeros(model.dofs + contact.beyond.size)
-    contact.see_better(rest, between=False)
+    contact.increase_points(rest, between=False)
     contact.forces(rest)
     contact.ranks.gather(contact.packed, contact.packed.states, contact.packed.starts)
     (width,) = widths(contact.packed)

@@ -291,7 +291,7 @@ class ContactOperator:
             self.points = points
             self._take(self._fresh())
 
-    def see_better(self, displacement: Array, between: bool, chosen: Collection[int] | None = None) -> bool:
+    def increase_points(self, displacement: Array, between: bool, chosen: Collection[int] | None = None) -> bool:
         """Increase points that the user did not set, if too few are across a patch; return whether there are more.
 
         With ``between``, also where nothing touches but might between points.  Contacts are those ``chosen``, or all.
