@@ -91,7 +91,7 @@ class FrictionOperator:
         self.history = self.tables.anchors.copy()
         self._caught = np.full(self.history.size, NO_ANCHOR)
 
-    def foresee(self, positions: Array) -> None:
+    def predict(self, positions: Array) -> None:
         """Set the predicted positions at the end of the step, without new contacts."""
         self._ahead = positions
         self._caught[:] = NO_ANCHOR

@@ -57,7 +57,7 @@ class ContactOperator:
     friction
         Friction of the contacts, or None.
     ahead
-        Predicted displacement at the end of the step (`foresee`), ``(dofs,)``.
+        Predicted displacement at the end of the step (`predict`), ``(dofs,)``.
     stiffness
         Ratio of default penalties, those that the user did not set, to their first values.
     values, rows, columns
@@ -145,11 +145,11 @@ class ContactOperator:
         self.friction.before = None if self._in_motion else positions
         return self.friction.accept(positions)
 
-    def foresee(self, displacement: Array) -> None:
+    def predict(self, displacement: Array) -> None:
         """Set the predicted end of a step that has begun: points are taken to come into contact on the path to it."""
         self.ahead = displacement
         if self.friction is not None:
-            self.friction.foresee(self._positions(displacement))
+            self.friction.predict(self._positions(displacement))
 
     def tangent(self, displacement: Array) -> Array:
         """Set and return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``.

@@ -64,7 +64,7 @@ class Settling(NamedTuple):
     factor
         Load factor at its end.
     ahead : (dofs,)
-        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.foresee`).
+        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.predict`).
     penalties : (passes,)
         With which it was.
     points
