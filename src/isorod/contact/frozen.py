@@ -155,7 +155,7 @@ class Frozen:
         """Return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``."""
         return self.values
 
-    def give(self, motions: Array) -> tuple[Array, Array]:
+    def compliance(self, motions: Array) -> tuple[Array, Array]:
         """Return bounds of the compliance of tight contact in motions ``(m, dofs)``.
 
         Returns
