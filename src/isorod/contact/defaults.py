@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from isorod.space.space import Space
 
 # The penalty by default, in moduli of the surface (`isorod.material.law.Material.surface_modulus`) per distance between
-# control points round the section: of the order of what a surface has against its shortest waves.  Measured on a
+# control points round the section: of the order of a surface's stiffness against its shortest waves.  Measured on a
 # cylinder pressed on a plane with 1.9 to 3.2 control points across the patch: with 2 the half width (by the pressure's
 # second moment) errs by 4 % at most and the largest pressure by 11 %, with 4 by 7 and 47 %.
 _STIFF = 2.0

@@ -69,7 +69,7 @@ class _Points(NamedTuple):
 
 
 class Frozen:
-    """Forces and tangent of contacts about an equilibrium, as `isorod.contact.operator.ContactOperator` has them.
+    """Forces and tangent of contacts about an equilibrium, like `isorod.contact.operator.ContactOperator`.
 
     Parameters
     ----------

@@ -161,7 +161,7 @@ class ContactResult:
         # The compliance of rods at lines is in the estimated error.
         if self.cells_across < quality.CELLS and not self.at_lines:
             times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))
-            stiff = "it gives way as the penalty does: hits may be off in length" if moving else "locally too stiff"
+            stiff = "compliant by the penalty: impacts may be too long" if moving else "locally too stiff"
             more = f"{times:.0f} times as many section points"
             if not self.has_points:
                 more = "a higher section degree, of solid rods order and section points in its place"

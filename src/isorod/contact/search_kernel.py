@@ -1,4 +1,4 @@
-"""Compiled: what is near a point of a rod's surface, and until when nothing is.
+"""Compiled: search of surfaces near a point of a rod's surface, and when it can be left out.
 
 Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no control point have moved
 farther than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and
@@ -60,13 +60,13 @@ def end_of(pass_: Row, slave: Row) -> int:
 
 @njit(b1(f8, f8, f8), **FAST)
 def needs_search(multiplier: float, clear: float, travel: float) -> bool:
-    """Return whether a slave point may have come near something since it was last known to be clear of all."""
+    """Return whether a slave point may have come near a master since it was last known to be clear."""
     return multiplier > 0.0 or not clear > travel
 
 
 @njit(void(PACKED, PASS_ROW, SURFACE_ROW, F2), **FAST)
 def _place_points(packed: Packed, pass_: Row, slave: Row, positions: Array) -> None:
-    """Fill ``points`` of a pass, except at sections where all are known to be far from all that they may touch."""
+    """Fill ``points`` of a pass, except at sections where all are known to be far from their masters."""
     n = slave.around
     section = np.empty((n, 3))
     multipliers, clear, travel = packed.multipliers, packed.clear, packed.travel[0]
@@ -164,7 +164,7 @@ def place(packed: Packed, positions: Array) -> None:
 
 @njit(f8(F1, F2), **FAST)
 def _beside(x: Array, box: Array) -> float:
-    """Return how far a point is from a box, in its farthest coordinate; negative inside."""
+    """Return the largest distance of a point from a box in one coordinate; negative inside."""
     low, high = box[0], box[1]
     return max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
 
@@ -322,7 +322,7 @@ def find_places(packed: Packed, pass_: Row, point: int, limit: float, reach: flo
 
 @njit(b1(PACKED, F2), **FAST)
 def add_travel(packed: Packed, positions: Array) -> bool:
-    """Add how far a control point has moved since the last call to ``travel``; False if a position is not finite."""
+    """Add the largest displacement since the last call to ``travel``; return False if a position is not finite."""
     longest = 0.0
     finite = True
     for node in packed.control_points:

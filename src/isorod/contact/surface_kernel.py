@@ -1,4 +1,4 @@
-"""Compiled: the lateral surfaces of rods as contact sees them, and the closest point on one.
+"""Compiled: the lateral surfaces of rods in contact, and closest points on them.
 
 A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle; arcs
 need not be equal, `isorod.space.graded`), with control points of the space, or of its trace

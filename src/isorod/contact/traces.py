@@ -96,7 +96,7 @@ def _projected(basis: SectionBasis, points: int, radius: float, inner: bool) -> 
 
 
 def _arcs(parts: Index, turn: float) -> tuple[Index, Array]:
-    """Return the arc of each fine arc, and the rows of arcs that have so many of them, from an angle on."""
+    """Return the arc of each fine arc, and the rows of arcs of ``parts`` fine arcs each, the first at ``turn``."""
     ends = np.cumsum(parts)
     part = parts / ends[-1]
     half = np.pi * part

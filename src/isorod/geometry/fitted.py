@@ -63,7 +63,7 @@ def crowded(ring: Array, sharp: Index, extent: Array, n: int, sharpness: float =
     ring
         Samples of the outline, shape ``(k, 2)``, the last the first again.
     sharp
-        Which of them are corners.
+        Numbers of the corners among the samples.
     extent
         Divisor of the samples.
     n

@@ -1,4 +1,4 @@
-"""Lengths and points as users give them."""
+"""Checks of lengths and points given by users."""
 
 import numpy as np
 
