@@ -64,9 +64,7 @@ def nodes_of(model: "Model") -> tuple[Index, Array]:
     firsts = np.cumsum([model.dofs // 3, *(solid.nodes for solid in model.solids)])
     nodes, places = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
     for k, solid in enumerate(model.solids):
-        sides = [
-            contact.facets for contact in model.contacts if contact.facets is not None and contact.facets.solid == k
-        ]
+        sides = [c.facets for c in model.contacts if c.facets is not None and c.facets.solid == k]
         if sides:
             numbers = np.unique(np.concatenate([solid.trace(side.facets).nodes.ravel() for side in sides]))
             nodes.append(firsts[k] + numbers)

@@ -45,14 +45,7 @@ _NEARLY = 1e-9
 
 @njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, PROJECTION, ANCHOR_ROW), **FAST)
 def _put(
-    packed: Packed,
-    pass_: Row,
-    point: int,
-    x: Array,
-    positions: Array,
-    start: Table,
-    projection: Projection,
-    anchor: Row,
+    packed: Packed, pass_: Row, point: int, x: Array, positions: Array, seed: Table, projection: Projection, anchor: Row
 ) -> None:
     """Put an anchor where the master of a point's projection is nearest to ``x``."""
     if pass_.master < 0:
@@ -63,7 +56,7 @@ def _put(
             for b in range(3):
                 anchor.place[a] += pass_.frame[b, a] * (projection.y[0, b] - pass_.point[b])
         return
-    at, where = packed.starts[point], start[0]
+    at, where = packed.starts[point], seed[0]
     where.element, where.theta, where.s = at.element, at.theta, at.s
     surface = packed.surfaces[packed.elements[at.element].surface]
     if closest(surface, packed.elements, x, where, positions, projection) == LOST:
@@ -93,17 +86,10 @@ def _slave_at(packed: Packed, pass_: Row, point: int, positions: Array, x: Array
 
 @njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, PROJECTION, ANCHOR_ROW), **FAST)
 def _near(
-    packed: Packed,
-    pass_: Row,
-    point: int,
-    x: Array,
-    positions: Array,
-    start: Table,
-    projection: Projection,
-    anchor: Row,
+    packed: Packed, pass_: Row, point: int, x: Array, positions: Array, seed: Table, projection: Projection, anchor: Row
 ) -> float:
     """Put an anchor where the master of a point's projection is nearest to ``x``, and return the gap there."""
-    _put(packed, pass_, point, x, positions, start, projection, anchor)
+    _put(packed, pass_, point, x, positions, seed, projection, anchor)
     if pass_.master < 0:
         return obstacle_gap(packed, pass_, x, projection)
     place_of(packed, pass_, anchor, positions, projection)

@@ -113,10 +113,8 @@ class Frozen:
             _points(_Case(model, contact, nodes, rest), result, displacement)
             for contact, result in zip(contacts, results, strict=True)
         ]
-        self.gaps, self._pushes = (csr_matrix(vstack([points[k] for points in pressed])) for k in range(2))
-        self._loads, self.springs, self._rates = (
-            np.concatenate([points[k] for points in pressed]) for k in range(2, 5)
-        )
+        self.gaps, self._pushes = (csr_matrix(vstack([each[k] for each in pressed])) for k in range(2))
+        self._loads, self.springs, self._rates = (np.concatenate([each[k] for each in pressed]) for k in range(2, 5))
         self.friction = True if any((result.slips & (result.pressure > 0.0)).any() for result in results) else None
         stiffness = self._pushes.T @ self.gaps.multiply(self.springs[:, None])
         for points in pressed:
@@ -242,12 +240,11 @@ def _bent(case: _Case, result: ContactResult, displacement: Array, sliding: csr_
     normals, bodies, projections = result.normals[here], result.partners[here], result.projections[here]
     obstacle = case.contact.obstacle
     if isinstance(obstacle, Cylinder | Sphere):
-        directions = [np.cross(normals, _axis(obstacle, normals))]
+        tangents = [np.cross(normals, _axis(obstacle, normals))]
         if isinstance(obstacle, Sphere):
-            directions.append(np.cross(normals, directions[0]))
-        units = [direction / np.linalg.norm(direction, axis=1)[:, None] for direction in directions]
-        rows = csr_matrix(vstack([_along(sliding, unit) for unit in units]))
-        return csr_matrix(rows.T @ rows.multiply(-np.tile(loads, len(directions))[:, None] / obstacle.radius))
+            tangents.append(np.cross(normals, tangents[0]))
+        rows = csr_matrix(vstack([_along(sliding, t / np.linalg.norm(t, axis=1)[:, None]) for t in tangents]))
+        return csr_matrix(rows.T @ rows.multiply(-np.tile(loads, len(tangents))[:, None] / obstacle.radius))
     if obstacle is not None:
         return csr_matrix((case.rest.size, case.rest.size))
     places = case.rest + displacement.reshape(-1, 3)

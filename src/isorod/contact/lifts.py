@@ -36,11 +36,9 @@ class Lifts:
         row, column, value = (np.concatenate(each) for each in (rows, columns, values))
         three = np.arange(3)
         entries = np.repeat(value, 3), ((3 * row[:, None] + three).ravel(), (3 * column[:, None] + three).ravel())
-        lift_matrix = csr_matrix(entries, shape=(3 * packed.before.shape[0], 3 * nodes))
-        lift_matrix.eliminate_zeros()
-        self._lift = PETSc.Mat().createAIJ(
-            lift_matrix.shape, csr=(lift_matrix.indptr, lift_matrix.indices, lift_matrix.data), comm=PETSc.COMM_SELF
-        )
+        csr = csr_matrix(entries, shape=(3 * packed.before.shape[0], 3 * nodes))
+        csr.eliminate_zeros()
+        self._lift = PETSc.Mat().createAIJ(csr.shape, csr=(csr.indptr, csr.indices, csr.data), comm=PETSc.COMM_SELF)
         self._matrix = PETSc.Mat()
         self._product: PETSc.Mat | None = None
         self._order, self._pattern = np.empty(0, dtype=np.int64), (np.empty(0), np.empty(0))

@@ -53,13 +53,11 @@ class Tunnelling:
         self._model = model
         self._limits = limits(model)
         self._crossings = []
-        if any(contact.facets is not None for contact in model.contacts):
+        on_facets = [(k, contact) for k, contact in enumerate(model.contacts) if contact.facets is not None]
+        if on_facets:
             from isorod.contact.crossing import Crossing
 
-            several = enumerate(model.contacts)
-            self._crossings = [
-                (k, contact, Crossing(model, contact)) for k, contact in several if contact.facets is not None
-            ]
+            self._crossings = [(k, contact, Crossing(model, contact)) for k, contact in on_facets]
         self._moving = any(contact.motion is not None for contact in model.contacts)
         self._inside = [contact for contact in model.contacts if contact.has_inner]
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
@@ -255,11 +253,9 @@ def _beside(points: Array, ends: Array) -> tuple[Array, Array, Index]:
     points, ends
         Shapes ``(m, 3)`` and ``(s, 2, 3)``.
     """
-    direction = ends[:, 1] - ends[:, 0]
-    fraction = np.einsum("msa,sa->ms", points[:, None] - ends[:, 0], direction) / np.einsum(
-        "sa,sa->s", direction, direction
-    )
-    off = points[:, None] - ends[:, 0] - np.clip(fraction, 0.0, 1.0)[:, :, None] * direction
+    chord = ends[:, 1] - ends[:, 0]
+    fraction = np.einsum("msa,sa->ms", points[:, None] - ends[:, 0], chord) / np.einsum("sa,sa->s", chord, chord)
+    off = points[:, None] - ends[:, 0] - np.clip(fraction, 0.0, 1.0)[:, :, None] * chord
     distance = np.linalg.norm(off, axis=2)
     nearest, rows = distance.argmin(axis=1), np.arange(len(points))
     closed = np.allclose(ends[0, 0], ends[-1, 1])

@@ -70,28 +70,21 @@ def patches(
     moving
         Whether these are the peaks of a motion: each solution takes long, and pressures are not needed.
     """
-    result: dict[int, list[Patch]] = {}
+    refined: dict[int, list[Patch]] = {}
     # Contacts with the user's penalty or points are not refined.
-    default = [
-        (contact, outcome)
-        for contact, outcome in zip(model.contacts, contacts, strict=True)
-        if not (contact.penalty or contact.points)
-    ]
-    if all(
-        not outcome.points_across or outcome.cells_across >= ENOUGH * _across(contact, moving)
-        for contact, outcome in default
-    ):
+    pairs = [pair for pair in zip(model.contacts, contacts, strict=True) if not (pair[0].penalty or pair[0].points)]
+    if all(not one.points_across or one.cells_across >= ENOUGH * _across(contact, moving) for contact, one in pairs):
         return {}
-    for contact, outcome in default:
+    for contact, result in pairs:
         # The mesh of a finite element body is not refined.
-        if outcome.on_facets or outcome.wanders:
+        if result.on_facets or result.wanders:
             return {}
-        by_body = _of_contact(model, contact, outcome, lines, moving)
+        by_body = _of_contact(model, contact, result, lines, moving)
         if by_body is None:
             return {}
         for body, here in by_body.items():
-            result.setdefault(body, []).extend(here)
-    return result
+            refined.setdefault(body, []).extend(here)
+    return refined
 
 
 def _across(contact: Contact, moving: bool) -> float:
@@ -127,16 +120,14 @@ def _of_contact(
     return by_body
 
 
-def _lines(
-    space: Space, finest: float, result: ContactResult, here: Array, sides_across: tuple[float, float]
-) -> list[Patch]:
+def _lines(space: Space, finest: float, result: ContactResult, here: Array, counts: tuple[float, float]) -> list[Patch]:
     """Return the lines of contact of points ``here``, each at one angle round the section; none where one is not.
 
-    Arcs are no shorter than ``finest``; ``sides_across`` is the number of bodies that have points, and of arcs across.
+    Arcs are no shorter than ``finest``; ``counts`` are those of bodies with points, and of arcs across.
     """
     u, angle = result.parameters[here].T
     areas, load = result.areas[here], (result.areas * result.pressure)[here]
-    radius, (sides, across) = radii(space)[1], sides_across
+    radius, (sides, across) = radii(space)[1], counts
     order = np.argsort(angle)
     cuts = np.flatnonzero(np.diff(angle[order], append=angle[order[0]] + 2.0 * np.pi) > _APART)
     # Contact all round is not a line.

@@ -67,7 +67,8 @@ def widths(packed: Packed) -> list[Width]:
         if is_facets(surface) and load.any():
             result.append(_of_facets(packed, pass_, load))
             continue
-        flat = load.reshape(load.shape[0] * load.shape[1], -1)
+        elements, n, arcs, m = load.shape
+        flat = load.reshape(elements * n, -1)
         rows, columns = np.flatnonzero(flat.any(axis=1)), np.flatnonzero(flat.any(axis=0))
         total = float(flat.sum())
         if not total > 0.0:
@@ -76,11 +77,8 @@ def widths(packed: Packed) -> list[Width]:
         closed = bool(np.isfinite(surface["period"]))
         around = _mean(flat[rows], True)
         along = _mean(flat[:, columns].T, closed)
-        cells = (
-            along / pass_["along"] * surface["cells"],
-            around / pass_["across"] * surface["cells_round"] / load.shape[2],
-        )
-        result.append(Width(total, along, around, min(cells)))
+        cells = min(along / n * surface["cells"], around / m * surface["cells_round"] / arcs)
+        result.append(Width(total, along, around, cells))
     return result
 
 

@@ -77,9 +77,7 @@ def path(points: Array, radius: float, closed: bool) -> Path:
     return Path(axis, centers, segments, axis.breaks[places])
 
 
-def _halves(
-    start: Array, before: Array, after: Array, turn: float, radius: float
-) -> tuple[list[Segment], list[Segment]]:
+def _halves(start: Array, before: Array, after: Array, turn: float, radius: float) -> tuple[list[Segment], ...]:
     """Return the two halves of the arc from one direction to another, none where they are equal."""
     if not turn:
         return [], []

@@ -14,16 +14,14 @@ def check_length(name: str, value: float) -> None:
 
 def finite_points(name: str, values: Numbers, shape: tuple[int | None, ...]) -> Array:
     """Return finite numbers of a shape, in which None stands for any size."""
-    points = numbers(name, values)
+    array = numbers(name, values)
     needed = (
         "(" + ", ".join("m" if size is None else str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
     )
-    if points.ndim != len(shape) or any(
-        size not in (None, have) for size, have in zip(shape, points.shape, strict=True)
-    ):
-        raise InputError(f"{name}: got shape {points.shape}, need {needed}")
-    good = np.isfinite(points)
+    if array.ndim != len(shape) or any(size not in (None, have) for size, have in zip(shape, array.shape, strict=True)):
+        raise InputError(f"{name}: got shape {array.shape}, need {needed}")
+    good = np.isfinite(array)
     if not good.all():
         where = f"point {np.argwhere(~good)[0][0]}: " if len(shape) > 1 else ""
-        raise InputError(f"{name}: {where}got {points[~good][0]}, need finite numbers")
-    return points
+        raise InputError(f"{name}: {where}got {array[~good][0]}, need finite numbers")
+    return array

@@ -173,12 +173,10 @@ class CenterLine:
         given = scale if callable(scale) else self._between(numbers("scale", scale))
 
         def size(u: Array) -> Array:
-            result = numbers("scale", given(u))
-            if result.shape not in ((), u.shape):
-                raise InputError(
-                    f"scale: the function gave shape {result.shape} for {u.size} parameters, need one each"
-                )
-            return np.broadcast_to(result, u.shape)
+            value = numbers("scale", given(u))
+            if value.shape not in ((), u.shape):
+                raise InputError(f"scale: the function gave shape {value.shape} for {u.size} parameters, need one each")
+            return np.broadcast_to(value, u.shape)
 
         u = self._fine()
         sizes = size(u)

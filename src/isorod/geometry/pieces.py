@@ -21,13 +21,11 @@ class Segment(NamedTuple):
 
 def joined(segments: Sequence[Segment]) -> tuple[Axis, Array]:
     """Return the axis, whose parameter is the length, and control points ``(axis.count, 3)`` of segments in a row."""
-    breaks = np.concatenate([[0.0], np.cumsum([segment.length for segment in segments])])
+    breaks = np.concatenate([[0.0], np.cumsum([s.length for s in segments])])
     knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
     weights = np.ones(2 * len(segments) + 1)
-    weights[1::2] = np.cos(0.5 * np.array([segment.angle for segment in segments]))
-    return Axis(2, knots, weights), np.concatenate(
-        [segments[0].points[:1], *(segment.points[1:] for segment in segments)]
-    )
+    weights[1::2] = np.cos(0.5 * np.array([s.angle for s in segments]))
+    return Axis(2, knots, weights), np.concatenate([segments[0].points[:1], *(s.points[1:] for s in segments)])
 
 
 def tensors(segments: Sequence[Segment], first: Array) -> tuple[Array, Array]:
