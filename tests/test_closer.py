@@ -187,7 +187,7 @@ def test_patches_are_where_contact_presses_and_as_wide():
     model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
     moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_control_point.repeat(3)
     operator = ContactOperator(model)
-    operator.see_better(moved, between=True)
+    operator.increase_points(moved, between=True)
     results = operator.results(moved)
     ((patch,),) = patches(model, results).values()
     assert patch.u == pytest.approx(0.5, abs=1e-6)
@@ -221,7 +221,7 @@ def between_planes():
 def test_lines_of_contact_are_looked_at_closer_round_the_section_alone():
     model = between_planes()
     operator = ContactOperator(model)
-    operator.see_better(np.zeros(model.dofs), between=True)
+    operator.increase_points(np.zeros(model.dofs), between=True)
     results = operator.results(np.zeros(model.dofs))
     (found,) = patches(model, results).values()
     assert [one.angle for one in found] == pytest.approx([-0.5 * np.pi, -np.pi], abs=1e-9)

@@ -105,7 +105,7 @@ def test_a_patch_between_points_is_found():
     assert result.active
     apart = ContactOperator(Model(bodies, contacts=[Contact(0, 1)]))
     moved = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], [one.space.nodes for one in bodies], axis=0)
-    assert not apart.see_better((np.tile(spaces[0].is_control_point, 2)[:, None] * moved).ravel(), between=True)
+    assert not apart.increase_points((np.tile(spaces[0].is_control_point, 2)[:, None] * moved).ravel(), between=True)
 
 
 HELD = """

@@ -20,7 +20,7 @@ from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.contact import cells, quality
 from isorod.contact.facets import nodes_of
-from isorod.contact.passing import Passing
+from isorod.contact.passing import Tunnelling
 from isorod.contact.quality import widths
 from isorod.contact.tables import pack
 from isorod.fenics import compat
@@ -141,7 +141,7 @@ def test_the_width_of_a_strip_is_that_in_which_points_press():
     depth, radius = 0.01, 0.4
     model = lying(radius=radius, height=-depth, push=0.0)
     contact = assembler_for(model).contact
-    assert contact.see_better(np.zeros(model.dofs + contact.beyond.size), between=False)
+    assert contact.increase_points(np.zeros(model.dofs + contact.beyond.size), between=False)
     contact.forces(np.zeros(model.dofs + contact.beyond.size))
     (width,) = widths(contact.packed)
     spacing = np.sqrt(contact.packed.areas.mean())
@@ -166,7 +166,7 @@ def test_a_centre_line_that_goes_through_facets_is_noticed(shape, sideways):
     """Also where all of it passes along the edges of facets."""
     model = lying(shape, height=0.3)
     count = model.dofs + assembler_for(model).contact.beyond.size
-    passing = Passing(model)
+    passing = Tunnelling(model)
 
     def moved(way, below=0.0):
         found = np.zeros((count // 3, 3))
@@ -201,7 +201,7 @@ def seen():
     model = lying(degree=1, height=-0.01, push=0.0)
     contact = assembler_for(model).contact
     rest = np.zeros(model.dofs + contact.beyond.size)
-    contact.see_better(rest, between=False)
+    contact.increase_points(rest, between=False)
     contact.forces(rest)
     contact.ranks.gather(contact.packed, contact.packed.states, contact.packed.starts)
     (width,) = widths(contact.packed)

@@ -10,7 +10,7 @@ from surfaces import falling, fit_pressure, pin, press_fit, strip, tube
 from touching import LAW, moved
 
 from isorod import Body, Contact, Model, Space, dynamics, statics
-from isorod.contact.passing import Passing
+from isorod.contact.passing import Tunnelling
 
 
 @pytest.mark.parametrize("hollow", [False, True])
@@ -103,7 +103,7 @@ def test_a_rod_that_would_come_out_through_the_wall_is_refused_and_one_in_the_ho
     rod = moved(straight(8, breaks=(0.0, 1.0, 2.0), radius=0.3, height=2.0), (0.25, 0.0, 2.0))
     spaces = [tube(hole=0.6), Space.paper(rod)]
     model = Model([Body(space, LAW) for space in spaces], contacts=[Contact(1, 0, second_surface="inner")])
-    watch, rest = Passing(model), np.zeros(model.dofs)
+    watch, rest = Tunnelling(model), np.zeros(model.dofs)
 
     def at(shift):
         found = np.zeros((model.dofs // 3, 3))

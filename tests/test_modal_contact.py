@@ -151,7 +151,7 @@ def test_a_bar_that_slides_is_softer_on_springs_of_all_points(monkeypatch):
     # As on finer spaces, where the equilibrium is corrected first.
     assert all(0.0 < modes.estimate(direction) < 0.2 for direction in ("section", "axis"))
     contact = Frozen(model, model.contacts, modes.contacts, modes.state, PETSc.COMM_SELF, tight=True)
-    within = contact.give(modes.vectors[free])[0] / modes.eigenvalues[free]
+    within = contact.compliance(modes.vectors[free])[0] / modes.eigenvalues[free]
     monkeypatch.setattr(touching, "_SURE", 0.0)
     found = touching.doubt(model, modes.equilibrium, *elastic, free=True)
     monkeypatch.setattr(touching, "Frozen", lambda *given, **how: Frozen(*given, **how | {"tight": False}))
@@ -187,7 +187,7 @@ def test_cells_whose_reactions_cancel_are_no_doubt(monkeypatch):
     model = Model([Body(space, LAW, 1.0)], supports, contacts=[Contact(0, wall, penalty=300.0)])
     modes = modal.solve(model, 3)
     contact = Frozen(model, model.contacts, modes.contacts, modes.state, PETSc.COMM_SELF, tight=True)
-    within, reactions = contact.give(modes.vectors)
+    within, reactions = contact.compliance(modes.vectors)
     found = touching.doubt(model, modes.equilibrium, modes.eigenvalues, modes.vectors)
     monkeypatch.setattr(touching, "Frozen", lambda *given, **how: Frozen(*given, **how | {"tight": False}))
     springs = modal.solve(model, 3, state=modes.equilibrium)

@@ -10,7 +10,7 @@ from pushed import ACROSS, LAW, outcome, rods
 
 from comparisons.contact.capstan import Capstan
 from isorod import NeoHookean, Rod, SolveError, Space, circle, dynamics, helix, statics
-from isorod.contact.passing import Passing
+from isorod.contact.passing import Tunnelling
 from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Sphere, Support
 
 
@@ -89,7 +89,7 @@ def test_rods_pushed_past_each_other_in_one_step_keep_their_sides():
 
 def watched(contact, *shifts, turn=ACROSS):
     model = rods(*shifts, turn=turn, contacts=[contact])
-    return model, Passing(model)
+    return model, Tunnelling(model)
 
 
 @pytest.mark.parametrize("turn", [None, ACROSS], ids=["parallel", "crossing"])
@@ -124,7 +124,7 @@ def test_ways_through_a_rigid_obstacle_are_seen(obstacle):
 def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
     space = Space.paper(helix(6.0, 2.6, 2).sweep(circle(8, 1.0)), elements=16, degree=4)
     model = Model([Body(space, LAW)], contacts=[Contact(0)])
-    passing = Passing(model)
+    passing = Tunnelling(model)
     rest = np.zeros((space.nodes, 3))
     squeeze = rest - np.where(space.is_control_point, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
     assert passing.passed(rest.ravel(), 0.2 * squeeze.ravel()) is None
@@ -135,7 +135,7 @@ def test_a_way_is_free_until_rods_enter_each_other_by_a_fifth_of_a_radius():
     model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, 100.0)])
     start, way = np.zeros(model.dofs), np.zeros((model.dofs // 3, 3))
     way[model.first_node[1] :, 1] = -4.0 * model.is_control_point[model.first_node[1] :]
-    watch = Passing(model)
+    watch = Tunnelling(model)
     # Of a way of four radii 0.3 are free: the gap and a fifth of a radius.
     assert watch.free(start, way.ravel()) == 0.0625
     assert watch.free(start, 0.07 * way.ravel()) == 1.0

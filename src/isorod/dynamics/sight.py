@@ -46,7 +46,7 @@ class Sight:
         """Return points of each pass with which patches are seen that had too few; None where all have enough."""
         before = self._contact.points
         for chosen, displacement in self._peaks():
-            self._contact.see_better(displacement, between=False, chosen=chosen.tolist())
+            self._contact.increase_points(displacement, between=False, chosen=chosen.tolist())
         return None if self._contact.points == before else self._contact.points
 
     def results(self) -> list[result.ContactResult]:

@@ -69,10 +69,10 @@ def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[]
     if not found:
         return []
     shape = shape_of(rods[rod]())
-    ways = np.interp(sorted(found), shape.u, shape.way)
-    near, end = _ONE_PLACE * shape.radius, shape.way[-1]
+    ways = np.interp(sorted(found), shape.u, shape.lengths)
+    near, end = _ONE_PLACE * shape.radius, shape.lengths[-1]
     apart = (np.diff(ways, prepend=-np.inf) > near) & (ways > near) & (ways < end - near)
-    return np.interp(ways[apart], shape.way, shape.u).tolist()
+    return np.interp(ways[apart], shape.lengths, shape.u).tolist()
 
 
 def _nearest(rod: Rod, place: Array) -> float:

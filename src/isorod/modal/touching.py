@@ -151,7 +151,7 @@ def _doubt(contact: Frozen, eigenvalues: Array, moved: Array, springs: Callable[
 
     ``springs`` returns how much softer these are, if that can be known.
     """
-    within, besides = (one / np.abs(eigenvalues) for one in contact.give(moved))
+    within, besides = (one / np.abs(eigenvalues) for one in contact.compliance(moved))
     softer = 1.0 - 1.0 / np.sqrt(1.0 + besides)
     # Where little changes there is no need of another factorisation.
     if springs is not None and softer.max(initial=0.0) > _SURE:

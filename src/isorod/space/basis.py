@@ -1,4 +1,4 @@
-"""What a space asks of its section functions: a basis of another kind is one more file."""
+"""Protocol of section functions of a space: a new kind of basis is one more file."""
 
 from typing import ClassVar, Protocol
 
@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array, Index
 from isorod.geometry.quadrature import Rule
 
-# The families of elements, each by the one name that prints, records, pages and documents have for it: harmonic
-# functions of control points, those of a higher order, and polynomials across the section.
+# The families of elements, by their names in prints, records, pages and documents: harmonic functions of control
+# points, those of a higher order, and polynomials across the section.
 PAPER, POLYHARMONIC, POLYNOMIALS = FAMILIES = "the paper's element", "polyharmonic", "polynomials"
 
 
@@ -37,13 +37,13 @@ class Functions(Protocol):
 
 
 class SectionBasis(Functions, Protocol):
-    """Functions that a space can have; as text they are what a run prints of them, the family first.
+    """Functions that a space can have; their text is what a run prints, the family first.
 
     Attributes
     ----------
     on_surface
-        Whether control points stand round the surface and come first; of others
-        contact takes the traces (`isorod.contact.traces`).
+        Whether control points are round the surface and come first; otherwise contact takes the traces
+        (`isorod.contact.traces`).
     """
 
     on_surface: ClassVar[bool]
@@ -53,19 +53,19 @@ class SectionBasis(Functions, Protocol):
         """The family of elements that they make: one of `FAMILIES`, or a name of their own."""
 
     def auto(self, degree: int) -> Rule:
-        """Return the cheapest rule whose error stays below that of the space, of a degree along the axis."""
+        """Return the cheapest rule with an error below that of the space, for a degree along the axis."""
 
     def full(self, degree: int) -> Rule:
         """Return a rule whose error is small beside that of the functions, thin sections included."""
 
     @property
     def pressure_count(self) -> int:
-        """Number of section functions of the pressures that go with these displacements.
+        """Number of section functions of the pressures for these displacements.
 
         Raises
         ------
         InputError
-            If no pressure that varies does.
+            If these allow no varying pressure.
         """
 
     def pressures(self, xi: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""Spaces finer where something small presses on a surface: elements and arcs grow with the distance from there."""
+"""Local refinement at contact patches: elements and arcs grow with the distance from a patch."""
 
 from collections.abc import Sequence
 from math import ceil, floor, log2
@@ -14,29 +14,29 @@ from isorod.space import choice
 from isorod.space.graded import ORDER, Graded
 from isorod.space.space import Space
 
-# Along the axis.
+# Degree along the axis.
 DEGREE = 3
 
-# By how much of their distance from a patch elements and arcs may be longer.
+# Growth of elements and arcs per distance from a patch.
 _GROWTH = 1.0
 
-# The longest arcs: so many make a circle.
+# Least number of arcs round a section.
 _FEWEST = 16
 
 
 class Patch(NamedTuple):
-    """Where something presses on a surface.
+    """A patch of contact on a surface.
 
     Attributes
     ----------
     u, angle
-        Axis parameter and angle [rad] of its middle.
+        Axis parameter and angle [rad] of its centre.
     along, around
-        Half its length along the axis, and half the angle [rad] that it takes round the section.
+        Half its length along the axis, and half its angle [rad] round the section.
     size
-        Length that elements are to have there, at most; that of the rod where it presses on a line along it.
+        Largest length of elements there; that of the rod for contact on a line along it.
     arc
-        The same of arcs, if that is another; else 0.
+        Largest length of arcs, if that differs; else 0.
     """
 
     u: float
@@ -55,45 +55,45 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     InputError
         If there is no patch, the rod has rings, or more arcs are needed than there may be.
     """
-    if not patches or min(min(one[2:5]) for one in patches) <= 0.0:
+    if not patches or min(min(patch[2:5]) for patch in patches) <= 0.0:
         raise InputError("patches: name one at least, with extents and a size that are positive")
     if rod.rings != WHOLE:
         raise InputError("patches: hollow and layered rods cannot be refined locally; use section_degree")
-    # Where there is no patch the rod is seen as it is without one.
-    own, least = rod.axis.elements, max(DEGREE, rod.axis.degree)
-    lines = all(one.size >= rod.arc_length.total for one in patches)
+    # The elements of the rod without patches.
+    rod_elements, least = rod.axis.elements, max(DEGREE, rod.axis.degree)
+    lines = all(patch.size >= rod.arc_length.total for patch in patches)
     parts, degree, continuity, _ = choice.axis(rod, None, None if lines else least, None if lines else least - 1)
-    made = rod.refine(parts // own, degree, continuity)
-    length, breaks = rod.arc_length, made.axis.breaks
-    middles = length(np.array([one.u for one in patches])).tolist()
-    stretches = [(middle, one.along, one.size) for middle, one in zip(middles, patches, strict=True)]
+    refined = rod.refine(parts // rod_elements, degree, continuity)
+    length, breaks = rod.arc_length, refined.axis.breaks
+    middles = length(np.array([patch.u for patch in patches])).tolist()
+    stretches = [(middle, patch.along, patch.size) for middle, patch in zip(middles, patches, strict=True)]
     ends, period = length(breaks), length.total if rod.closed else np.inf
     for k in range(breaks.size - 1):
         count = _evenly(ends[k + 1] - ends[k], stretches)
         cuts = np.cumsum(_cut(ends[k], ends[k + 1], count, stretches, period))[:-1] / count
-        for share in cuts:
-            made = made.insert(float(breaks[k] + share * (breaks[k + 1] - breaks[k])))
+        for fraction in cuts:
+            refined = refined.insert(float(breaks[k] + fraction * (breaks[k + 1] - breaks[k])))
     basis = _section(rod, patches, choice.ORDER if lines else ORDER)
-    return Space.paper(made, continuity=continuity, quadrature="auto", order=1, section_basis=basis)
+    return Space.paper(refined, continuity=continuity, quadrature="auto", order=1, section_basis=basis)
 
 
 def _section(rod: Rod, patches: Sequence[Patch], order: int) -> Graded:
-    """Return section functions of an order, whose arcs are as many everywhere along the rod."""
+    """Return section functions of an order, with arcs that are the same along the rod."""
     n, radius = rod.section_points, float(rod.radii(rod.axis.breaks, 16)[1].max())
-    arcs = [(one.angle, one.around, (one.arc or one.size) / radius) for one in patches]
-    whole = 2.0 * np.pi / n
-    count = max(_evenly(whole, arcs), ceil(_FEWEST / n))
+    arcs = [(patch.angle, patch.around, (patch.arc or patch.size) / radius) for patch in patches]
+    arc = 2.0 * np.pi / n
+    count = max(_evenly(arc, arcs), ceil(_FEWEST / n))
     if n * count > MAX_COUNT:
         raise InputError(f"patches: got a size for {n * count} points round the section, need {MAX_COUNT} at most")
-    found: list[int] = []
+    parts: list[int] = []
     for k in range(n):
-        found += _cut((k - 0.5) * whole, (k + 0.5) * whole, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
-    return Graded(n, tuple(found), order)
+        parts += _cut((k - 0.5) * arc, (k + 0.5) * arc, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
+    return Graded(n, tuple(parts), order)
 
 
 def _evenly(length: float, patches: Sequence[tuple[float, float, float]]) -> int:
-    """Return how many equal pieces of a length are as short as any patch wants, made of few by halving."""
-    size = min(one[2] for one in patches)
+    """Return the number of equal parts of a length short enough for all patches, a few times a power of two."""
+    size = min(patch[2] for patch in patches)
     halvings = max(0, floor(log2(max(1.0, 0.5 * length / size))))
     return ceil(length / size / 2**halvings - 1e-9) * 2**halvings
 
@@ -106,22 +106,22 @@ def _cut(
     period: float,
     longest: float = np.inf,
 ) -> list[int]:
-    """Return how many of ``count`` equal pieces of a stretch each part of it takes.
+    """Return a partition of ``count`` equal parts of an interval: the number of these in each of its parts.
 
     Parameters
     ----------
     patches
-        Middle, half extent and length wanted of each.
+        Centre, half extent and target length of each.
     period
-        After which places are the same.
+        Period of the coordinate.
     longest
-        Length of a part at most.
+        Largest length of a part.
     """
     allowed = longest
     for middle, reach, size in patches:
-        way = abs(0.5 * (low + high) - middle)
-        way = min(way, abs(period - way)) if np.isfinite(period) else way
-        beyond = max(0.0, way - 0.5 * (high - low) - reach)
+        distance = abs(0.5 * (low + high) - middle)
+        distance = min(distance, abs(period - distance)) if np.isfinite(period) else distance
+        beyond = max(0.0, distance - 0.5 * (high - low) - reach)
         allowed = min(allowed, size + _GROWTH * beyond)
     if count == 1 or high - low <= allowed * (1.0 + 1e-9):
         return [count]

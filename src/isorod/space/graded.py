@@ -1,9 +1,9 @@
-"""Section functions whose control points lie closer together on a part of the surface, as under a contact.
+"""Section functions with denser control points on a part of the surface, as under a contact.
 
-The circle is cut in equal fine arcs, and each arc of these functions is some of them in a row.  On an arc they are
-combinations of ``1, cos, sin``, and their slopes are continuous: the boundary functions of the fine arcs
-(`isorod.geometry.disk`) but for what bends anew at joints that are left out.  Their harmonic extensions ``T_i`` and
-``(1 - s)^k T_i``, ``s = |xi|^2``, ``k < K``, span what is polyharmonic, as in `isorod.space.polyharmonic`.
+The circle is cut in equal fine arcs, and each arc of these functions is a row of them.  On an arc they are combinations
+of ``1, cos, sin``, and their slopes are continuous: combinations of the boundary functions of the fine arcs
+(`isorod.geometry.disk`) that are smooth at the joints left out.  Their harmonic extensions ``T_i`` and
+``(1 - s)^k T_i``, ``s = |xi|^2``, ``k < K``, span polyharmonic functions, as in `isorod.space.polyharmonic`.
 """
 
 from dataclasses import dataclass, replace
@@ -21,22 +21,23 @@ from isorod.geometry.section import refine, refinement_turn
 from isorod.space.basis import family_of
 from isorod.space.polyharmonic import zernike
 
-# Polyharmonic order.  Under a small patch what is long round the section is short along the axis, and dies out as fast
-# towards the inside as it is short; with an order of 2 crossing cylinders are 4 % too stiff on each other, with 3 1 %.
+# Polyharmonic order.  Under a small patch waves that are long round the section are short along the axis, and decay
+# towards the inside over that length; with an order of 2 crossing cylinders are 4 % too stiff on each other, with 3
+# 1 %.
 ORDER = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Graded(Checked):
-    """Polyharmonic functions of control points not evenly spaced; the ``T_i`` come first and are the control points.
+    """Polyharmonic functions of unevenly spaced control points, those of the ``T_i``, which come first.
 
     Parameters
     ----------
     n
         Number of control points of the rod's own sections.
     arcs
-        How many fine arcs are in each arc, in their order round the section, from the beginning of the rod's first arc
-        on; no arc crosses the end of one of the rod's.
+        Numbers of fine arcs in each arc, in order round the section from the beginning of the rod's first arc on; no
+        arc crosses the end of one of the rod's.
     order
         Polyharmonic order ``K``.
 
@@ -90,8 +91,8 @@ class Graded(Checked):
         """Each function as a sum of those of the fine arcs, shape ``(fine, arcs)``.
 
         Control points of a circle are where tangents at neighbouring joints meet.  A function is linear on the plane of
-        an arc; at a joint, and so at the tangents' points of contact, it is what the control points on either side
-        say; the fine control points lie in the same plane.
+        an arc; at a joint, the point of contact of the tangent, it is interpolated between the control points on either
+        side; the fine control points lie in the same plane.
         """
         joints, count = self.joints, len(self.arcs)
         half = 0.5 * np.diff(joints)
@@ -104,16 +105,16 @@ class Graded(Checked):
         begin[rows, before] = lengths / (lengths[before] + lengths)
         end = np.roll(begin, -1, axis=0)
         fine = control_points(self.fine) @ _turned(self.turn)
-        found, first = [], 0
+        result, first = [], 0
         for k, parts in enumerate(self.arcs):
             angles = joints[[k, k + 1]]
             corners = np.array(
                 [[np.cos(angles[0]), np.sin(angles[0])], place[k], [np.cos(angles[1]), np.sin(angles[1])]]
             )
-            shares = np.linalg.solve(_lifted(corners).T, _lifted(fine[first : first + parts]).T).T
-            found.append(shares @ np.stack([begin[k], np.eye(count)[k], end[k]]))
+            coordinates = np.linalg.solve(_lifted(corners).T, _lifted(fine[first : first + parts]).T).T
+            result.append(coordinates @ np.stack([begin[k], np.eye(count)[k], end[k]]))
             first += parts
-        return np.concatenate(found)
+        return np.concatenate(result)
 
     @property
     def count(self) -> int:
@@ -121,7 +122,7 @@ class Graded(Checked):
         return self.order * len(self.arcs)
 
     def finer(self) -> "Graded":
-        """Return those whose shortest arcs are cut in half, among which these are."""
+        """Return functions with the shortest arcs halved, which contain these."""
         least = min(self.arcs)
         return replace(self, arcs=tuple(part for n in self.arcs for part in ((n, n) if n == least else (2 * n,))))
 
@@ -138,20 +139,22 @@ class Graded(Checked):
         values = fine @ self.among_fine
         gradients = np.einsum("qib,ij->qjb", slopes, self.among_fine, optimize=True) @ forth
         rest = 1.0 - np.sum(points**2, axis=1)
-        found = [(values, gradients)]
+        powers = [(values, gradients)]
         for _ in range(self.order - 1):
-            value, slope = found[-1]
+            value, slope = powers[-1]
             inner = rest[:, None, None] * slope - 2.0 * value[:, :, None] * points[:, None, :]
-            found.append((rest[:, None] * value, inner))
-        return np.concatenate([one for one, _ in found], axis=1), np.concatenate([one for _, one in found], axis=1)
+            powers.append((rest[:, None] * value, inner))
+        return np.concatenate([array for array, _ in powers], axis=1), np.concatenate(
+            [array for _, array in powers], axis=1
+        )
 
     def positions(self, polygons: Array) -> Array:
         """Return coefficients ``(layers, count, 3)`` of the map of the rod's control points ``(layers, n, 3)``."""
         layers = polygons.shape[0]
         fine = refine(polygons.swapaxes(0, 1), self.fine // self.n).reshape(self.fine, -1)
         result = np.zeros((layers, self.count, 3))
-        own = np.linalg.lstsq(self.among_fine, fine, rcond=None)[0]
-        result[:, : len(self.arcs)] = own.reshape(-1, layers, 3).swapaxes(0, 1)
+        coefficients = np.linalg.lstsq(self.among_fine, fine, rcond=None)[0]
+        result[:, : len(self.arcs)] = coefficients.reshape(-1, layers, 3).swapaxes(0, 1)
         return result
 
     def points(self, rule: Rule) -> tuple[Array, Array]:
@@ -174,7 +177,7 @@ class Graded(Checked):
     def pressures(self, xi: ArrayLike) -> Array:
         """Return polyharmonic functions of one order less, and polynomials of degree ``K``.
 
-        The former, ``(1 - s)^k T_i``, contain the latter but for ``s`` of order 2.
+        The former, ``(1 - s)^k T_i``, contain the latter except ``s`` for order 2.
         """
         points = np.asarray(xi, dtype=float).reshape(-1, 2)
         if self.order == 1:

@@ -1,12 +1,13 @@
 """Polyharmonic functions of the section: ``T_i`` and, for ``0 < k < K``, ``(1 - s) P_{k-1}(s) W_m``, ``s = |xi|^2``.
 
-The first are the harmonic functions of the paper.  By Almansi's theorem ``(1 - s)^k T_i``, ``k < K``, spans what is
-polyharmonic of order ``K``, and displacements of an elastic body without body force are biharmonic.  The others here
-span the same, but are made for conditioning: ``W_m`` is the discrete Fourier wave of order ``m`` over the ``T_i``, and
-``P_{k-1}`` the Jacobi polynomial ``P^{(1, m)}_{k-1}(2 s - 1)``.  With the continuous wave ``r^m exp(i m theta)`` in the
-place of ``W_m`` the gradients of all of them are orthogonal on the disk, to each other and to every harmonic function
-(those with another radial factor, the same for all waves, are not: a wave of high order lives near the circle, where
-all factors look alike, and the condition number explodes). All vanish on the circle but the ``T_i``.
+The first are the harmonic functions of the paper.  By Almansi's theorem ``(1 - s)^k T_i``, ``k < K``, spans the
+polyharmonic functions of order ``K``, and displacements of an elastic body without body force are biharmonic.  The
+functions here span the same, but are better conditioned: ``W_m`` is the discrete Fourier wave of order ``m`` over the
+``T_i``, and ``P_{k-1}`` the Jacobi polynomial ``P^{(1, m)}_{k-1}(2 s - 1)``.  With the continuous wave ``r^m exp(i m
+theta)`` in place of ``W_m`` the gradients of all of them are orthogonal on the disk, to each other and to every
+harmonic function (those with another radial factor, the same for all waves, are not: a wave of high order is
+concentrated near the circle, where all factors are alike, and the condition number explodes). All but the ``T_i``
+vanish on the circle.
 """
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from isorod.space.basis import family_of
 
 MAX_ORDER = 6
 
-# Radial points that see functions near the circle, over the root of the number of control points if these are many.
+# Radial points needed near the circle, over the root of the number of control points, and the number above which.
 _NEAR, _FEW = 0.87, 32
 
 
@@ -44,7 +45,7 @@ def _waves(n: int) -> tuple[Array, Array]:
 
 def _radial(k: int, m: Array, s: Array) -> tuple[Array, Array]:
     """Return ``(1 - s) P^{(1, m)}_{k-1}(2 s - 1)`` and its derivative by ``s``, shape ``(len(s), len(m))``."""
-    # Functions of control points of order 1, and polynomials, do without.
+    # Imported late: functions of order 1 and polynomials do not need it.
     from scipy.special import eval_jacobi
 
     x = (2.0 * s - 1.0)[:, None]
@@ -57,15 +58,15 @@ def _radial(k: int, m: Array, s: Array) -> tuple[Array, Array]:
 def zernike(xi: ArrayLike, waves: Sequence[tuple[int, int]]) -> Array:
     """Return Zernike polynomials at disk points, cosine and sine of each wave ``(m, k)``, of degree ``m + 2 k``."""
     x, y = np.asarray(xi, dtype=float).reshape(-1, 2).T
-    s, found = x * x + y * y, []
+    s, result = x * x + y * y, []
     for m, k in waves:
         wave = (x + 1j * y) ** m
         if k:
             from scipy.special import eval_jacobi
 
             wave = wave * eval_jacobi(k, 0.0, float(m), 2.0 * s - 1.0)
-        found += [wave.real, wave.imag] if m else [wave.real]
-    return np.stack(found, axis=1)
+        result += [wave.real, wave.imag] if m else [wave.real]
+    return np.stack(result, axis=1)
 
 
 @dataclass(frozen=True)
@@ -147,8 +148,8 @@ class Polyharmonic:
         """Return ``(K + 2) x 2 x (p + 1)``, measured on spring and blade for K = 1 ... 3, n = 8 ... 32, p = 2 ... 5.
 
         Fewer points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  The functions of more than
-        32 points live near the circle, where Gauss points are the closer the more there are by the square: ``0.87
-        sqrt(n)`` radial ones see the energy of each to 4 %.
+        32 points are concentrated near the circle, where the density of Gauss points is of second order in their
+        number: ``0.87 sqrt(n)`` radial ones integrate the energy of each to 4 %.
         """
         return Rule(self._radial_points(2), 2, degree + 1)
 
@@ -157,7 +158,7 @@ class Polyharmonic:
         return Rule.full(self.n, degree, self._radial_points(3))
 
     def _radial_points(self, more: int) -> int:
-        """Return the radial points of a rule that has so many more than the order, where these suffice."""
+        """Return the radial points of a rule with ``more`` than the order, and those needed near the circle."""
         near = ceil(_NEAR * sqrt(self.n)) + more - 2 if self.n > _FEW else 0
         return max(self.order + more, near)
 
@@ -180,8 +181,8 @@ class Polyharmonic:
     def pressures(self, xi: ArrayLike) -> Array:
         """Return Zernike polynomials of the disk, those of wave ``m`` and degree ``m + 2 k``.
 
-        They are those of ``k < K - 1`` and ``m + k`` less than the ``(n - 1) / 2`` that ``n`` points have, and all
-        of degree ``K``; of ``n`` points that have no more, ``(n - 1) / 2``.  In the plane each is the divergence of
+        They are those of ``k < K - 1`` and ``m + k`` less than ``(n - 1) / 2``, the waves of ``n`` points, and all of
+        degree ``K``, or ``(n - 1) / 2`` if that is less.  In the plane each is the divergence of
         displacements of the next wave, as large as its gradient: ``U = z^(m + 1) / (m + 1)`` of ``z^m``.
         """
         return zernike(xi, self._pressure_waves)

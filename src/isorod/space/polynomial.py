@@ -1,10 +1,10 @@
-"""Polynomials of the section's own coordinates, in the place of the functions that belong to control points.
+"""Polynomials of the section's own coordinates, in place of functions of control points.
 
 Where all sections of a rod are affine images of one, ``x = c(u) + A(u) X(xi)``, the coordinates ``X = (X_1, X_2)`` of
 that section are functions on the disk, and so are their polynomials: a Taylor expansion across the rod, as higher-order
 beam theories use it (Carrera, Cinefra, Petrolo & Zappino, Finite Element Analysis of Structures through Unified
-Formulation, 2014).  Displacements of a slender body are smooth across it, so that ten polynomials do what a hundred
-functions of control points do; they see nothing of a corner, a point load or a contact patch.
+Formulation, 2014).  Displacements of a slender body are smooth across it, so that ten polynomials replace a
+hundred functions of control points; they do not resolve a corner, a point load or a contact patch.
 """
 
 from functools import cached_property, lru_cache
@@ -23,16 +23,16 @@ from isorod.space.basis import POLYNOMIALS, monomials
 
 MAX_DEGREE = 8
 
-# Layers may differ from affine images of the widest by this share of its size.
+# Largest distance of layers from affine images of the widest, relative to its size.
 _TOLERANCE = 1e-9
 
-# A section has no principal directions of its own where its moments of inertia differ by less than this share.
+# Principal directions are undetermined where moments of inertia differ by less than this, relative.
 _ROUND = 1e-9
 
-# A section this much thinner than it is wide is none.
+# Least thickness over width of a section.
 _FLAT = 1e-12
 
-# Tables of functions that are kept, of so many numbers each at most.
+# Number of cached tables of functions, and their largest size.
 _KEPT, _KEPT_SIZE = 4, 20_000
 
 # Half the range of an orthonormal linear function over a round section.
@@ -43,8 +43,8 @@ class Polynomials:
     """Polynomials of total degree ``N`` in the principal coordinates of a rod's section.
 
     The first function is 1, the others are orthogonal to it and to each other over the section.  In the thinner
-    direction the degree is held to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half:
-    bending strains the thickness quadratically, and what is of higher degree there is small.
+    direction the degree is limited to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half:
+    bending strains the thickness quadratically, and terms of higher degree there are small.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ class Polynomials:
     degree
         Total degree ``N``, 1 to 8.
     like
-        Polynomials of a rod much like this one, whose layer and directions are to be taken, not its own.
+        Polynomials of a similar rod, whose layer and directions are used in place of its own.
 
     Attributes
     ----------
     across
         Degree in the thinner direction.
     layer
-        The layer of control points whose section the coordinates are of: the widest, of a barrel one of several.
+        The layer of control points whose section defines the coordinates: the widest.
 
     Raises
     ------
@@ -93,9 +93,9 @@ class Polynomials:
                 "polynomials need sections of one shape"
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
-        self._polygon, self._extents, share = _principal_frame(self._polygon, area, values, first, second)
+        self._polygon, self._extents, fractions = _principal_frame(self._polygon, area, values, first, second)
         if like is not None:
-            # The nearest to theirs that turning, and turning over, makes of the principal one.
+            # The rotation or reflection of the principal frame nearest to theirs.
             across = self.frame
             left, _, right = np.linalg.svd(across.T @ like.frame)
             turned = across @ left @ right
@@ -103,7 +103,7 @@ class Polynomials:
             self._polygon = turned / self._extents
         self.across = max(2, ceil(degree * max(0.5, _roundness(arms)) - 1e-9))
         self._powers = monomials(degree, self.across)
-        self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
+        self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(fractions))
 
     def __str__(self) -> str:
         return f"{self.family}, section degree {self.degree}"
@@ -115,7 +115,7 @@ class Polynomials:
 
     @property
     def is_control_point(self) -> NDArray[np.bool_]:
-        """Whether a function is of a control point: the first alone is, shape ``(count,)``."""
+        """Whether a function is of a control point: only the first is, shape ``(count,)``."""
         return np.arange(self.count) == 0
 
     @property
@@ -129,7 +129,7 @@ class Polynomials:
         return self._polygon
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
-        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, to be read alone."""
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, read-only."""
         points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
         if self.count * points.shape[0] > _KEPT_SIZE:
             return self._functions(points)
@@ -143,7 +143,7 @@ class Polynomials:
         return self._kept[key]
 
     def _functions(self, xi: Array) -> tuple[Array, Array]:
-        """Return what `functions` does, not kept."""
+        """Do `functions`, without the cache."""
         harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
         values, (first, second) = self._values(harmonic)
         a, b = self._powers.T
@@ -151,7 +151,7 @@ class Polynomials:
         by_second = self._mix.T @ (b[:, None] * first[a] * second[np.maximum(b - 1, 0)])
         gradients = np.empty((harmonic.shape[0], self.count, 2))
         for k in range(2):
-            # Of the section's own coordinates by that of the disk.
+            # Derivatives of the section's coordinates by one of the disk's.
             turn = self._polygon.T @ slopes[:, :, k].T
             gradients[:, :, k] = (by_first * turn[0] + by_second * turn[1]).T
         return values.T @ self._mix, gradients
@@ -184,7 +184,7 @@ class Polynomials:
         On the blade its error is 8e-4, 2e-4 and 1e-5 where the next N changes 3e-3, 1e-3 and 1e-4.
         """
         around = 1 if self.degree <= 3 else 2 if self.degree == 4 else 3
-        # In a slice the square of a polynomial runs through 4 pi N / n.
+        # The phase of the square of a polynomial changes by 4 pi N / n over a slice.
         around = max(around, round(2.0 * pi * self.degree / self._polygon.shape[0]))
         return Rule(max(3, self.degree), around, degree + 1)
 
@@ -212,13 +212,13 @@ class Polynomials:
 
 
 def fine_rule(n: int, degree: int) -> Rule:
-    """Return a rule that measures a section of ``n`` arcs, and products of polynomials over it."""
+    """Return a rule for moments of a section of ``n`` arcs, and products of polynomials on it."""
     return Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1)
 
 
 @lru_cache(maxsize=16, typed=True)
 def polynomials(rod: Rod, degree: int) -> Polynomials:
-    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate of the error."""
+    """Return the polynomials of a rod, cached for refinements and error estimates."""
     return Polynomials(rod, degree)
 
 
@@ -238,7 +238,7 @@ def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array
 def _principal_frame(
     polygon: Array, area: Array, values: Array, first: Array, second: Array
 ) -> tuple[Array, Array, Array]:
-    """Return a section's polygon in its principal coordinates, each over half its extent, that, and shares of the area.
+    """Return a section's polygon in principal coordinates over half the extents, these, and fractions of the area.
 
     Parameters
     ----------
@@ -250,26 +250,26 @@ def _principal_frame(
         The harmonic functions and their derivatives there, shape ``(m, n)``.
     """
     a, b = first @ polygon, second @ polygon
-    share = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    share /= share.sum()
+    fractions = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    fractions /= fractions.sum()
     place = values @ polygon
-    centroid = share @ place
+    centroid = fractions @ place
     place -= centroid
-    sizes, found = np.linalg.eigh(place.T @ (share[:, None] * place))
-    # The wider direction first, to the side of the first control point; where all are as wide, to that point itself,
-    # not what rounding makes of it.
+    sizes, directions = np.linalg.eigh(place.T @ (fractions[:, None] * place))
+    # The wider direction first, towards the first control point; with equal moments of inertia exactly to that point,
+    # since round-off would determine the direction.
     arm = polygon[0] - centroid
     if sizes[1] - sizes[0] <= _ROUND * sizes[1]:
         x, y = arm / np.linalg.norm(arm)
     else:
-        x, y = found[:, 1] * np.copysign(1.0, arm @ found[:, 1])
+        x, y = directions[:, 1] * np.copysign(1.0, arm @ directions[:, 1])
     axes = np.array([[x, -y], [y, x]])
     extents = 0.5 * np.ptp(place @ axes, axis=0)
-    return (polygon - centroid) @ axes / extents, extents, share
+    return (polygon - centroid) @ axes / extents, extents, fractions
 
 
 def _roundness(arms: Array) -> float:
-    """Return how thick a section is beside its width, of the layer of control points ``(layers, n, 3)`` with the most.
+    """Return thickness over width of a section, the largest of layers of control points ``(layers, n, 3)``.
 
     Where an axis is bent, layers off its curve are wider than its sections.
     """
@@ -278,7 +278,7 @@ def _roundness(arms: Array) -> float:
 
 
 def _orthogonalised(weighted: Array) -> Array:
-    """Return the matrix that makes functions orthogonal, of their weighted values ``(count, m)``: upper triangular."""
+    """Return the upper triangular matrix that orthogonalises functions of weighted values ``(count, m)``."""
     triangle = np.linalg.qr(weighted.T, mode="r")
-    # The inverse of the triangular factor, its rows made positive on the diagonal.
+    # The inverse of the triangular factor, made positive on the diagonal.
     return np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])

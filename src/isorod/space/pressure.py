@@ -1,4 +1,4 @@
-"""The space of pressures beside a displacement space: of one degree or order less, across and along the axis."""
+"""The space of pressures for a displacement space: of one degree or order less, across and along the axis."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,10 @@ class Pressures:
     """Pressures ``sum_jk P_k(xi) B_j(u) p_jk`` beside the displacements of a space.
 
     ``P_k`` are functions of the section.  Where the displacement has order ``K`` they are polyharmonic of order
-    ``K - 1`` (in equilibrium, where displacements are biharmonic, pressures are harmonic), so that they see what is
-    local, such as contact, and polynomials of degree ``K``; of waves they have some less than displacements
+    ``K - 1`` (in equilibrium, where displacements are biharmonic, pressures are harmonic), so that they
+    resolve local effects such as contact, and polynomials of degree ``K``; they have fewer waves than displacements
     (`isorod.space.polyharmonic.Polyharmonic.pressures`).  Where it has polynomials they are those of the section's own
-    coordinates whose products with a coordinate are among them (degree ``N - 1``); of a section with a hole or in
+    coordinates whose products with a coordinate are among them (degree ``N - 1``); for a section with a hole or in
     layers those of each ring by itself (`isorod.space.ringed.Ringed.pressures`), so that they jump where laws do.
     ``B_j`` are the splines of degree ``p - 1`` on the same knots, C^(c - 1) where the displacement is C^c.
     Coefficients are numbered layer by layer like nodes; the last layer of an open rod has none.  The pair is inf-sup
@@ -30,7 +30,7 @@ class Pressures:
     ------
     InputError
         If the displacements across the section are polynomials of degree 1, or those of three control points: they
-        carry no pressure that varies.
+        allow no varying pressure.
     """
 
     def __init__(self, space: Space) -> None:

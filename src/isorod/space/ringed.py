@@ -1,18 +1,19 @@
 """Functions of a section with a hole or in layers: polynomials of its coordinates, and even powers of the radius.
 
-On the disk a section is cut in rings at radii ``r_j`` (`isorod.geometry.rod.Rod.rings`).  Beside the polynomials of the
-section's coordinates ``X`` (`isorod.space.polynomial`) stand, for each inner edge of a ring, ``f_k(r) Re Z^m`` and
-``f_k(r) Im Z^m``, ``Z = X_1 + i X_2``, where ``f_k`` is zero inside of the edge and outside of it a polynomial of
-degree ``k``, in ``r^-2`` or, where there is a ring inside, in ``r^2`` too, that starts from zero.  So a displacement
-may have a kink where two layers meet; and round a hole, about whose centre the plane elastic states
+On the disk a section is cut in rings at radii ``r_j`` (`isorod.geometry.rod.Rod.rings`).  To the polynomials of the
+section's coordinates ``X`` (`isorod.space.polynomial`) are added, for each inner edge of a ring, ``f_k(r) Re Z^m`` and
+``f_k(r) Im Z^m``, ``Z = X_1 + i X_2``.  ``f_k`` is zero inside of the edge; outside of it, it is a polynomial of degree
+``k`` that starts from zero, in ``r^-2`` and, where there is a ring inside, in ``r^2``.  So a displacement may have a
+kink between two layers; and round a hole, about whose centre the plane elastic states
 ``r^(-m) exp(i m theta)`` and ``r^(2 - m) exp(i m theta)`` (J. H. Michell, On the direct determination of stress in an
 elastic solid, Proc. London Math. Soc. 31 (1899) 100-124) have no Taylor series, each of them is such a product: Lame's
-tube is exact.  A section with a hole and one in layers differ in nothing else than whether there is a ring inside of
-the innermost edge.
+tube is exact.  Sections with a hole and sections in layers differ only in whether there is a ring inside of the
+innermost edge.
 
 The ``Re Z^m`` and ``Im Z^m`` are complete on every closed curve round the centre (J. L. Walsh, The approximation of
 harmonic functions by harmonic polynomials and by harmonic rational functions, Bull. Amer. Math. Soc. 35 (1929)
-499-544), so that with the degree all these functions are, in sections of any shape; where it is not round, more slowly.
+499-544), so that all these functions converge with the degree in sections of any shape, more slowly where it is not
+round.
 """
 
 from functools import cached_property
@@ -31,23 +32,22 @@ from isorod.geometry.quadrature import Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
 from isorod.space.polynomial import Polynomials, fine_rule
 
-# What is left of a function's gradients of size one, orthogonal to those of all others, if it is to count as one more:
-# in a round section the square of the radius is a polynomial of the coordinates already.  An energy errs by the square
-# of what is left out.
+# Least norm of a function's gradients of norm one, after orthogonalisation to all others, for it to be independent: in
+# a round section the square of the radius is already a polynomial of the coordinates.  The error of an energy is the
+# square of what is left out.
 _NEW = 1e-5
 
-# What displacements in the plane of a section make of a pressure at least, if it is to count as one: its product with
-# their divergence, where their strains and the pressure are of size one.  In round sections it is 0.8 and more, or 0.
-_TOLD = 0.4
+# Least inf-sup value of a pressure: its product with the divergence of displacements in the plane of a section, where
+# their strains and the pressure are of norm one.  In round sections it is 0.8 and more, or 0.
+_DETERMINED = 0.4
 
 
 class Ringed(Polynomials):
     """Polynomials of total degree ``N`` in a section's principal coordinates, and ring functions.
 
-    Of the latter those in ``r^2`` have ``2 k + m <= N``, those in ``r^-2`` one more.  The first functions are 1 and the
-    two coordinates, and the gradients of all are orthogonal over the section.  Round a hole a round section has
-    ``(N + 1)^2``, as many as there are polynomials in both coordinates and the radius; what is there already is left
-    out.
+    Ring functions in ``r^2`` have ``2 k + m <= N``, those in ``r^-2`` one more.  The first functions are 1 and the two
+    coordinates, and the gradients of all are orthogonal over the section.  A round section with a hole has
+    ``(N + 1)^2``, as many as there are polynomials in both coordinates and the radius; dependent ones are left out.
 
     Parameters
     ----------
@@ -56,8 +56,7 @@ class Ringed(Polynomials):
     degree
         Total degree ``N``, 1 to 12.
     like
-        As of `Polynomials`; of functions of which some are sums of others the same are taken, else the most independent
-        ones.
+        As of `Polynomials`; of dependent functions the same are taken as there, else the most independent ones.
 
     Raises
     ------
@@ -81,7 +80,7 @@ class Ringed(Polynomials):
         return f"{super().__str__()} in rings {' '.join(f'{radius:g}' for radius in self._rings)}"
 
     def _fine_points(self) -> tuple[Array, Array]:
-        """Return points of the disk and weights that tell all functions apart."""
+        """Return points of the disk and weights that distinguish all functions."""
         n = self._polygon.shape[0]
         rule = Rule(self._radial_points(1e-12), fine_rule(n, self.degree).angular, 1)
         return section_points(n, rule, rings=self._rings)
@@ -148,29 +147,29 @@ class Ringed(Polynomials):
                 t = (r**power - edge**power) / (1.0 - edge**power)
                 grows = power * r ** (power - 1.0) / (1.0 - edge**power)
                 for k in range(1, count):
-                    own = eval_jacobi(k - 1, 0.0, 2.0, 2.0 * t - 1.0)
+                    jacobi = eval_jacobi(k - 1, 0.0, 2.0, 2.0 * t - 1.0)
                     rise = (k + 2.0) * eval_jacobi(k - 2, 1.0, 3.0, 2.0 * t - 1.0) if k > 1 else 0.0
-                    value[beyond, j, of, k] = t * own
-                    slope[beyond, j, of, k] = (own + t * rise) * grows
+                    value[beyond, j, of, k] = t * jacobi
+                    slope[beyond, j, of, k] = (jacobi + t * rise) * grows
         return value, slope
 
     def auto(self, degree: int) -> Rule:
-        """Return a rule whose error is 1e-4 at the most, and of as many radial points as there are radial functions.
+        """Return a rule whose error is at most 1e-4, with as many radial points as there are radial functions.
 
-        With fewer, what varies most across a thin ring has no energy: stresses err by 4 %.
+        With fewer, the highest radial functions of a thin ring are under-integrated: stresses err by 4 %.
         """
         return Rule(max(self._radial_points(1e-4), self.degree // 2 + self._falling + 1), self._around, degree + 1)
 
     def full(self, degree: int) -> Rule:
-        """Return a rule whose error is small beside that of the functions, with points for the degree all ways."""
+        """Return a rule whose error is small beside that of the functions, with points for the degree throughout."""
         return Rule(max(self._radial_points(1e-12), self.degree + 1), self._around + 2, degree + 2)
 
     def _radial_points(self, error: float) -> int:
-        """Return how many points integrate products of two functions in each ring to a relative error.
+        """Return the radial points that integrate products of two functions in each ring to a relative error.
 
-        A Gauss rule's error falls by ``rho^2`` a point where a function is analytic in the ellipse about the ring whose
-        half axes, in half rings, add up to ``rho``; there it is as much larger as powers of the radius are, of which
-        the highest and the lowest are those of the products.
+        A Gauss rule's error decreases by ``rho^2`` per point where a function is analytic in the Bernstein ellipse of
+        the ring of parameter ``rho``, times the largest value there; that is bounded by the highest and the lowest
+        power of the radius in the products.
         """
         rho = np.exp(np.linspace(0.02, 6.0, 300))
         lowest = -4.0 * self._falling
@@ -192,43 +191,43 @@ class Ringed(Polynomials):
 
     @cached_property
     def _around(self) -> int:
-        """Points in a slice, in which the square of a polynomial runs through ``4 pi N / n``."""
+        """Angular points in a slice, over which the phase of the square of a polynomial changes by ``4 pi N / n``."""
         return max(3, round(2.0 * pi * self.degree / self._polygon.shape[0]))
 
     @cached_property
     def _pressure_mix(self) -> Array:
-        """What makes pressures of their candidates in each ring (`_alone`), ring by ring, shape ``(c, count)``.
+        """Matrix from candidates of pressures in each ring (`_alone`) to pressures, ring by ring, shape ``(c, count)``.
 
-        Of candidates those are pressures that the divergence of displacements in the plane of the section can tell
-        (`_TOLD`).  In round sections all can be but one a ring round a hole: ``r^-2`` is the divergence of no power of
-        ``r``.
+        Pressures are those candidates that the divergence of displacements in the plane of the section determines
+        (`_DETERMINED`).  In round sections these are all but one per ring round a hole: ``r^-2`` is not the divergence
+        of a power of ``r``.
         """
         xi, area = self._fine_points()
         turn = np.einsum("qib,ic->qbc", harmonic_functions(self._polygon.shape[0], xi)[1], self._polygon)
         weight = np.sqrt(area * np.abs(np.linalg.det(turn)))[:, None]
         alone = [weight * values for values in self._alone(xi)]
         mix = block_diag(*(_orthonormal(rows) for rows in alone))
-        # By the coordinates in space, not by shares of the section's extents; a constant has no slope.
+        # By the coordinates in space, not relative to the section's extents; a constant has no slope.
         slopes = self.functions(xi)[1][:, 1:] @ np.swapaxes(np.linalg.inv(turn), 1, 2) / self._extents
         first, second = weight * slopes[:, :, 0], weight * slopes[:, :, 1]
         none = np.zeros_like(first)
         stretched, shear = np.hstack([first, second]), np.hstack([second, first]) * np.sqrt(0.5)
         strains = np.vstack([np.hstack([first, none]), np.hstack([none, second]), shear])
         sizes, motions = np.linalg.eigh(strains.T @ strains)
-        # But for the rotation of the section.
+        # Without the rotation of the section.
         motions = motions[:, sizes > _NEW * sizes[-1]] / np.sqrt(sizes[sizes > _NEW * sizes[-1]])
-        _, told, seen = np.linalg.svd((stretched @ motions).T @ np.hstack(alone) @ mix, full_matrices=False)
-        return np.asarray(mix @ seen[told > _TOLD].T)
+        _, determined, right = np.linalg.svd((stretched @ motions).T @ np.hstack(alone) @ mix, full_matrices=False)
+        return np.asarray(mix @ right[determined > _DETERMINED].T)
 
     def _alone(self, xi: Array) -> list[Array]:
-        """Return candidates of each ring's pressures: what displacements of one degree less have in that ring alone.
+        """Return candidates of each ring's pressures: functions of displacements of one degree less, in that ring.
 
-        They do not meet those of other rings, so that pressures jump where laws do.
+        They are discontinuous between rings, so that pressures jump where laws do.
         """
         kinds, smooth = _kinds(self._rings, self.degree - 1, self.across - 1), len(self._pressure_powers)
         values, ring = self._candidates(xi, self._pressure_powers, kinds)[0], ring_of(self._rings, xi)
-        own = [np.append(np.ones(smooth, dtype=bool), kinds[:, 0] == r) for r in range(len(self._rings) - 1)]
-        return [np.where(ring[:, None] == r, values[:, mine], 0.0) for r, mine in enumerate(own)]
+        columns = [np.append(np.ones(smooth, dtype=bool), kinds[:, 0] == r) for r in range(len(self._rings) - 1)]
+        return [np.where(ring[:, None] == r, values[:, column], 0.0) for r, column in enumerate(columns)]
 
     @property
     def pressure_count(self) -> int:
@@ -241,7 +240,7 @@ class Ringed(Polynomials):
 
 
 def _orthonormal(rows: Array) -> Array:
-    """Return the matrix ``(c, m)`` that makes columns ``(q, c)`` orthonormal; what is a sum of others is left out."""
+    """Return the matrix ``(c, m)`` that makes columns ``(q, c)`` orthonormal; dependent columns are left out."""
     sizes = np.linalg.norm(rows, axis=0)
     _, triangle, order = qr(rows / sizes, mode="economic", pivoting=True)
     count = int(np.count_nonzero(np.abs(np.diag(triangle)) > _NEW))
@@ -253,15 +252,15 @@ def _orthonormal(rows: Array) -> Array:
 def _kinds(rings: tuple[float, ...], degree: int, across: int) -> Index:
     """Return ring functions up to a degree, and a degree in the thinner direction, shape ``(count, 5)``.
 
-    Of each: the edge it starts from, in which power it is a polynomial, its degree and its wave, and whether that is a
-    sine.
+    Of each: its edge, whether it is a polynomial in ``r^2`` (0) or ``r^-2`` (1), its degree, its wave, and whether that
+    is a sine.
     """
     kinds = [
         (j, of, k, m, part)
         for j, edge in enumerate(rings[:-1])
         if edge > 0.0
         for of, total in enumerate((degree, degree + 1))
-        # Round a hole polynomials in r^-2 do: those in r^2 too are a third more functions, no better than others.
+        # Round a hole polynomials in r^-2 suffice: with those in r^2 there are a third more functions, without gain.
         if of or j
         for k in range(1, min(total, across + 1) // 2 + 1)
         for m in range(total - 2 * k + 1)
@@ -273,23 +272,22 @@ def _kinds(rings: tuple[float, ...], degree: int, across: int) -> Index:
 def orthogonalised(
     values: Array, gradients: Array, turn: Array, area: Array, taken: "NDArray[np.intp] | None" = None
 ) -> tuple[Array, NDArray[np.intp]]:
-    """Return the matrix that makes functions of a section of orthonormal gradients, and which of them were taken.
+    """Return the matrix to functions with orthonormal gradients over a section, and the candidates taken.
 
-    The first three, 1 and the coordinates, stay first, the others have no mean; of them those are left out whose
-    gradients are sums of those that are there.  Orthonormal values would not do: in a thin ring what hardly differs may
-    have other gradients.  Gradients are by the section's coordinates, times its
-    radius of gyration in them.
+    The first three, 1 and the coordinates, stay first; the others have zero mean, and those with dependent gradients
+    are left out.  Orthonormal values would not do: in a thin ring nearly equal functions may have different gradients.
+    Gradients are by the section's coordinates, times its radius of gyration in them.
 
     Parameters
     ----------
     values, gradients
-        At points of the disk, by its coordinates, shapes ``(q, c)`` and ``(q, c, 2)``.
+        Candidates at points of the disk, gradients by its coordinates, shapes ``(q, c)`` and ``(q, c, 2)``.
     turn
         Derivatives ``(q, 2, 2)`` of the section's coordinates (last) by the disk's.
     area
         Weights of the points on the disk, shape ``(q,)``.
     taken
-        Those that are to be taken.
+        Candidates to take; by default independent ones.
     """
     weight = area * np.abs(np.linalg.det(turn))
     weight /= weight.sum()
@@ -298,19 +296,19 @@ def orthogonalised(
     slopes = gradients[:, 1:] @ (np.swapaxes(np.linalg.inv(turn), 1, 2) * (radius * np.sqrt(weight))[:, None, None])
     slopes = np.vstack([*np.moveaxis(slopes, 2, 0)])
     taken = _independent(slopes) if taken is None else taken
-    # candidates = own functions @ whole
-    whole = np.zeros((taken.size, taken.size))
-    whole[0] = means[taken]
-    whole[1:, 1:] = np.linalg.qr(slopes[:, taken[1:] - 1])[1]
-    whole *= np.where(np.diag(whole) < 0.0, -1.0, 1.0)[:, None]
-    return np.linalg.inv(whole), taken
+    # candidates = functions @ factor
+    factor = np.zeros((taken.size, taken.size))
+    factor[0] = means[taken]
+    factor[1:, 1:] = np.linalg.qr(slopes[:, taken[1:] - 1])[1]
+    factor *= np.where(np.diag(factor) < 0.0, -1.0, 1.0)[:, None]
+    return np.linalg.inv(factor), taken
 
 
 def _independent(slopes: Array) -> NDArray[np.intp]:
-    """Return which functions have gradients, columns of ``slopes`` but for the first's, that are no sums of others."""
+    """Return the functions with independent gradients, columns of ``slopes`` without that of the first function."""
     frame = np.linalg.qr(slopes[:, :2])[0]
     rest = slopes[:, 2:] / np.linalg.norm(slopes[:, 2:], axis=0)
-    # Twice is enough.
+    # Orthogonalising twice is enough.
     for _ in range(2):
         rest = rest - frame @ (frame.T @ rest)
     _, triangle, order = qr(rest, mode="economic", pivoting=True)

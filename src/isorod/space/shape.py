@@ -1,4 +1,4 @@
-"""How long, wide, bent and twisted a rod is: what the choice of a space goes by (`isorod.space.choice`)."""
+"""Length, width, curvature and twist of a rod, from which a space is chosen (`isorod.space.choice`)."""
 
 from typing import NamedTuple
 
@@ -8,36 +8,36 @@ from isorod.arrays import Array
 from isorod.geometry.disk import circle
 from isorod.geometry.rod import Rod
 
-# A tube's wall bends where it is held or ends, over a few times sqrt(radius times thickness): elements of that many
-# times this err by 6e-3 at the most under pressure, and so many carry tubes of any length.
+# A tube's wall bends where it is held or ends, over a few times sqrt(radius times thickness): elements of the first
+# number times this err by at most 6e-3 under pressure, and the second number of them suffices for any length.
 WALL, MOST_WALL = 2.0, 16
 
-# A section that is so much wider than thick is no tube.
+# A section whose thickness over width is less is not a tube.
 ROUND = 0.5
 
-# Rods of more elements were cut so for their shape; points in an element at which its frame is looked at.
+# Rods of more elements are taken to be resolved already; samples of the frame in an element.
 _MANY, _LOOKS = 1000, 7
 
 
 class Shape(NamedTuple):
-    """What the choices go by.
+    """Measures of a rod's shape.
 
     Attributes
     ----------
     angle
-        The largest angle by which an element turns, bent or twisted, radians.
+        The largest rotation of an element by bending or twist, radians.
     slenderness
         Length over width.
     bend
         The largest curvature, or twist over length, of an element times the radius.
     walls
-        Elements of a tube.
+        Elements that the wall of a tube needs.
     radius
         Largest distance of the outline from the centre line.
     thinness
-        The least one over the largest one, of a section.
-    u, way
-        Axis parameters in rising order, and lengths along the centre line there, both ends included.
+        The least such distance over the largest one, of a section.
+    u, lengths
+        Axis parameters in rising order, and arc lengths of the centre line there, both ends included.
     """
 
     angle: float
@@ -47,17 +47,17 @@ class Shape(NamedTuple):
     radius: float
     thinness: float
     u: Array
-    way: Array
+    lengths: Array
 
 
 def shape_of(rod: Rod) -> Shape:
-    """Return what the choices go by."""
+    """Return the measures of a rod's shape."""
     breaks = rod.axis.breaks
     count = min(rod.axis.elements, _MANY)
     u = rod.axis.within((np.arange(_LOOKS) + 0.5) / _LOOKS)[:count].ravel()
     position, jacobian = rod.grid([[0.0, 0.0], *circle(8)], u)
     frames = np.linalg.qr(jacobian[:, 0, :, [2, 0, 1]].transpose(1, 2, 0))[0]
-    # Columns that point as the derivatives do.
+    # Columns in the direction of the derivatives.
     frames = frames * np.sign(np.einsum("tab,bta->tb", frames, jacobian[:, 0, :, [2, 0, 1]]))[:, None, :]
     frames = frames.reshape(count, _LOOKS, 3, 3)
     traces = np.einsum("etab,etab->et", frames[:, 1:], frames[:, :-1])
@@ -69,24 +69,24 @@ def shape_of(rod: Rod) -> Shape:
     radii = np.linalg.norm(position[:, 1:] - position[:, :1], axis=2)
     radius = float(radii.max())
     if count < rod.axis.elements:
-        # Elements so many are short.
-        u, way = breaks[[0, -1]], np.array([0.0, length])
+        # So many elements are short: lengths at the ends suffice.
+        u, lengths = breaks[[0, -1]], np.array([0.0, length])
     else:
-        way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position[:, 0], axis=0), axis=1)))
-        # Half a step more on either side.
-        steps_ = 0.5 * way[[1]], 0.5 * (way[[-1]] - way[[-2]])
-        way = np.concatenate([[0.0], way + steps_[0], [way[-1] + steps_[0][0] + steps_[1][0]]])
+        lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(position[:, 0], axis=0), axis=1)))
+        # Extended by half a step on either side.
+        steps_ = 0.5 * lengths[[1]], 0.5 * (lengths[[-1]] - lengths[[-2]])
+        lengths = np.concatenate([[0.0], lengths + steps_[0], [lengths[-1] + steps_[0][0] + steps_[1][0]]])
         u = np.concatenate([breaks[:1], u, breaks[-1:]])
     walls = _walls(rod, float(length), radii)
     bend = float((angles / long).max() * radius)
     thinness = float((radii.min(axis=1) / radii.max(axis=1)).min())
-    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, thinness, u, way)
+    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, thinness, u, lengths)
 
 
 def _walls(rod: Rod, length: float, radii: Array) -> float:
-    """Return how many elements a tube takes for its wall; 0 if the rod is none.
+    """Return the number of elements that the wall of a tube needs; 0 if the rod is not a tube.
 
-    ``radii`` ``(u, 8)`` are those of the outline at places along the rod.
+    ``radii`` ``(u, 8)`` are those of the outline at points along the rod.
     """
     hole = rod.rings[0]
     if not hole or (radii.min(axis=1) < ROUND * radii.max(axis=1)).any():

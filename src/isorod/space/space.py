@@ -1,4 +1,4 @@
-"""The displacement space on a rod, and everything about it that does not change during an analysis."""
+"""The displacement space on a rod, and its tables, which do not change during an analysis."""
 
 from copy import copy
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import polynomials
 from isorod.tensors import inverse
 
-# Jacobian matrices, their inverses, and what both are made of.
+# Jacobian matrices, their inverses, and intermediate arrays.
 _BYTES_A_POINT = 8 * 32
 
 
@@ -34,8 +34,8 @@ class Space(Checked):
 
     Nodes are numbered layer by layer: node ``j count + l`` is that of ``S_l R_j``; a closed rod's last layer is its
     first.
-    What is not given is chosen by the rod's shape (`isorod.space.choice`), and the attributes then say what it is;
-    `paper` makes the paper's element.  Refinements nest (a degree at the same continuity), and none moves the rod.
+    Defaults are chosen from the rod's shape (`isorod.space.choice`), and the attributes then hold the choice; `paper`
+    makes the paper's element.  Refinements nest (a degree at the same continuity), and none changes the geometry.
 
     Parameters
     ----------
@@ -46,23 +46,22 @@ class Space(Checked):
     degree
         Degree along the axis, from the rod's own to 6.
     continuity
-        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 3``, at least 0.
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; by default ``degree - 3``, at least 0.
     order
-        Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; small patches of
-        contact need these.
+        Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; small contact
+        patches need these.
     section_points
-        Number of control points ``n`` round the section for them: a multiple of the rod's own, and that where not
-        given.
+        Number of control points ``n`` round the section for them: a multiple of the rod's own, by default equal.
     quadrature
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
     section_degree
         Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`; of a rod with rings,
-        `isorod.space.ringed`) take the place of the functions of control points (`isorod.space.polyharmonic`).
+        `isorod.space.ringed`) instead of functions of control points (`isorod.space.polyharmonic`).
     section_basis
-        Any other functions in the place of both (`isorod.space.basis`).
+        Any other functions instead of both (`isorod.space.basis`).
     knots
-        Places along the axis at which elements are cut once more, as smoothly as C3, or C0 at places named twice, as
-        where a load acts on a section; where elements are chosen those that resolve the boundary layers at both ends
+        Places along the axis at which elements are cut, C3, or C0 at places named twice, as where a load acts on a
+        section.  By default, where elements are chosen, those that resolve the boundary layers at both ends
         (`isorod.space.choice.boundary_layers`), else none.
 
     Attributes
@@ -91,7 +90,7 @@ class Space(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set(**chosen.choices(self))
-        # What they refuse is refused now, not when an analysis first asks for them.
+        # Errors are raised now, not when an analysis first needs these.
         self._set(basis=chosen.basis(self))
         self.axis, self.rule  # noqa: B018
 
@@ -108,10 +107,10 @@ class Space(Checked):
         section_degree: int | None = None,
         section_basis: SectionBasis | None = None,
     ) -> "Space":
-        """Return the paper's element: of what is not given, ``order`` 1 and the rod's own control points and axis.
+        """Return the paper's element: by default ``order`` 1 and the rod's own control points and axis.
 
         The axis is as smooth as its degree and the rod allow.  The paper's own rule is ``quadrature="paper"``, which
-        sees less than the whole stiffness.
+        under-integrates the stiffness.
         """
         own = section_degree is None and section_basis is None
         degree = rod.axis.degree if degree is None else degree
@@ -129,7 +128,7 @@ class Space(Checked):
         )
 
     def __str__(self) -> str:
-        """Return what it is in words, the family of elements first (`isorod.space.basis.FAMILIES`)."""
+        """Return a description, the family of elements first (`isorod.space.basis.FAMILIES`)."""
         smooth = f"C{self.continuity}" if self.axis.elements != 1 else "alone"
         short = f", {len(set(self.knots))} of them short" if self.knots else ""
         along = f"{self.axis.elements} elements of degree {self.degree}, {smooth}{short}"
@@ -157,7 +156,7 @@ class Space(Checked):
                 )
             if self.rod.rings == WHOLE:
                 return polynomials(self.rod, self.section_degree)
-            # Rods without rings do without it.
+            # Imported late: only rods with rings need it.
             from isorod.space.ringed import Ringed
 
             return Ringed(self.rod, self.section_degree)
@@ -168,10 +167,12 @@ class Space(Checked):
     @cached_property
     def axis(self) -> Axis:
         """Axis of the displacement space."""
-        own, elements = self.rod.axis.elements, cast(int, self.elements)
-        if elements < own or elements % own:
-            raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
-        even = self.rod.axis.refine(elements // own, self.degree, self.continuity)
+        rod_elements, elements = self.rod.axis.elements, cast(int, self.elements)
+        if elements < rod_elements or elements % rod_elements:
+            raise InputError(
+                f"elements: got {elements}, need a multiple of the {rod_elements} elements of the rod itself"
+            )
+        even = self.rod.axis.refine(elements // rod_elements, self.degree, self.continuity)
         return even.with_knots(self.knots, choice.SMOOTH) if self.knots else even
 
     @cached_property
@@ -196,14 +197,14 @@ class Space(Checked):
 
     @cached_property
     def multiple(self) -> int:
-        """How many of this space's section arcs make one of the rod's."""
-        own = self.rod.section_points
-        wanted = own if self.section_points is None else self.section_points
+        """Number of this space's section arcs in one of the rod's."""
+        rod_points = self.rod.section_points
+        requested = rod_points if self.section_points is None else self.section_points
         if isinstance(self.section_basis, Graded):
-            wanted = self.section_basis.fine
-        if wanted < own or wanted % own:
-            raise InputError(f"section points: got {wanted}, need a multiple of the {own} of the rod itself")
-        return check_count(wanted) // own
+            requested = self.section_basis.fine
+        if requested < rod_points or requested % rod_points:
+            raise InputError(f"section points: got {requested}, need a multiple of the {rod_points} of the rod itself")
+        return check_count(requested) // rod_points
 
     @property
     def points_around(self) -> int:
@@ -234,16 +235,16 @@ class Space(Checked):
     def is_control_point(self) -> NDArray[np.bool_]:
         """Whether a node is a control point, shape ``(nodes,)``.
 
-        Control points are the nodes whose functions make the partition of unity: a translation of the rod moves each
-        of them by the same, and no other node; their forces alone add up to the resultant.
+        Control points are the nodes whose functions form the partition of unity: a translation of the rod moves all of
+        them by the same, and no other node; only their forces add up to the resultant.
         """
         return np.tile(self.basis.is_control_point, self.layers)
 
     @cached_property
     def positions(self) -> Array:
         """Coefficients of the rod's own map, shape ``(nodes, 3)``."""
-        own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
-        return self.basis.positions(own).reshape(-1, 3)
+        polygons = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
+        return self.basis.positions(polygons).reshape(-1, 3)
 
     @cached_property
     def element_layers(self) -> Index:
@@ -257,7 +258,7 @@ class Space(Checked):
         return nodes.reshape(self.axis.elements, -1)
 
     def end(self, which: str) -> int:
-        """Return the index of the ``"start"`` or ``"end"`` among what goes along the axis: 0 or -1.
+        """Return the index of the ``"start"`` or ``"end"`` in arrays along the axis: 0 or -1.
 
         Raises
         ------
@@ -279,12 +280,12 @@ class Space(Checked):
     def tabulate(self, first: int, last: int, rule: Rule | None = None) -> "Table":
         """Return the functions and the geometry at the quadrature points of the elements ``first .. last - 1``.
 
-        The points are those of the space's own rule, if no other is given.
+        The points are those of ``rule``, by default the space's own.
 
         Raises
         ------
         InputError
-            If they do not fit in memory.
+            If the tables do not fit in memory.
         FoldedRodError
             If the Jacobian is not positive at one of them.
         """
@@ -366,7 +367,7 @@ class Table(NamedTuple):
         return self.u.shape[0]
 
     def part(self, elements: "slice | Index", points: "slice | Index") -> "Table":
-        """Return the table of some elements and of some points of their sections; nothing is copied of slices."""
+        """Return the table of some elements and of some points of their sections; slices are not copied."""
         everywhere = isinstance(points, slice)
         near, weights, xi = self.inverse[elements], self.weights[elements], self.xi[points]
         xi.flags.writeable = False

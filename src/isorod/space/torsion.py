@@ -1,4 +1,4 @@
-"""Saint-Venant's torsion of a section half way along a rod, by section functions: how right these are."""
+"""Saint-Venant's torsion of the section halfway along a rod, a measure of the accuracy of section functions."""
 
 from functools import lru_cache
 from math import ceil, pi
@@ -11,21 +11,21 @@ from isorod.geometry.rod import Rod
 from isorod.space.basis import SectionBasis
 from isorod.space.polynomial import MAX_DEGREE, polynomials
 
-# The highest degree of rods with a hole or in layers that torsion is asked of.
+# Degree of the reference solution for rods with a hole or in layers.
 MAX_RINGED = 12
 
 
 @lru_cache(maxsize=32)
 def of_polynomials(rod: Rod, degree: int) -> tuple[float, Array]:
-    """Return what `torsion` does of polynomials, kept for who asks again of the same rod."""
+    """Return `torsion` of polynomials, cached."""
     return torsion(rod, polynomials(rod, degree))
 
 
 def torsion(rod: Rod, basis: SectionBasis) -> tuple[float, Array]:
-    """Return the torsion constant that section functions give the section half way along, its polar moment being 1.
+    """Return the torsion constant of the section halfway along a rod by section functions, over its polar moment.
 
-    And the stresses there ``(q, 2)``, twist and shear modulus being 1.  The warping function makes ``integral of
-    |grad w + (-y, x)|^2`` least (Saint-Venant).
+    Then the stresses there ``(q, 2)`` for unit twist and shear modulus.  The warping function minimises ``integral of
+    |grad w + (-y, x)|^2`` (Saint-Venant).
     """
     place, slopes, weights = _section(rod)
     gradients = basis.functions(_points(rod.section_points, rod.rings)[0])[1] @ slopes
@@ -40,16 +40,16 @@ def torsion(rod: Rod, basis: SectionBasis) -> tuple[float, Array]:
 
 @lru_cache(maxsize=8)
 def _points(n: int, rings: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return points and weights on the disk that see products of the highest degree."""
+    """Return points and weights on the disk for products of the highest degree."""
     degree = MAX_DEGREE if rings == WHOLE else MAX_RINGED
     return section_points(n, Rule(degree, 1 + ceil(2.0 * pi * degree / n), 1), rings=rings)
 
 
 def _section(rod: Rod) -> tuple[Array, Array, Array]:
-    """Return, of the section half way along, places about its centroid, ``dxi/dX`` and weights at `_points`."""
+    """Return, of the section halfway along, positions relative to its centroid, ``dxi/dX`` and weights at `_points`."""
     xi, area = _points(rod.section_points, rod.rings)
     middle = 0.5 * (rod.axis.breaks[:-1] + rod.axis.breaks[1:])[rod.axis.elements // 2]
-    position, jacobian = (found[0] for found in rod.grid(xi, [middle]))
+    position, jacobian = (grid[0] for grid in rod.grid(xi, [middle]))
     plane = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2][:2]
     slopes = plane @ jacobian[:, :, :2]
     weights = area * np.abs(np.linalg.det(slopes))

@@ -1,4 +1,4 @@
-"""A rod's functions on its surface, and at any points in space: what ties ask of a space."""
+"""Traces of a rod's functions on its surface, and values at any points in space, for ties."""
 
 from typing import NamedTuple
 
@@ -15,33 +15,34 @@ from isorod.space.space import Space
 
 Mask = NDArray[np.bool_]
 
-# Points where the search for the nearest one begins: so far apart along the rod, in radii, and so many in a section.
+# Starts of the search for closest points: distance along the rod, in radii; most sections; points round a section.
 _APART, _MOST_SECTIONS = 0.5, 40_000
 _AROUND = 16
 
-# Steps of Newton's method to the nearest point; parameters are exact to this share of an element or of the disk.
+# Iterations of Newton's method for closest points, and its tolerance, relative to the axis or the disk.
 _STEPS, _EXACT = 50, 1e-13
 
-# A function whose trace is this small beside those of the others, or such a combination of them, has none of its own.
+# Relative size below which the trace of a function, or a combination of traces, counts as zero.
 _NEW = 1e-7
 
-# The same on a part of the outline, such as one side of a rectangle, which is not quite as flat as it is meant to be:
-# what is independent there alone because of that is 0.012 and less, what is meant 0.12 and more.
+# The same on a part of the outline, such as one side of a rectangle, which is not exactly flat: combinations that are
+# independent only because of that are 0.012 and less, others 0.12 and more.
 _PART = 0.04
 
-# Of the part that touches, what else does so in places, and what would do so no longer at a quarter of the gap.
+# Largest fractions of the touching area that touch elsewhere along part of the length, or no longer at a quarter of
+# the distance.
 _UNCLEAR = 0.2
 
-# So few points round the section touch where round bars lie side by side.
+# Fewer touching points round the section count as a line, as between parallel round bars.
 _FEW = 5
 
-# Gauss points in a slice of the disk or along an element, at most.
+# Most Gauss points in a slice of the disk or along an element.
 _MOST_POINTS = 64
 
-# Functions along the axis of this size are rounding at a place where they vanish.
+# Functions along the axis below this are zero up to round-off.
 _ZERO = 1e-14
 
-# Two lengths along a rod are the same to this share of it.
+# Lengths along a rod that differ by less than this fraction of it are equal.
 _ROUNDED = 1e-6
 
 
@@ -71,8 +72,8 @@ class Trace(NamedTuple):
 class Rows(NamedTuple):
     """Functions of a body at points in space.
 
-    They are extrapolated linearly from the nearest point of the body, so that they have every linear field exactly,
-    also across a gap.
+    They are extrapolated linearly from the closest point of the body, so that linear fields are exact, also across a
+    gap.
 
     Attributes
     ----------
@@ -90,12 +91,12 @@ class Rows(NamedTuple):
 def end_trace(space: Space, which: str, finer: int = 1, own: bool = False) -> Trace:
     """Return the functions on the face at the ``"start"`` or ``"end"``.
 
-    The points are so many times as close as those of a full rule, or where ``own`` those of the elements: what constant
-    stresses do to the nodes is then balanced on the face exactly.
+    The points are those of a full rule with ``finer`` times as many in each direction, or with ``own`` those of the
+    elements: nodal forces of constant stresses are then balanced on the face exactly.
     """
     layer = space.end(which) % space.layers
     u = space.axis.breaks[space.end(which)]
-    rule = space.rule if own else _closer(space.basis.full(space.axis.degree), finer)
+    rule = space.rule if own else _finer_rule(space.basis.full(space.axis.degree), finer)
     xi, area = space.section_rule(rule)
     position, jacobian = space.rod.grid(xi, [u])
     normal = np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]) * (1.0 if which == "end" else -1.0)
@@ -106,7 +107,7 @@ def end_trace(space: Space, which: str, finer: int = 1, own: bool = False) -> Tr
 
 
 def section_trace(space: Space, u: float) -> Trace:
-    """Return the functions on the cross-section at an axis parameter, by the elements' own rule, normals forwards.
+    """Return the functions on the cross-section at an axis parameter, by the elements' rule; normals point forwards.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def _on_axis(space: Space, u: float) -> float:
 
 
 def _across(space: Space, xi: Array, u: float) -> tuple[Index, Array, Index]:
-    """Return nodes ``(q, m)``, values and all the nodes whose functions do not vanish in a section at some points."""
+    """Return nodes ``(q, m)`` and values of functions at points of a section, and all nodes with functions there."""
     first, axial, _ = space.axis.local([u])
     acting = np.flatnonzero(np.abs(axial[0]) > _ZERO)
     layers = (first[0] + acting) % space.layers
@@ -170,15 +171,15 @@ def lateral_trace(
     finer
         As for `end_trace`.
     breaks
-        Axis parameters where functions of another body are not smooth: no Gauss rule goes across one.
+        Axis parameters where functions of another body are not smooth: integration is split there.
     kept
-        Which of the points round the section are meant (`touching`); all where not given.
+        Which of the points round the section to use (`touching`); by default all.
     """
     radius = space.rod.rings[0 if surface == "inner" else -1]
     if radius == 0.0:
         raise InputError("inner surface: the rod has no hole")
     chosen = elements_along(space, along)
-    rule = _closer(space.basis.full(space.axis.degree), finer)
+    rule = _finer_rule(space.basis.full(space.axis.degree), finer)
     xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
     if kept is not None:
         xi, angle = xi[kept], angle[kept]
@@ -188,17 +189,17 @@ def lateral_trace(
     normal = np.cross(around, jacobian[..., 2]) * (1.0 if surface == "outer" else -1.0)
     size = np.linalg.norm(normal, axis=-1)
     across = space.basis.functions(xi)[0]
-    # Of functions of control points those of higher order vanish there; polynomials depend on each other.
+    # Higher-order functions of control points vanish there, and polynomials are dependent there.
     triangle, order = qr(across, mode="r", pivoting=True)
     pivots = np.abs(np.diag(triangle))
-    own = np.sort(order[: int(np.count_nonzero(pivots > (_NEW if kept is None else _PART) * pivots[0]))])
-    seen = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
+    basis = np.sort(order[: int(np.count_nonzero(pivots > (_NEW if kept is None else _PART) * pivots[0]))])
+    acting = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
     axial = space.axis.local(u.ravel())[1]
     layers = np.repeat(space.element_layers[element], u.shape[1], axis=0)
-    values = np.einsum("tj,ql->tqjl", axial, across[:, seen])
-    nodes = (layers[:, :, None] * space.layer_nodes + seen).reshape(len(axial), 1, -1)
+    values = np.einsum("tj,ql->tqjl", axial, across[:, acting])
+    nodes = (layers[:, :, None] * space.layer_nodes + acting).reshape(len(axial), 1, -1)
     count = values.shape[0] * values.shape[1]
-    independent = (np.unique(space.element_layers[chosen])[:, None] * space.layer_nodes + own).ravel()
+    independent = (np.unique(space.element_layers[chosen])[:, None] * space.layer_nodes + basis).ravel()
     return Trace(
         position.reshape(-1, 3),
         (normal / size[..., None]).reshape(-1, 3),
@@ -210,12 +211,12 @@ def lateral_trace(
 
 
 def touching(space: Space, trace: Trace, gap: Array, most: float, finer: int = 1) -> Mask:
-    """Return which points round the section touch another body all along (`lateral_trace`).
+    """Return which points round the section touch another body along the whole length (`lateral_trace`).
 
     Parameters
     ----------
     trace, gap
-        Of the whole lateral surface, and how far its points are from the other body, ``(q,)``.
+        Trace of the whole lateral surface, and distances of its points from the other body, ``(q,)``.
     most
         Distance up to which they touch.
     finer
@@ -224,49 +225,49 @@ def touching(space: Space, trace: Trace, gap: Array, most: float, finer: int = 1
     Raises
     ------
     InputError
-        If none do, or which ones do is another matter from place to place, or of the distance.
+        If there are none, or they vary along the length or strongly with the distance.
     """
-    around = _closer(space.basis.full(space.axis.degree), finer).angular + 1
-    apart, areas = (one.reshape(-1, space.points_around * around) for one in (gap, trace.weights))
+    around = _finer_rule(space.basis.full(space.axis.degree), finer).angular + 1
+    apart, areas = (values.reshape(-1, space.points_around * around) for values in (gap, trace.weights))
     kept: Mask = apart.max(axis=0) <= most
     area = float(areas[:, kept].sum())
     if not area:
         raise InputError(f"the surfaces do not touch all along: they are up to {apart.max(axis=0).min():.3g} apart")
     if areas[apart <= most].sum() > (1.0 + _UNCLEAR) * area:
         raise InputError("the surfaces touch along part of their length only; give the interval (along)")
-    closer = areas[:, apart.max(axis=0) <= 0.25 * most].sum()
-    if kept.sum() < _FEW or closer < (1.0 - _UNCLEAR) * area:
+    near_area = areas[:, apart.max(axis=0) <= 0.25 * most].sum()
+    if kept.sum() < _FEW or near_area < (1.0 - _UNCLEAR) * area:
         raise InputError("the surfaces touch along a line, not on an area; use another tie")
     return kept
 
 
-def _closer(rule: Rule, finer: int) -> Rule:
-    """Return a rule with so many times as many points in each direction."""
+def _finer_rule(rule: Rule, finer: int) -> Rule:
+    """Return a rule with ``finer`` times as many points in each direction."""
     return Rule(*(min(finer * count, _MOST_POINTS) for count in (rule.radial, rule.angular, rule.axial)))
 
 
 def _between(space: Space, chosen: Index, count: int, breaks: Array | None) -> tuple[Index, Array, Array]:
     """Return elements ``(i,)``, Gauss points and weights ``(i, count)`` of intervals between breaks of two bodies."""
-    own = space.axis.breaks
-    joints = own if breaks is None else np.unique(np.concatenate([own, breaks]))
-    # What all but coincides does.
-    joints = joints[np.append(True, np.diff(joints) > _ROUNDED * (own[-1] - own[0]))]
-    joints[-1] = own[-1]
-    element = np.searchsorted(own, 0.5 * (joints[1:] + joints[:-1]), "right") - 1
-    mine = np.isin(element, chosen)
-    begin, size = joints[:-1][mine], np.diff(joints)[mine]
+    own_breaks = space.axis.breaks
+    joints = own_breaks if breaks is None else np.unique(np.concatenate([own_breaks, breaks]))
+    # Nearly coincident joints are merged.
+    joints = joints[np.append(True, np.diff(joints) > _ROUNDED * (own_breaks[-1] - own_breaks[0]))]
+    joints[-1] = own_breaks[-1]
+    element = np.searchsorted(own_breaks, 0.5 * (joints[1:] + joints[:-1]), "right") - 1
+    inside = np.isin(element, chosen)
+    begin, size = joints[:-1][inside], np.diff(joints)[inside]
     x, w = np.polynomial.legendre.leggauss(count)
-    return element[mine], begin[:, None] + size[:, None] * 0.5 * (x + 1.0), size[:, None] * 0.5 * w
+    return element[inside], begin[:, None] + size[:, None] * 0.5 * (x + 1.0), size[:, None] * 0.5 * w
 
 
 def breaks_on(space: Space, other: Space) -> Array:
-    """Return the axis parameters of a rod beside the joints of another's elements."""
+    """Return the axis parameters of a rod nearest to the joints of another's elements."""
     centers = other.rod.grid(np.zeros((1, 2)), other.axis.breaks)[0][:, 0]
     return _nearest(space, centers)[1]
 
 
 def elements_along(space: Space, along: tuple[float, float] | None) -> Index:
-    """Return the elements between two lengths, which must be joints where the space is continuous alone."""
+    """Return the elements between two arc lengths, which must be joints where the space is C0."""
     everything = np.arange(space.axis.elements)
     if along is None:
         return everything
@@ -317,9 +318,9 @@ def _map(space: Space, xi: Array, u: Array) -> tuple[Array, Array]:
 
 
 def _nearest(space: Space, points: Array) -> tuple[Array, Array]:
-    """Return the disk points ``(q, 2)`` and axis parameters ``(q,)`` of the nearest points of a rod, nearly.
+    """Return the disk points ``(q, 2)`` and axis parameters ``(q,)`` of approximate closest points of a rod.
 
-    Within the rod they are exact; outside of it they lie straight below in the rod's own coordinates.
+    Within the rod they are exact; outside of it they are projections in the rod's own coordinates.
     """
     rod, axis = space.rod, space.rod.axis
     low, high = axis.breaks[[0, -1]]
@@ -330,7 +331,7 @@ def _nearest(space: Space, points: Array) -> tuple[Array, Array]:
     disk = (radii[:, None, None] * circle(_AROUND)).reshape(-1, 2)
     start = np.unique(disk.round(12), axis=0)
     cloud = rod.grid(start, stations)[0].reshape(-1, 3)
-    # Loaded by those models alone whose surfaces meet.
+    # Imported late: only models whose surfaces are tied need it.
     from scipy.spatial import cKDTree
 
     near = cKDTree(cloud).query(points)[1]

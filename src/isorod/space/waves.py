@@ -1,8 +1,8 @@
 """Polynomials of a section's coordinates, and waves round it times polynomials of the disk's radius.
 
-Polynomials alone do for solid sections without corners.  The waves are complete in a section of any shape, with a hole
-or in layers: with a degree of 10 along the radius, 32 of them have the shear stiffness of a hollow airfoil to 0.1 %,
-where polynomials of the coordinates and of the radius (`isorod.space.ringed`) of degree 12 are off by 3 %.
+Polynomials alone suffice for solid sections without corners.  The waves are complete in a section of any shape, with a
+hole or in layers: with a degree of 10 along the radius, 32 of them give the shear stiffness of a hollow airfoil to
+0.1 %, where polynomials of the coordinates and of the radius (`isorod.space.ringed`) of degree 12 are off by 3 %.
 """
 
 from math import ceil, pi
@@ -19,18 +19,18 @@ from isorod.geometry.quadrature import Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
 from isorod.space.polynomial import MAX_DEGREE, polynomials
 
-# What is left of the square of a function's gradients of size one, orthogonal to those of all others, if it is to count
-# as one more: in a round section all waves of low order are polynomials of the coordinates already.
+# Least squared norm of a function's gradients of norm one, after orthogonalisation to all others, for it to be
+# independent: in a round section all waves of low order are already polynomials of the coordinates.
 _NEW = 1e-10
 
 
 class Waves:
     """Polynomials of degree 8, and ``cos m theta`` and ``sin m theta`` times functions of the disk's radius.
 
-    Of the latter each edge of a ring has one that falls to zero linearly up to the next edges, and each ring integrals
-    of Legendre polynomials that are zero at its edges (the hierarchic functions of B. Szabo and I. Babuska, Finite
-    Element Analysis, 1991); at the centre of a section without a hole all are zero.  Products whose gradients are sums
-    of those of others are left out.
+    Functions of the radius are, for each edge of a ring, one that decreases linearly to zero at the next edges, and for
+    each ring integrals of Legendre polynomials, zero at its edges (the hierarchic functions of B. Szabo and I. Babuska,
+    Finite Element Analysis, 1991); at the centre of a section without a hole all are zero.  Products with dependent
+    gradients are left out.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Waves:
     waves
         The highest ``m``.
     degree
-        Of the polynomials of the radius.
+        Degree of the polynomials of the radius.
     """
 
     def __init__(self, rod: Rod, waves: int, degree: int) -> None:
@@ -53,29 +53,29 @@ class Waves:
         slopes = gradients @ (np.swapaxes(np.linalg.inv(turn), 1, 2) * root[:, None, None])
         table = np.vstack([*np.moveaxis(slopes, 2, 0)])
         table /= np.linalg.norm(table, axis=0)
-        products, own = table.T @ table, self._polynomials.count - 1
-        mixed = products[:own, own:]
-        rest = products[own:, own:] - mixed.T @ cho_solve(cho_factor(products[:own, :own]), mixed)
+        products, smooth = table.T @ table, self._polynomials.count - 1
+        mixed = products[:smooth, smooth:]
+        rest = products[smooth:, smooth:] - mixed.T @ cho_solve(cho_factor(products[:smooth, :smooth]), mixed)
         _, order, rank, _ = dpstrf(rest, tol=_NEW)
         self._taken = np.sort(order[:rank] - 1)
         self.count: int = self._polynomials.count + rank
 
     @property
     def is_control_point(self) -> NDArray[np.bool_]:
-        """Whether a function is of a control point: the first alone is, shape ``(count,)``."""
+        """Whether a function is of a control point: only the first is, shape ``(count,)``."""
         return np.arange(self.count) == 0
 
     @property
     def rule(self) -> Rule:
         """Points for products of these functions."""
-        # In a slice the square of a wave runs through 4 pi m / n.
+        # The phase of the square of a wave changes by 4 pi m / n over a slice.
         around = ceil(2.0 * pi * max(self._waves, MAX_DEGREE) / len(self._polynomials.polygon))
         return Rule(self._radial + 4, min(64, 4 + around), 1)
 
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of affine images ``(layers, n, 3)`` of the outline."""
-        found = self._polynomials.positions(polygons)
-        return np.concatenate([found, np.zeros((len(polygons), self.count - found.shape[1], 3))], axis=1)
+        result = self._polynomials.positions(polygons)
+        return np.concatenate([result, np.zeros((len(polygons), self.count - result.shape[1], 3))], axis=1)
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(q, count)`` and gradients ``(q, count, 2)`` at disk points ``(q, 2)`` off the centre."""
@@ -84,17 +84,17 @@ class Waves:
         radius, angle = np.hypot(*xi.T), np.arctan2(xi[:, 1], xi[:, 0])
         m = np.arange(self._waves + 1)
         cos, sin = np.cos(np.outer(angle, m)), np.sin(np.outer(angle, m))
-        round_it = np.concatenate([cos, sin[:, 1:]], axis=1)
+        angular = np.concatenate([cos, sin[:, 1:]], axis=1)
         turned = np.concatenate([-m * sin, (m * cos)[:, 1:]], axis=1) / radius[:, None]
         across, rise = self._across(radius)
 
-        def products(one: Array, other: Array) -> Array:
-            return np.asarray((one[:, :, None] * other[:, None, :]).reshape(len(xi), -1)[:, self._taken])
+        def products(radial: Array, circular: Array) -> Array:
+            return np.asarray((radial[:, :, None] * circular[:, None, :]).reshape(len(xi), -1)[:, self._taken])
 
-        outward, around = products(rise, round_it), products(across, turned)
+        outward, around = products(rise, angular), products(across, turned)
         c, s = xi.T[:, :, None] / radius[:, None]
         waves = np.stack([c * outward - s * around, s * outward + c * around], axis=2)
-        values = np.concatenate([values, products(across, round_it)], axis=1)
+        values = np.concatenate([values, products(across, angular)], axis=1)
         return values, np.concatenate([gradients, waves], axis=1)
 
     def _across(self, radius: Array) -> tuple[Array, Array]:
@@ -110,9 +110,9 @@ class Waves:
             slopes.append((before * 1.0 - behind) / width)
         for k in range(1, self._radial):
             polynomial = np.eye(k + 1)[k]
-            whole = legendre.legval(2.0 * t - 1.0, legendre.legint(polynomial, lbnd=-1.0))
+            integral = legendre.legval(2.0 * t - 1.0, legendre.legint(polynomial, lbnd=-1.0))
             slope = legendre.legval(2.0 * t - 1.0, polynomial) * 2.0 / width
             for r in range(len(edges) - 1):
-                values.append(np.where(ring == r, whole, 0.0))
+                values.append(np.where(ring == r, integral, 0.0))
                 slopes.append(np.where(ring == r, slope, 0.0))
         return np.stack(values, axis=1), np.stack(slopes, axis=1)

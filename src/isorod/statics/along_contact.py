@@ -97,7 +97,7 @@ class Touching:
     def go(self, ahead: Array, points: Sequence[list[tuple[int, int]]]) -> None:
         """Take it, with where it is foreseen to lead ``(dofs,)``, and points of contact, one after the other."""
         self._before = self._here
-        self._contact.foresee(ahead)
+        self._contact.predict(ahead)
         for each in points[1:]:
             self._contact.take(each)
 

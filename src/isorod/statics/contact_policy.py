@@ -64,7 +64,7 @@ class Settling(NamedTuple):
     factor
         Load factor at its end.
     ahead : (dofs,)
-        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.foresee`).
+        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.predict`).
     penalties : (passes,)
         With which it was.
     points
@@ -203,7 +203,7 @@ class ContactPolicy:
         """
         self._harden(factor)
         for _ in range(CONTROL.additions):
-            if not self._contact.see_better(self._displacement(factor), between=factor == 1.0):
+            if not self._contact.increase_points(self._displacement(factor), between=factor == 1.0):
                 break
             self._points.append(self._contact.points)
             try:

@@ -327,7 +327,7 @@ class Newton:
             # The extrapolated stress belongs to a straight step.
             assembler.extrapolate()
         if assembler.contact is not None and step:
-            assembler.contact.foresee(assembler.touching(self._trial, factor + step))
+            assembler.contact.predict(assembler.touching(self._trial, factor + step))
         if self.guess is not None:
             self.guess.copy(self._trial)
             self.guess = None

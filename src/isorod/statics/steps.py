@@ -10,7 +10,7 @@ from isorod.checks.turning import Turning
 from isorod.statics.convergence import squeezed
 
 if TYPE_CHECKING:
-    from isorod.contact.passing import Passing
+    from isorod.contact.passing import Tunnelling
 
 
 class Diverged(Exception):
@@ -38,11 +38,11 @@ class Steps:
         self._assembler = assembler
         self.turning = Turning(assembler.model)
         self.watched = self.careful = False
-        self._passing: Passing | None = None
+        self._passing: Tunnelling | None = None
         if assembler.contact is not None:
             from isorod.contact import passing
 
-            self._passing = passing.Passing(assembler.model)
+            self._passing = passing.Tunnelling(assembler.model)
 
     def free(self, start: PETSc.Vec, end: PETSc.Vec, before: float, factor: float) -> float:
         """Return the fraction of an increment on which no bodies go through each other: all where nobody is careful."""

@@ -25,7 +25,7 @@ from isorod.petsc.library import solver_types
 from isorod.tensors import rotation
 
 if TYPE_CHECKING:
-    from isorod.contact.passing import Passing
+    from isorod.contact.passing import Tunnelling
 
 # A step is halved at most so often, and cut into at most so many pieces more: where all of them are as short, the next
 # steps would be too, and a shorter step is what to ask for.
@@ -66,11 +66,11 @@ class Run(run.Run):
         self.newton = Newton(self.assembler)
         # Cuts in this step and before, at most, and the shortest piece of it that could be taken.
         self._allowed, self._shortest = _CUTS, np.inf
-        self._passing: Passing | None = None
+        self._passing: Tunnelling | None = None
         if self.assembler.contact is not None:
             from isorod.contact import passing
 
-            self._passing = passing.Passing(system.model)
+            self._passing = passing.Tunnelling(system.model)
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
