@@ -18,7 +18,7 @@ from isorod.errors import InputError, SolveError, expect
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
-from isorod.modal.pencil import SPARE, Found, Pencil
+from isorod.modal.pencil import SPARE, Eigenpairs, Pencil
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
 from isorod.output.progress import Teller
@@ -163,7 +163,7 @@ def _solve(
 
 def modes_of(
     assembler: Assembler,
-    pairs: Found,
+    pairs: Eigenpairs,
     vectors: Array,
     rigid: int,
     state: Equilibrium | None,
@@ -193,7 +193,7 @@ def modes_of(
     )
 
 
-def _whirling(assembler: Assembler, pencil: Pencil, count: int, lumped: bool) -> Found:
+def _whirling(assembler: Assembler, pencil: Pencil, count: int, lumped: bool) -> Eigenpairs:
     """Return the eigenpairs of a spinning model, with Coriolis forces."""
     from isorod.assembly.coriolis import coriolis
     from isorod.modal.gyroscopic import Quadratic

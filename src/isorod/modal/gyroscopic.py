@@ -17,7 +17,7 @@ from slepc4py import SLEPc
 
 from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
-from isorod.modal.pencil import BAD_RESIDUAL, Found, Pencil, just_above
+from isorod.modal.pencil import BAD_RESIDUAL, Eigenpairs, Pencil, just_above
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
 from isorod.petsc.library import pc_name
@@ -61,7 +61,7 @@ class Quadratic:
     pencil: Pencil
     coriolis: PETSc.Mat
 
-    def solve(self, count: int) -> Found:
+    def solve(self, count: int) -> Eigenpairs:
         """Return the lowest eigenpairs, by the user's options.
 
         Raises

@@ -44,7 +44,7 @@ _SHIFT = 0.1
 _ASIDE = 1e-2
 
 
-class Found(NamedTuple):
+class Eigenpairs(NamedTuple):
     """The lowest eigenpairs, ascending.
 
     Attributes
@@ -197,7 +197,7 @@ class Pencil:
             guess = max(10.0 * abs(first), 1e-3 * guess)
         return None
 
-    def solve(self, number: int, shift: float, count: bool = True) -> Found:
+    def solve(self, number: int, shift: float, count: bool = True) -> Eigenpairs:
         """Return the lowest eigenpairs, rigid modes included, by the user's options.
 
         Parameters
@@ -236,7 +236,7 @@ class Pencil:
             )
         return pairs
 
-    def _excess(self, pairs: Found, limit: float) -> tuple[int, float]:
+    def _excess(self, pairs: Eigenpairs, limit: float) -> tuple[int, float]:
         """Return the number and size of the largest residual, without those at round-off level."""
         residuals = np.where(np.isfinite(pairs.residuals), pairs.residuals, np.inf)
         if residuals.max() > limit and has_whole_rows(self.stiffness):
@@ -259,7 +259,7 @@ class Pencil:
         if self.tell is not None:
             self.tell(lambda: f"modes: {self.size:,} unknowns, {message}")
 
-    def _find(self, number: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Found:
+    def _find(self, number: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Eigenpairs:
         """Solve once, with the shift in force moved by ``aside``."""
         # One more than asked for, so that the last one seldom lacks its double; yet one more would cost ten modes a
         # restart.
@@ -296,7 +296,7 @@ class Pencil:
         types = {"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())}
         (tolerance, _), placed = eps.getTolerances(), st.getShift()
         eps.destroy()
-        return Found(*self._normalised(pairs, number), below, iterations, tolerance, placed, types, options)
+        return Eigenpairs(*self._normalised(pairs, number), below, iterations, tolerance, placed, types, options)
 
     def _rigid_pairs(self) -> list[tuple[float, PETSc.Vec]]:
         """Return the Rayleigh quotients of the known rigid motions, and vectors with ``x^T M x = 1``."""

@@ -20,7 +20,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction, rigid_motions
 from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
-from isorod.modal.pencil import Found
+from isorod.modal.pencil import Eigenpairs
 from isorod.model.model import Model
 from isorod.statics.analysis import Equilibrium
 
@@ -123,7 +123,7 @@ def doubt(
     return _doubt(contact, eigenvalues, vectors, None if whirls else softer)
 
 
-def doubt_with_solids(assembler: Assembler, state: Equilibrium, pairs: Found, rigid: int, lumped: bool) -> float:
+def doubt_with_solids(assembler: Assembler, state: Equilibrium, pairs: Eigenpairs, rigid: int, lumped: bool) -> float:
     """Return `doubt` of a model with solids, and warn of it: there is no other estimate for these.
 
     `hold` has prepared the assembler, whose contact then becomes springs at all points; ``rigid`` modes come first.
