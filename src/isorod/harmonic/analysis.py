@@ -134,7 +134,7 @@ def _solve(
         factors=factorisation(assembler, "st_"),
         motions=lambda: rigid_motions.on_unknowns(assembler, loose),
     )
-    pencil.tell = teller if assembler.comm.getRank() == 0 else None
+    pencil.report = teller if assembler.comm.getRank() == 0 else None
     setup = perf_counter() - start
     rigid_motions.refuse_thin(model, loose)
     shift = pencil.shift()

@@ -125,7 +125,7 @@ def _solve(
 
         loose = touching.hold(assembler, state)
     pencil = _pencil(assembler, lumped, loose, turns)
-    pencil.tell = teller if assembler.comm.getRank() == 0 else None
+    pencil.report = teller if assembler.comm.getRank() == 0 else None
     count = _mode_count(pencil, modes)
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures, state.solids)
     setup = perf_counter() - start

@@ -111,7 +111,7 @@ class Pencil:
         Relation of the nonzero pattern of the mass to that of the stiffness.
     floor, check_seconds
         Residuals of smaller eigenvalues are relative to this one; wall time of Sturm counts so far.
-    tell
+    report
         Called at each restart with a function that returns a line of progress, if it is not None.
     """
 
@@ -125,7 +125,7 @@ class Pencil:
     structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     floor: float = 0.0
     check_seconds: float = field(default=0.0, init=False)
-    tell: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
+    report: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
 
     @property
     def finite(self) -> int:
@@ -150,7 +150,7 @@ class Pencil:
         eps.setTarget(shift)
         eps.getST().setShift(shift)
         eps.getST().setMatStructure(self.structure)
-        if self.tell is not None:
+        if self.report is not None:
             eps.setMonitor(
                 lambda eps, restart, converged, *_: self._report(f"restart {restart}, {converged} of {count} found")
             )
@@ -256,8 +256,8 @@ class Pencil:
 
     def _report(self, message: str) -> None:
         """Report progress."""
-        if self.tell is not None:
-            self.tell(lambda: f"modes: {self.size:,} unknowns, {message}")
+        if self.report is not None:
+            self.report(lambda: f"modes: {self.size:,} unknowns, {message}")
 
     def _find(self, number: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Eigenpairs:
         """Solve once, with the shift in force moved by ``aside``."""
