@@ -341,9 +341,9 @@ def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:
 
 def _mostly(found: "Like", what: str) -> float:
     """Return the frequency of a mode, and warn where it is something else as well."""
-    if found.share < _PURE:
+    if found.fraction < _PURE:
         warnings.warn(
-            f"frequency {found.frequency:.6g}: {100.0 * found.share:.0f} % of this mode is {what}, the rest is not",
+            f"frequency {found.frequency:.6g}: {100.0 * found.fraction:.0f} % of this mode is {what}, the rest is not",
             stacklevel=3,
         )
     return found.frequency

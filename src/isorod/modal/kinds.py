@@ -35,7 +35,7 @@ class Like(NamedTuple):
     """The frequency of a mode, and the fraction of the rod's kinetic energy of the kind asked for, or the MAC."""
 
     frequency: float
-    share: float
+    fraction: float
 
 
 def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, number: int = 1) -> Like:
