@@ -109,7 +109,7 @@ def displacement(
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
     found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
-    if hasattr(solution, "told"):
+    if hasattr(solution, "summary"):
         return component_of(found, component)
     return component_of(rounded(found, _largest(solution.displacement)), component)
 
@@ -172,7 +172,7 @@ def stress(
     from isorod.files import peaks
 
     sought = peaks.Sought(rod, component, u, xi, away)
-    if hasattr(solution, "told"):
+    if hasattr(solution, "summary"):
         from isorod.files import swings
 
         return swings.find(sought, solution)  # type: ignore[arg-type]

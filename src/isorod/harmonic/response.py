@@ -215,7 +215,7 @@ class Response:
             stresses.append((ends[0] - ends[1]) / (2.0 * step))
         return np.array(stresses)
 
-    def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
+    def summary(self, found: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of a record for what is measured at each frequency (`isorod.output.swings.told`)."""
         from isorod.output.swings import told
 

@@ -60,7 +60,7 @@ class RandomResponse(Response):
         own = {one.name: getattr(self, one.name) for one in fields(self)}
         return Whole(**own | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
 
-    def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
+    def summary(self, found: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of a record for what is measured: root mean squares, densities and apparent frequencies.
 
         The last are rates of zero upcrossings (S. O. Rice), for counts of cycles.
