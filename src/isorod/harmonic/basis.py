@@ -18,12 +18,12 @@ _CHUNK = 4_000_000
 
 
 class Softer:
-    """A stiffness that relaxes: ``K`` minus ``share(omega)`` times a matrix, as by a Prony series of shear moduli."""
+    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by a Prony series of shear moduli."""
 
     def __init__(self, matrix: PETSc.Mat, prony: Array) -> None:
         self.matrix, self.prony = matrix, prony
 
-    def share(self, omega: Array) -> Array:
+    def fraction(self, omega: Array) -> Array:
         """Return the complex fraction of the matrix that is relaxed at angular frequencies ``(n,)``."""
         moduli, times = self.prony.T
         return np.asarray((moduli / (1.0 + 1j * omega[:, None] * times)).sum(axis=1))
@@ -114,7 +114,7 @@ class Basis:
         if self._coriolis is not None:
             systems += 1j * omega[:, None, None] * self._turned_small
         for one, small in zip(self._softer, self._soft_small, strict=True):
-            systems -= one.share(omega)[:, None, None] * small
+            systems -= one.fraction(omega)[:, None, None] * small
         return np.asarray(np.linalg.solve(systems, force[..., None])[..., 0])
 
     def _damped(self, omega: Array) -> Array:
@@ -133,7 +133,7 @@ class Basis:
         lost = np.zeros(squares.size)
         for _ in range(3 if self._softer else 0):
             omega = np.sqrt(squares)
-            fractions = [one.share(omega) for one in self._softer]
+            fractions = [one.fraction(omega) for one in self._softer]
             terms = [part[:, None, None] * small for part, small in zip(fractions, self._soft_small, strict=True)]
             missing = np.sum(terms, axis=0)
             stiff = np.diag(self.squares) - missing.real
@@ -183,7 +183,7 @@ class Basis:
             if self._coriolis is not None:
                 rest -= 1j * omega[0] * (self._turned @ x)
             for one, images in zip(self._softer, self._soft, strict=True):
-                rest += one.share(omega)[0] * (images @ x)
+                rest += one.fraction(omega)[0] * (images @ x)
             energy = 0.0
             for part in (rest.real, rest.imag):
                 work.array_w[:] = part

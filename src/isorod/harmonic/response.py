@@ -215,11 +215,11 @@ class Response:
             stresses.append((ends[0] - ends[1]) / (2.0 * step))
         return np.array(stresses)
 
-    def summary(self, found: Mapping[str, Any]) -> dict[str, Any]:
+    def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of a record for what is measured at each frequency (`isorod.output.swings.told`)."""
         from isorod.output.swings import told
 
-        return told(found, self.frequencies, isinstance(self.asked, Span))
+        return told(measured, self.frequencies, isinstance(self.asked, Span))
 
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error of the heights of peaks; None where there is none.

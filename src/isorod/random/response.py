@@ -60,7 +60,7 @@ class RandomResponse(Response):
         own = {one.name: getattr(self, one.name) for one in fields(self)}
         return Whole(**own | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
 
-    def summary(self, found: Mapping[str, Any]) -> dict[str, Any]:
+    def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of a record for what is measured: root mean squares, densities and apparent frequencies.
 
         The last are rates of zero upcrossings (S. O. Rice), for counts of cycles.
@@ -68,7 +68,7 @@ class RandomResponse(Response):
         result: dict[str, Any] = {}
         response: dict[str, Any] = {}
         apparent: dict[str, float] = {}
-        for name, given in found.items():
+        for name, given in measured.items():
             values = np.asarray(given)
             size = self.rms(values)
             result[name] = float(size) if size.ndim == 0 else size
