@@ -18,7 +18,7 @@ _CHUNK = 4_000_000
 
 
 class Softer:
-    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by a Prony series of shear moduli."""
+    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by Prony series of shear moduli."""
 
     def __init__(self, matrix: PETSc.Mat, prony: Array) -> None:
         self.matrix, self.prony = matrix, prony
