@@ -37,7 +37,7 @@ class Damping(Checked):
             if not all(np.isfinite(one) and one >= 0.0 for one in several):
                 raise InputError(f"{name}: got {np.array(several).tolist()}, need numbers that are not negative")
         if not self.ratio < 1.0:
-            raise InputError(f"ratio: got {self.ratio:g}, need a share of critical damping below 1, as 0.02 for 2 %")
+            raise InputError(f"ratio: got {self.ratio:g}, need a fraction of critical damping below 1, as 0.02 for 2 %")
         if not (self.ratio or any(self.rayleigh) or self.structural):
             raise InputError("damping: got none, need ratio, rayleigh or structural")
 

@@ -41,10 +41,9 @@ class Muscle(NeoHookean):
     activation
         From 0 (at rest) to 1.
     fibre
-        Reference direction of the fibres: a vector of any length ``(3,)``, one a point (anything that broadcasts to
-        ``F.shape[:-1]``); or what the body that the law is given to knows: a direction of the rod, ``"tangent"`` along
-        its centre line, ``"normal"``, ``"binormal"``, ``"radial"`` or ``"around"``, or a function of places
-        (`isorod.material.fibre`), such as ``helix(30)``.
+        Reference direction of the fibres: a vector of any length ``(3,)``, or one for each point (broadcast to
+        ``F.shape[:-1]``); a direction of the rod, ``"tangent"`` along its centre line, ``"normal"``, ``"binormal"``,
+        ``"radial"`` or ``"around"``; or a function of places (`isorod.material.fibre`), such as ``helix(30)``.
 
     Raises
     ------

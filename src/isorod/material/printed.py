@@ -1,4 +1,4 @@
-"""Expressions as lines of Python, what they share computed once, in functions that loops over points can vectorise."""
+"""Expressions as lines of Python with common subexpressions, in functions that loops over points can vectorise."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ _OWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "atan", "asin", "acos", "as
 
 
 class _Printer(PythonCodePrinter):  # type: ignore[misc]
-    """Expressions of what stands in `isorod.material.functions` and NumPy."""
+    """Prints expressions by functions of `isorod.material.functions` and NumPy."""
 
     def _print_Rational(self, expr: sp.Rational) -> str:
         return repr(float(expr))
@@ -100,39 +100,39 @@ _PRINTER = _Printer({"fully_qualified_modules": False})
 
 
 def assignments(names: Sequence[str], expressions: Sequence[sp.Expr]) -> list[str]:
-    """Return lines that give names to the values of expressions, what they share computed once."""
+    """Return lines that assign the values of expressions to names, with common subexpressions."""
     shared, lines = _shared_powers(list(expressions))
     numbers = sp.numbered_symbols("x")
     replaced, reduced = sp.cse([*lines.values(), *shared], numbers, order="none")
-    found = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
-    # A power that is shared is what others are computed from: after its base, before the rest.
+    statements = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
+    # A shared power comes after its base and before the powers computed from it.
     count = len(lines)
     if not count:
-        return found + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
+        return statements + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
     return _ordered(
         [*[(str(n), v) for n, v in replaced], *[(str(n), v) for n, v in zip(lines, reduced[:count], strict=True)]],
     ) + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced[count:], strict=True)]
 
 
 def _ordered(pairs: list[tuple[str, sp.Expr]]) -> list[str]:
-    """Return lines in an order in which each uses earlier ones alone."""
+    """Return assignments in an order in which each uses only earlier ones."""
     names = {name for name, _ in pairs}
-    found: list[str] = []
+    statements: list[str] = []
     known: set[str] = set()
     while pairs:
         left = []
         for name, value in pairs:
             if {str(one) for one in value.free_symbols} & names <= known:
-                found.append(f"{name} = {_PRINTER.doprint(value)}")
+                statements.append(f"{name} = {_PRINTER.doprint(value)}")
                 known.add(name)
             else:
                 left.append((name, value))
         pairs = left
-    return found
+    return statements
 
 
 def _shared_powers(expressions: list[sp.Expr]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
-    """Return expressions in which powers of one base that differ by whole numbers are those of one symbol."""
+    """Return expressions in which powers of a base whose exponents differ by integers are powers of one symbol."""
     powers = {one for e in expressions for one in e.atoms(sp.Pow) if not one.exp.is_Integer}
     groups: dict[tuple[sp.Expr, sp.Expr], list[sp.Pow]] = {}
     for one in sorted(powers, key=sp.default_sort_key):

@@ -64,7 +64,7 @@ def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, 
     if len(likes) < number:
         raise InputError(
             f"number: got {number}, but of {len(modes) - modes.rigid} modes {len(likes)} are mostly {kind} of this rod "
-            f"(largest share {100.0 * largest:.0f} % of its kinetic energy); ask for more modes"
+            f"(largest fraction {100.0 * largest:.0f} % of its kinetic energy); ask for more modes"
             + (", or another direction" if towards is not None else "")
         )
     return likes[number - 1]
