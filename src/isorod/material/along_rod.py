@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
-class Piece(NamedTuple):
+class Segment(NamedTuple):
     """Places ``first .. last - 1`` along the body with one law, at all points of the section or some."""
 
     law: Material
@@ -54,12 +54,12 @@ class Laws:
 
     Parameters
     ----------
-    pieces
+    segments
         Consecutive places of one law each, together ``(places,)``; in rings, for each ring.
     """
 
-    def __init__(self, pieces: Sequence[Piece]) -> None:
-        self.pieces = tuple(pieces)
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        self.segments = tuple(segments)
 
     @classmethod
     def of(cls, laws: Sequence[Material]) -> "Laws":
@@ -70,51 +70,51 @@ class Laws:
     def in_rings(cls, laws: Sequence[Sequence[Material]], ring: Index) -> "Laws":
         """Return the laws from a list for each ring; ``ring`` ``(q,)`` are the rings of the section's points."""
         return cls(
-            [piece._replace(points=np.flatnonzero(ring == r)) for r, own in enumerate(laws) for piece in _runs(own)]
+            [segment._replace(points=np.flatnonzero(ring == r)) for r, own in enumerate(laws) for segment in _runs(own)]
         )
 
     def some(self, places: Index) -> "Laws":
         """Return the laws at some places, ascending."""
         segments = []
-        for piece in self.pieces:
-            first, last = (int(k) for k in np.searchsorted(places, (piece.first, piece.last)))
+        for segment in self.segments:
+            first, last = (int(k) for k in np.searchsorted(places, (segment.first, segment.last)))
             if last > first:
-                law = piece.law.some(places[first:last] - piece.first)
-                segments.append(Piece(law, first, last, piece.points))
+                law = segment.law.some(places[first:last] - segment.first)
+                segments.append(Segment(law, first, last, segment.points))
         return Laws(segments)
 
     def placed(self, places: Places) -> "Laws":
         """Return the laws at places of a rod, of shape ``(places, ..., points)``."""
-        return Laws([piece._replace(law=piece.law.placed(piece.places(places))) for piece in self.pieces])
+        return Laws([segment._replace(law=segment.law.placed(segment.places(places))) for segment in self.segments])
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
-        return Laws([piece._replace(law=piece.law.reached(factor)) for piece in self.pieces])
+        return Laws([segment._replace(law=segment.law.reached(factor)) for segment in self.segments])
 
     def advanced(self, F: Array, factor: float) -> "Laws":
         """Return the laws with their states at the end of a step, of ``F`` at the points and load factor there."""
-        return Laws([piece._replace(law=piece.law.advanced(piece.of(F), factor)) for piece in self.pieces])
+        return Laws([segment._replace(law=segment.law.advanced(segment.of(F), factor)) for segment in self.segments])
 
     def lasting(self, step: float) -> "Laws":
         """Return the laws with memory in a step of a motion of some time, others as they are."""
-        given = [piece.law.lasting(step) if has_memory(piece.law) else piece.law for piece in self.pieces]
-        return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
+        given = [segment.law.lasting(step) if has_memory(segment.law) else segment.law for segment in self.segments]
+        return Laws([segment._replace(law=law) for segment, law in zip(self.segments, given, strict=True)])
 
     def knowing(self, states: Array) -> "Laws":
         """Return the laws with states ``(places, t, q, m)``, those without memory as they are."""
         segments = []
-        for piece in self.pieces:
-            law = piece.law
+        for segment in self.segments:
+            law = segment.law
             if has_memory(law):
-                law = law.knowing(states[piece.at(3)])
-            segments.append(piece._replace(law=law))
+                law = law.knowing(states[segment.at(3)])
+            segments.append(segment._replace(law=law))
         return Laws(segments)
 
     @property
     def frozen(self) -> "Laws":
         """The laws without flow."""
-        given = [piece.law.frozen if has_memory(piece.law) else piece.law for piece in self.pieces]
-        return Laws([piece._replace(law=law) for piece, law in zip(self.pieces, given, strict=True)])
+        given = [segment.law.frozen if has_memory(segment.law) else segment.law for segment in self.segments]
+        return Laws([segment._replace(law=law) for segment, law in zip(self.segments, given, strict=True)])
 
     def told(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a state variable at points, shape ``(*shape, count)``, NaN for laws without it.
@@ -124,69 +124,69 @@ class Laws:
         InputError
             If no law has one.
         """
-        known = {one: count for piece in self.pieces for one, count in piece.law.states.items()}
+        known = {one: count for segment in self.segments for one, count in segment.law.states.items()}
         if name not in known:
             public = [one for one in known if one[0] != "_"]
             raise InputError(f"state: got {name!r}, laws here have {', '.join(map(repr, public)) or 'none'}")
         result = np.full((*shape, known[name]), np.nan)
-        for piece in self.pieces:
-            if name in piece.law.states:
-                at = piece.at(len(shape))
-                result[at] = _part(piece.law, name, result[at].shape[:-1])
+        for segment in self.segments:
+            if name in segment.law.states:
+                at = segment.at(len(shape))
+                result[at] = _part(segment.law, name, result[at].shape[:-1])
         return result
 
     @property
     def remember(self) -> bool:
         """Whether a law has memory."""
-        return any(piece.law.remembers for piece in self.pieces)
+        return any(segment.law.remembers for segment in self.segments)
 
     @property
     def follow(self) -> bool:
         """Whether a law needs the rod's places (`placed`)."""
-        return any(piece.law.follows for piece in self.pieces)
+        return any(segment.law.follows for segment in self.segments)
 
     @property
     def loaded(self) -> bool:
         """Whether a law changes with the load factor."""
-        return any(piece.law.at(0.5) is not piece.law for piece in self.pieces)
+        return any(segment.law.at(0.5) is not segment.law for segment in self.segments)
 
     @property
     def tabled(self) -> bool:
         """Whether a law grows by a table over time."""
-        return any(piece.law.grows is not None for piece in self.pieces)
+        return any(segment.law.grows is not None for segment in self.segments)
 
     @property
     def objective(self) -> bool:
         """Whether all laws are frame-invariant."""
-        return all(piece.law.objective for piece in self.pieces)
+        return all(segment.law.objective for segment in self.segments)
 
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
-        return self._joined(F, [piece.law.energy(piece.of(F)) for piece in self.pieces])
+        return self._joined(F, [segment.law.energy(segment.of(F)) for segment in self.segments])
 
     def stress(self, F: Array) -> Array:
         """Return the first Piola-Kirchhoff stress, shape of ``F``."""
-        return self._joined(F, [piece.law.stress(piece.of(F)) for piece in self.pieces])
+        return self._joined(F, [segment.law.stress(segment.of(F)) for segment in self.segments])
 
     def discrete(self, F: Array, change: Array, with_moduli: bool) -> tuple[Array, Array]:
         """Return stresses whose work is the change of the energy, and their moduli (`Material.discrete`)."""
-        results = [piece.law.discrete(piece.of(F), piece.of(change), with_moduli) for piece in self.pieces]
+        results = [segment.law.discrete(segment.of(F), segment.of(change), with_moduli) for segment in self.segments]
         stress = self._joined(F, [stress for stress, _ in results])
         moduli = [part for _, part in results if part is not None]
         return stress, self._joined(F, moduli) if moduli else np.empty(0)
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
-        return self._joined(F, [piece.law.tangent(piece.of(F)) for piece in self.pieces])
+        return self._joined(F, [segment.law.tangent(segment.of(F)) for segment in self.segments])
 
     def _joined(self, F: Array, values: Sequence[Array]) -> Array:
         """Return values of each segment at the points of ``F``."""
-        if all(piece.whole for piece in self.pieces):
+        if all(segment.whole for segment in self.segments):
             return values[0] if len(values) == 1 else np.concatenate(values)
         ahead = F.ndim - 2
         result = np.empty(F.shape[:ahead] + values[0].shape[ahead:])
-        for piece, part in zip(self.pieces, values, strict=True):
-            result[piece.at(ahead)] = part
+        for segment, part in zip(self.segments, values, strict=True):
+            result[segment.at(ahead)] = part
         return result
 
 
@@ -197,27 +197,27 @@ def _part(law: Material, name: str, shape: tuple[int, ...]) -> Array:
     return law.known(shape)[..., first : first + law.states[name]]
 
 
-def _runs(laws: Sequence[Material]) -> list[Piece]:
+def _runs(laws: Sequence[Material]) -> list[Segment]:
     """Return a segment for each run of one law."""
-    pieces, first = [], 0
+    segments, first = [], 0
     for _, same in groupby(laws, id):
         members = list(same)
-        pieces.append(Piece(members[0], first, first + len(members)))
+        segments.append(Segment(members[0], first, first + len(members)))
         first += len(members)
-    return pieces
+    return segments
 
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([piece._replace(law=piece.law.shear) for piece in laws.pieces])
+    return Laws([segment._replace(law=segment.law.shear) for segment in laws.segments])
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     """Return ``theta`` and ``d theta / dF`` for ``F`` ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
-    for piece in laws.pieces:
-        part, at = piece.of(F), piece.at(theta.ndim)
-        if piece.law.logarithmic:
+    for segment in laws.segments:
+        part, at = segment.of(F), segment.at(theta.ndim)
+        if segment.law.logarithmic:
             # Newton's iterations try inverted states, and step back.
             with np.errstate(divide="ignore", invalid="ignore"):
                 inverses, det = inverse(part)
@@ -232,9 +232,9 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
 def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
     """Return `isorod.material.law.Material.complementary` of pressures ``(E, t, q)``, of the same shape."""
     result = np.empty((3, *p.shape))
-    for piece in laws.pieces:
-        at = piece.at(p.ndim)
-        for row, part in zip(result, piece.law.complementary(p[at]), strict=True):
+    for segment in laws.segments:
+        at = segment.at(p.ndim)
+        for row, part in zip(result, segment.law.complementary(p[at]), strict=True):
             row[at] = part
     return result[0], result[1], result[2]
 
@@ -264,9 +264,9 @@ def volume_between(laws: Laws, F: Array, change: Array, with_moduli: bool) -> tu
 
     gradient = np.empty(F.shape)
     slope = np.zeros((*F.shape, 3, 3)) if with_moduli else None
-    for piece in laws.pieces:
-        at = piece.at(F.ndim - 2)
-        if piece.law.logarithmic:
+    for segment in laws.segments:
+        at = segment.at(F.ndim - 2)
+        if segment.law.logarithmic:
             kernels, start = named(_logarithm), F[at]
             stress = np.empty(start.shape)
             bend = np.empty((*start.shape, 3, 3) if with_moduli else (0, 3, 3, 3, 3))
