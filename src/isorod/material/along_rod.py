@@ -116,7 +116,7 @@ class Laws:
         given = [segment.law.frozen if has_memory(segment.law) else segment.law for segment in self.segments]
         return Laws([segment._replace(law=law) for segment, law in zip(self.segments, given, strict=True)])
 
-    def told(self, name: str, shape: tuple[int, ...]) -> Array:
+    def state(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a state variable at points, shape ``(*shape, count)``, NaN for laws without it.
 
         Raises
