@@ -1,6 +1,6 @@
 """The material laws along and across one body, evaluated at all its points at once."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
@@ -85,36 +85,32 @@ class Laws:
 
     def placed(self, places: Places) -> "Laws":
         """Return the laws at places of a rod, of shape ``(places, ..., points)``."""
-        return Laws([segment._replace(law=segment.law.placed(segment.places(places))) for segment in self.segments])
+        return self._replaced(lambda segment: segment.law.placed(segment.places(places)))
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
-        return Laws([segment._replace(law=segment.law.reached(factor)) for segment in self.segments])
+        return self._replaced(lambda segment: segment.law.reached(factor))
 
     def advanced(self, F: Array, factor: float) -> "Laws":
         """Return the laws with their states at the end of a step, of ``F`` at the points and load factor there."""
-        return Laws([segment._replace(law=segment.law.advanced(segment.of(F), factor)) for segment in self.segments])
+        return self._replaced(lambda segment: segment.law.advanced(segment.of(F), factor))
 
     def lasting(self, step: float) -> "Laws":
         """Return the laws with memory in a step of a motion of some time, others as they are."""
-        given = [segment.law.lasting(step) if has_memory(segment.law) else segment.law for segment in self.segments]
-        return Laws([segment._replace(law=law) for segment, law in zip(self.segments, given, strict=True)])
+        return self._replaced(lambda segment: segment.law.lasting(step) if has_memory(segment.law) else segment.law)
 
     def knowing(self, states: Array) -> "Laws":
         """Return the laws with states ``(places, t, q, m)``, those without memory as they are."""
-        segments = []
-        for segment in self.segments:
-            law = segment.law
-            if has_memory(law):
-                law = law.knowing(states[segment.at(3)])
-            segments.append(segment._replace(law=law))
-        return Laws(segments)
+        return self._replaced(lambda own: own.law.knowing(states[own.at(3)]) if has_memory(own.law) else own.law)
 
     @property
     def frozen(self) -> "Laws":
         """The laws without flow."""
-        given = [segment.law.frozen if has_memory(segment.law) else segment.law for segment in self.segments]
-        return Laws([segment._replace(law=law) for segment, law in zip(self.segments, given, strict=True)])
+        return self._replaced(lambda segment: segment.law.frozen if has_memory(segment.law) else segment.law)
+
+    def _replaced(self, law: Callable[[Segment], Material]) -> "Laws":
+        """Return the laws with that of each segment replaced."""
+        return Laws([segment._replace(law=law(segment)) for segment in self.segments])
 
     def state(self, name: str, shape: tuple[int, ...]) -> Array:
         """Return a state variable at points, shape ``(*shape, count)``, NaN for laws without it.
@@ -209,7 +205,7 @@ def _runs(laws: Sequence[Material]) -> list[Segment]:
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([segment._replace(law=segment.law.shear) for segment in laws.segments])
+    return laws._replaced(lambda segment: segment.law.shear)
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
