@@ -9,9 +9,10 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.material.isochoric import Isochoric, check_written
-from isorod.material.law import Material, plane_waves
+from isorod.material.law import Material
 from isorod.material.memory import Timed
 from isorod.material.points import STATES, Compiled
+from isorod.material.proof import check_waves
 
 # Number of components of each kind of variable in the state.
 KINDS = {"scalar": 1, "symmetric": 6, "deviatoric": 6}
@@ -174,9 +175,7 @@ class Dissipative(Timed, Isochoric):
         law = self.shear
         rest = np.eye(3)[None]
         scale = float(np.abs(law.tangent(rest)).max())
-        waves = float(plane_waves(law).min()) if 0.0 < scale < np.inf else np.nan
-        if not waves > 1e-12 * scale:
-            raise InputError(f"energy: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+        check_waves("energy", law, scale)
         for time in _TIMES:
             self._in_steps(law, time, scale)
         _CHECKED.add(key)

@@ -6,6 +6,8 @@ accepted, `Memory.advanced` returns the law with the state at its end.
 """
 
 from collections.abc import Callable
+from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeGuard
 
 import numpy as np
@@ -36,11 +38,14 @@ class Memory(Material):
         Whether its energy is the stored energy.
     state
         The state variables at points at the start of a step, shape ``(..., m)``; None at rest, where all are zero.
+    kernel
+        Module of its compiled functions, in this folder.
     """
 
     remembers: ClassVar[bool] = True
     stores: ClassVar[bool] = True
     state: Array | None = None
+    kernel: ClassVar[str]
 
     @property
     def stored(self) -> "Energy":
@@ -55,7 +60,7 @@ class Memory(Material):
     @property
     def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
-        raise NotImplementedError
+        return compiled_in(self.kernel)
 
     @property
     def width(self) -> int:
@@ -137,6 +142,13 @@ def states_after(law: Material, F: Array, factor: float) -> Array:
     next_states(now.compiled.update, flat(F), now.constants, states)
     # A ring may have no points.
     return states.reshape(*F.shape[:-2], states.shape[-1])
+
+
+@cache
+def compiled_in(kernel: str) -> Compiled:
+    """Return the compiled functions in a module of this folder."""
+    module = import_module(f"isorod.material.{kernel}")
+    return Compiled(module.block, module.tangent, module.update)
 
 
 def has_memory(law: Material) -> TypeGuard[Memory]:

@@ -1,7 +1,6 @@
 """Metal plasticity by von Mises at large strains."""
 
 from dataclasses import dataclass
-from functools import cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -10,17 +9,9 @@ from isorod.arrays import Numbers
 from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Memory, Timed
-from isorod.material.points import Compiled
 
 # A stress beyond all others.
 _NEVER = 1e200
-
-
-@cache
-def _compiled() -> Compiled:
-    from isorod.material.plastic_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +39,7 @@ class Plastic(Memory, Isotropic):
     kinematic: float = 0.0
     recovery: float = 0.0
 
+    kernel: ClassVar[str] = "plastic_kernel"
     kinks: ClassVar[bool] = True
 
     def _check(self) -> None:
@@ -92,11 +84,6 @@ class Plastic(Memory, Isotropic):
     def frozen(self) -> Self:
         """The law with an unreachable yield stress."""
         return self._with(hardening=[[strain, _NEVER] for strain, _ in np.asarray(self.hardening).tolist()])
-
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _compiled()
 
 
 @dataclass(frozen=True, eq=False)

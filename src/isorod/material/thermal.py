@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -13,7 +13,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError, finite, numbers
 from isorod.material.fibre import Fibre
 from isorod.material.law import Material
-from isorod.material.memory import has_memory, states_after
+from isorod.material.memory import compiled_in, has_memory, states_after
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places
 from isorod.material.points import STATES, Compiled
@@ -33,13 +33,6 @@ def _expanded(module: str, name: str, kind: tuple[int, int, bool], *given: Any) 
     from isorod.material.expansion import expanded
 
     return expanded(getattr(import_module(module), name)(*given), *kind)
-
-
-@cache
-def _warm() -> Compiled:
-    from isorod.material.warm_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 def bare(law: Material) -> Material:
@@ -199,7 +192,7 @@ class Thermal(Material):
         from isorod.material.written import compiled, named
 
         if self.law.remembers:
-            return _warm()
+            return compiled_in("warm_kernel")
         if not hasattr(self.law, "recipe"):
             return compiled(self.stored)
         make, *given = self.law.recipe

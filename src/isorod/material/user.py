@@ -15,7 +15,8 @@ from numba import carray, cfunc, types
 
 from isorod.errors import InputError, finite
 from isorod.material.memory import Timed
-from isorod.material.points import STATES, Compiled
+from isorod.material.points import STATES
+from isorod.material.proof import check_waves
 from isorod.material.user_kernel import FUNCTION, MFRONT, TIME, UMAT, VARIABLES
 
 # Angle of the rotation in which a routine is checked, radians.
@@ -26,13 +27,6 @@ _TFEL = 4
 
 # Suffix of MFront's functions of a behaviour, but not of its metadata.
 _THREE = "_Tridimensional"
-
-
-@cache
-def _compiled() -> Compiled:
-    from isorod.material.user_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +66,7 @@ class UserMaterial(Timed):
     interface: Literal["function", "umat", "mfront"] = "function"
     name: str = "routine"
 
+    kernel: ClassVar[str] = "user_kernel"
     clock: ClassVar[int] = TIME
     stores: ClassVar[bool] = False
     splits: ClassVar[bool] = False
@@ -101,11 +96,6 @@ class UserMaterial(Timed):
         return float(address), self.step, kind, float(self.variables), self.since, *map(float, self.parameters)
 
     @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _compiled()
-
-    @property
     def identity(self) -> str:
         """Its name, code and interface, independent of addresses."""
         own = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
@@ -125,8 +115,6 @@ class UserMaterial(Timed):
         InputError
             If something is not finite, a stress is not zero, or a plane wave has no positive modulus.
         """
-        from isorod.material.law import plane_waves
-
         law, rest = self.lasting(1.0), np.eye(3)[None]
         moduli = law.tangent(rest)
         scale = float(np.abs(moduli).max())
@@ -137,9 +125,7 @@ class UserMaterial(Timed):
             stress = float(np.abs(law.stress(F[None])).max())
             if not stress <= 1e-8 * scale:
                 raise InputError(f"{self.name}: a stress of {stress:.3g} {what}, need none")
-        waves = float(plane_waves(law).min())
-        if not waves > 1e-12 * scale:
-            raise InputError(f"{self.name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+        check_waves(self.name, law, scale)
 
 
 def _code(made: Any, known: Mapping[str, Any] = MappingProxyType({}), within: tuple[Any, ...] = ()) -> Any:

@@ -1,7 +1,6 @@
 """Time-dependent laws: viscoelasticity by a Prony series, and Norton creep."""
 
 from dataclasses import dataclass
-from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -11,24 +10,9 @@ from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Timed
 from isorod.material.plastic import check_rate
-from isorod.material.points import Compiled
 
 # Maximum number of branches.
 _MOST = 3
-
-
-@cache
-def _relaxing() -> Compiled:
-    from isorod.material.relaxing_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
-
-
-@cache
-def _creeping() -> Compiled:
-    from isorod.material.viscous_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +32,8 @@ class Viscoelastic(Timed, Isotropic):
     """
 
     prony: Numbers
+
+    kernel: ClassVar[str] = "relaxing_kernel"
 
     def _check(self) -> None:
         super()._check()
@@ -72,11 +58,6 @@ class Viscoelastic(Timed, Isotropic):
         rows = np.asarray(self.prony, dtype=float)
         return self.mu, self.step, float(len(rows)), *rows.ravel().tolist()
 
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _relaxing()
-
 
 @dataclass(frozen=True, eq=False)
 class Creep(Timed, Isotropic):
@@ -93,6 +74,7 @@ class Creep(Timed, Isotropic):
     A: float
     n: float
 
+    kernel: ClassVar[str] = "viscous_kernel"
     kinks: ClassVar[bool] = True
     states: ClassVar = {"strain": 6, "viscous_strain": 6, "dissipated": 1}
 
@@ -104,8 +86,3 @@ class Creep(Timed, Isotropic):
     def values(self) -> tuple[float, ...]:
         """``mu``, the time of the step, and ``c`` and ``n``: held in shear, ``q' = -c q^n``."""
         return self.mu, self.step, 3.0 * self.mu * self.A, self.n
-
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _creeping()
