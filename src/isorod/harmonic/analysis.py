@@ -68,7 +68,7 @@ def solve(
     base_displacement
         The same of their displacement.
     loads
-        Numbers of the oscillating loads, all in phase, their values the amplitudes.  Default: all, or none with base
+        The oscillating loads, all in phase, their values the amplitudes.  Default: all, or none with base
         excitation.  The others are static.
     load_steps
         Initial number of equal load steps to the equilibrium.
