@@ -151,9 +151,7 @@ class Pencil:
         eps.getST().setShift(shift)
         eps.getST().setMatStructure(self.structure)
         if self.report is not None:
-            eps.setMonitor(
-                lambda eps, restart, converged, *_: self._report(f"restart {restart}, {converged} of {count} found")
-            )
+            eps.setMonitor(lambda eps, k, converged, *_: self._report(f"restart {k}, {converged} of {count} found"))
         return eps
 
     def shift(self) -> float | None:
