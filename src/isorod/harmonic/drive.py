@@ -45,9 +45,9 @@ class Drive:
 
     def forces(self, assembler: Assembler, x: PETSc.Vec, factor: float) -> PETSc.Vec:
         """Return the amplitude of the forces on the unknowns of a state."""
-        own = assembler_for(self.swinging, assembler.comm) if self.swinging.following else assembler
+        source = assembler_for(self.swinging, assembler.comm) if self.swinging.following else assembler
         out = assembler.vector()
-        own.load(self.swinging, x, factor, out)
+        source.load(self.swinging, x, factor, out)
         if not out.norm() > 0.0:
             raise InputError("loads: what swings moves nothing: its forces are zero, or on supports alone")
         return out
@@ -149,10 +149,10 @@ def _stiffness(model: Model, number: int, fraction: float, comm: PETSc.Comm) -> 
         )
 
     bodies = [*model.bodies]
-    own = bodies[number]
+    body = bodies[number]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        bodies[number] = replace(own, material=softer(own.material), formulation="displacement")
+        bodies[number] = replace(body, material=softer(body.material), formulation="displacement")
         assembler = assembler_for(replace(model, bodies=bodies), comm)
     matrix = assembler.matrix()
     assembler.tangent(assembler.vector(), 0.0, matrix)

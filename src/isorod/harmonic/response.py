@@ -135,9 +135,9 @@ class Response:
 
     def single(self, number: int) -> "Single":
         """Return the response at one of the frequencies."""
-        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
         k = slice(number, number + 1)
-        return Single(**own | {"frequencies": self.frequencies[k], "coordinates": self.coordinates[k]})
+        return Single(**values | {"frequencies": self.frequencies[k], "coordinates": self.coordinates[k]})
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the Cauchy stress at points of a body without its static part, complex ``(n, ..., 3, 3)``."""
@@ -146,8 +146,8 @@ class Response:
         turned = self.coordinates
         if 2 * len(self) < len(shapes) and not any(one is not None for one in count):
             # Fewer evaluations: the response itself as shapes.
-            own = self.coordinates @ moved
-            shapes = [Ritz(self.model, part) for part in (*own.real, *own.imag)]
+            vibration = self.coordinates @ moved
+            shapes = [Ritz(self.model, part) for part in (*vibration.real, *vibration.imag)]
             turned = np.hstack([np.eye(len(self)), 1j * np.eye(len(self))])
         stress = np.tensordot(turned, self._stresses(shapes, body, u, xi), 1)
         series = self.soft.get(self.ritz[0]._number(body))
@@ -256,19 +256,19 @@ class Response:
         counted = (fractions > _SWINGS) & (modes.frequencies <= 1.01 * self.frequencies.max())
         # Below all resonances the first mode counts.
         counted[rigid] |= not counted[rigid:].any()
-        own = slice(rigid, int(np.flatnonzero(counted)[-1]) + 1)
-        given = modes.eigenvalues[own], modes.vectors[own], rigid > 0, modes.lumped, modes.equilibrium
-        return of_modes(self.model, Spectrum(*given, counted=counted[own]), directions, self.ranks)
+        span = slice(rigid, int(np.flatnonzero(counted)[-1]) + 1)
+        given = modes.eigenvalues[span], modes.vectors[span], rigid > 0, modes.lumped, modes.equilibrium
+        return of_modes(self.model, Spectrum(*given, counted=counted[span]), directions, self.ranks)
 
     def errors(self, *directions: str) -> Error:
         """Return `estimate`, and that of stresses: the worst of modes that are excited nearly alone."""
         modes, energies = self.modes, np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
         largest = energies.argmax(axis=1)
         alone = energies.max(axis=1) > _ALONE * energies.sum(axis=1)
-        own = np.unique(largest[alone & (largest < len(modes))])
+        single = np.unique(largest[alone & (largest < len(modes))])
         stress = None
-        if modes.rigid == 0 and modes.equilibrium is None and own.size:
-            stress = of_stress(self.model, modes.eigenvalues[own], modes.vectors[own], directions, self.ranks)
+        if modes.rigid == 0 and modes.equilibrium is None and single.size:
+            stress = of_stress(self.model, modes.eigenvalues[single], modes.vectors[single], directions, self.ranks)
         return Error(self.estimate(*directions), stress)
 
     def record(self) -> dict[str, Any]:

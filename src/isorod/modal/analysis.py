@@ -100,8 +100,8 @@ def solve(
         with closing(Teller()) as teller:
             # Vibrations are small: no law flows about the state reached.
             past = () if equilibrium is None else (*equilibrium.model.past, Past(1.0, equilibrium.displacement))
-            there = (model if equilibrium is None else equilibrium.model).after(past, settled=True)
-            return _solve(there, modes, lumped, equilibrium, comm, taken, teller if progress else None)
+            settled = (model if equilibrium is None else equilibrium.model).after(past, settled=True)
+            return _solve(settled, modes, lumped, equilibrium, comm, taken, teller if progress else None)
 
 
 def _solve(

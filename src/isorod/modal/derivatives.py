@@ -72,15 +72,15 @@ def derivatives(
             return moved
 
         factor = 0.0 if moving is None else 1.0
-        own = assembler_for(model, comm) if moving is None else moving.beside(model)
+        start = assembler_for(model, comm) if moving is None else moving.beside(model)
         pressed = None
         if moving is not None and model.contacts:
             from isorod.modal.touching import hold_beside
 
-            pressed = hold_beside(own, moving.x, 0.0)
+            pressed = hold_beside(start, moving.x, 0.0)
         # Scaled so that all have the same weight.
         shapes = [
-            own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
+            start.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
         ]
 
         # Internal forces are rounded alike on models nearby, entries of matrices are not.
@@ -98,7 +98,7 @@ def derivatives(
             stiffness.destroy()
             return products
 
-        begun = energies(own, own.vector() if moving is None else moving.x)
+        begun = energies(start, start.vector() if moving is None else moving.x)
 
         def along(steps: Steps, models: Sequence[Model]) -> Measured:
             return steps.slopes([energies(*one) for one in states(steps, models)], begun)
@@ -136,8 +136,8 @@ def _rates(values: Array, change: Measured) -> tuple[Array, Array]:
     rates, turn = np.zeros(values.size), np.eye(values.size)
     apart = np.flatnonzero(np.diff(values) > _SAME * values[1:]) + 1
     for group in np.split(np.arange(values.size), apart):
-        own = np.ix_(group, group)
-        rates[group], turn[own] = eigh(0.5 * (matrix[own] + matrix[own].T))
+        block = np.ix_(group, group)
+        rates[group], turn[block] = eigh(0.5 * (matrix[block] + matrix[block].T))
     return rates, turn
 
 

@@ -239,13 +239,13 @@ class Quadratic:
     def _hermitian(self, omega: float) -> PETSc.Mat:
         """Return ``K - omega^2 M`` and ``omega G`` as one symmetric matrix of twice as many rows."""
         even, odd = (_whole_rows(one) for one in (self.pencil.shifted(omega**2), self.coriolis))
-        whole = csr_array(kron(even, np.eye(2)) + kron(omega * odd, np.array([[0.0, -1.0], [1.0, 0.0]])))
-        whole.sort_indices()
+        entries = csr_array(kron(even, np.eye(2)) + kron(omega * odd, np.array([[0.0, -1.0], [1.0, 0.0]])))
+        entries.sort_indices()
         rows, size = even.shape
         kind = PETSc.IntType
         matrix = PETSc.Mat().createAIJ(
             ((2 * rows, 2 * size), (2 * rows, 2 * size)),
-            csr=(whole.indptr.astype(kind), whole.indices.astype(kind), whole.data),
+            csr=(entries.indptr.astype(kind), entries.indices.astype(kind), entries.data),
             comm=self.coriolis.getComm(),
         )
         for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):

@@ -51,13 +51,13 @@ def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, 
         raise InputError(f"direction: it goes with bending, and not with {kind}")
     axis = None if towards is None else direction("direction", towards)
     _refuse_spin(modes)
-    own, whole = _energies(modes, modes.model.bodies[body], body, kind, axis)
+    energies, kinetic = _energies(modes, modes.model.bodies[body], body, kind, axis)
     likes, largest = [], 0.0
     for some in _clusters(modes):
-        part, all_of_it = own[np.ix_(some, some)], whole[np.ix_(some, some)]
-        values, vectors = np.linalg.eigh(part - _MOST * all_of_it)
+        part, total = energies[np.ix_(some, some)], kinetic[np.ix_(some, some)]
+        values, vectors = np.linalg.eigh(part - _MOST * total)
         for value, x in zip(values[::-1], vectors.T[::-1], strict=True):
-            fraction = float(x @ part @ x / (x @ all_of_it @ x)) if x @ all_of_it @ x > _MOVES else 0.0
+            fraction = float(x @ part @ x / (x @ total @ x)) if x @ total @ x > _MOVES else 0.0
             largest = max(largest, fraction)
             if value > 0.0 and fraction > _MOST:
                 likes.append(Like(_frequency(modes.eigenvalues[some], x), fraction))
@@ -119,7 +119,7 @@ def _energies(modes: "Modes", body: "Body", number: int, kind: Kind, towards: Ar
     space = body.space
     nodal = [modes.model.nodal(vector, number) for vector in modes.vectors]
     at = np.zeros_like(nodal[0]) if modes.state is None else modes.model.nodal(modes.state, number)
-    own, whole = np.zeros((2, len(nodal), len(nodal)))
+    energies, kinetic = np.zeros((2, len(nodal), len(nodal)))
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
         u, points = table.u.ravel(), table.weights.shape[-1]
@@ -129,13 +129,13 @@ def _energies(modes: "Modes", body: "Body", number: int, kind: Kind, towards: Ar
         normal = frames(F @ jacobian, table.weights[0, 0])[:, 0]
         places = rest + moved
         shapes = np.stack([space.displacement(one, table.xi, u)[0] for one in nodal])
-        whole += np.einsum("tq,ktqa,ltqa->kl", mass, shapes, shapes, optimize=True)
+        kinetic += np.einsum("tq,ktqa,ltqa->kl", mass, shapes, shapes, optimize=True)
         total = mass.sum(axis=1)
         if kind == "torsion":
             arms = np.cross(normal[:, None], places - centroids(places, mass)[:, None])
             polar = np.einsum("tq,tqa,tqa->t", mass, arms, arms)
             turned = np.einsum("tq,tqa,ktqa->kt", mass, arms, shapes) / np.sqrt(polar)
-            own += turned @ turned.T
+            energies += turned @ turned.T
             continue
         means = np.einsum("tq,ktqa->kta", mass, shapes) / np.sqrt(total)[:, None]
         along = np.einsum("kta,ta->kt", means, normal)
@@ -146,5 +146,5 @@ def _energies(modes: "Modes", body: "Body", number: int, kind: Kind, towards: Ar
         else:
             across = towards - (normal @ towards)[:, None] * normal
             part = np.einsum("kta,ta->kt", means, across)[..., None]
-        own += np.einsum("kta,lta->kl", part, part)
-    return own, whole
+        energies += np.einsum("kta,lta->kl", part, part)
+    return energies, kinetic

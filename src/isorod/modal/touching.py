@@ -196,10 +196,10 @@ def _sliding(
     for b in sorted({b for b, _ in free}):
         moved = np.stack([motion.ravel() for body, motion in free if body == b], axis=1)
         moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_control_point.sum())
-        whole = np.zeros((contact.gaps.shape[1], moved.shape[1]))
-        for column, one in zip(whole.T, moved.T, strict=True):
-            model.nodal(column[: model.dofs], b)[:] = one.reshape(-1, 3)
-        rows = weights[:, None] * (contact.gaps @ whole)
+        displacements = np.zeros((contact.gaps.shape[1], moved.shape[1]))
+        for column, shape in zip(displacements.T, moved.T, strict=True):
+            model.nodal(column[: model.dofs], b)[:] = shape.reshape(-1, 3)
+        rows = weights[:, None] * (contact.gaps @ displacements)
         everywhere.append(rows)
         _, sizes, turns = np.linalg.svd(np.concatenate([rows, np.zeros((moved.shape[1], moved.shape[1]))]))
         for size, turn in zip(sizes, turns, strict=True):

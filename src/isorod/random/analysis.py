@@ -62,15 +62,15 @@ def solve(
     if not (np.isfinite(table).all() and (table > 0.0).all() and (np.diff(table[:, 0]) > 0.0).all()):
         raise InputError("psd: need frequencies that ascend, and values, all above 0")
     span = Span(float(table[0, 0]), float(table[-1, 0]), 2)
-    whole = harmonic.solve(
+    coarse = harmonic.solve(
         model, span, damping, base, base_displacement, loads, load_steps, comm=comm, petsc=petsc, progress=progress
     )
-    points, weights = _rule(table[:, 0], whole)
+    points, weights = _rule(table[:, 0], coarse)
     density = np.exp(np.interp(np.log(points), *np.log(table.T)))
-    there = whole.over(points)
-    own = {one.name: getattr(there, one.name) for one in fields(Response)}
-    own["coordinates"] = np.sqrt(density)[:, None] * there.coordinates
-    return RandomResponse(**own, density=density, weights=weights)
+    response = coarse.over(points)
+    values = {one.name: getattr(response, one.name) for one in fields(Response)}
+    values["coordinates"] = np.sqrt(density)[:, None] * response.coordinates
+    return RandomResponse(**values, density=density, weights=weights)
 
 
 def _rule(rows: Array, response: Response) -> tuple[Array, Array]:

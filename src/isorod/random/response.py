@@ -57,8 +57,8 @@ class RandomResponse(Response):
             raise InputError("stress: not available for viscoelastic bodies in random response; ask for displacements")
         covariance = (self.weights[:, None] * self.coordinates).T @ self.coordinates.conj()
         sizes, turns = np.linalg.eigh(covariance.real)
-        own = {one.name: getattr(self, one.name) for one in fields(self)}
-        return Whole(**own | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return Whole(**values | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
 
     def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of a record for what is measured: root mean squares, densities and apparent frequencies.
