@@ -94,20 +94,20 @@ class Dissipative(Timed, Isochoric):
 
         pairs, places, traces, first = list[Any](), list[int](), list[tuple[int, int, int]](), 0
         for name, kind in self.variables.items():
-            own, rate = internal(name, kind)
+            variable, rate = internal(name, kind)
             if kind == "scalar":
-                pairs, places = [*pairs, (own, rate)], [*places, first]
+                pairs, places = [*pairs, (variable, rate)], [*places, first]
             else:
                 kept = range(5 if kind == "deviatoric" else 6)
                 at = [(i, j) for i in range(3) for j in range(i, 3)]
-                pairs += [(own[at[k]], rate[at[k]]) for k in kept]
+                pairs += [(variable[at[k]], rate[at[k]]) for k in kept]
                 places += [first + k for k in kept]
                 traces += [(first + 5, first, first + 3)] if kind == "deviatoric" else []
             first += KINDS[kind]
         symbols = self._symbols
         energy, lost = self.definition, self.dissipation
         for what, one, known in (
-            ("energy", energy, [own for own, _ in pairs]),
+            ("energy", energy, [variable for variable, _ in pairs]),
             ("dissipation", lost, [rate for _, rate in pairs]),
         ):
             if unknown := free_of(one, [*known, *symbols]):

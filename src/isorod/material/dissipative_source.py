@@ -151,26 +151,26 @@ def source(
         Their symbols, in the order of the law's constants after the time of the step.
     """
     names = {one: sp.Symbol(f"constant{k}", real=True) for k, one in enumerate(constants)}
-    own = [sp.Symbol(f"a{k}", real=True) for k in range(len(pairs))]
+    variables = [sp.Symbol(f"a{k}", real=True) for k in range(len(pairs))]
     old = [sp.Symbol(f"old{k}", real=True) for k in range(len(pairs))]
     e = list(ENTRIES)
-    energy = energy.xreplace(names | dict(zip([one for one, _ in pairs], own, strict=True)))
-    rates = {rate: (a - b) / STEP for (_, rate), a, b in zip(pairs, own, old, strict=True)}
+    energy = energy.xreplace(names | dict(zip([one for one, _ in pairs], variables, strict=True)))
+    rates = {rate: (a - b) / STEP for (_, rate), a, b in zip(pairs, variables, old, strict=True)}
     total = energy + STEP * dissipation.xreplace(names).subs(rates)
     twice = [1 if i == j else 2 for i in range(3) for j in range(i, 3)]
-    slopes = [sp.diff(total, one) for one in own]
+    slopes = [sp.diff(total, one) for one in variables]
     stress = [sp.diff(energy, one) / count for one, count in zip(e, twice, strict=True)]
-    every = {"e": e, "a": own, "old": old, "constants": [STEP, *names.values()]}
-    text = [_HEAD.format(count=len(own), places=list(places))]
+    every = {"e": e, "a": variables, "old": old, "constants": [STEP, *names.values()]}
+    text = [_HEAD.format(count=len(variables), places=list(places))]
     text.append(f"TRACES = np.array({[list(one) for one in traces] or [[-1, 0, 0]]})\n")
     text += _function("_sum", every, "e a old constants", {"return": total})
     text += _function("_stored", every, "e a constants", {"return": energy})
     text += _function("_stress", every, "e a constants", {f"stress[{k}]": one for k, one in enumerate(stress)})
     bends = {f"slopes[{k}]": one for k, one in enumerate(slopes)}
-    bends |= {f"bends[{i}, {j}]": sp.diff(slopes[i], own[j]) for i in range(len(own)) for j in range(i + 1)}
+    bends |= {f"bends[{i}, {j}]": sp.diff(slopes[i], variables[j]) for i in range(len(variables)) for j in range(i + 1)}
     text += _function("_bends", every, "e a old constants", bends)
     moduli = {f"stiff[{i}, {j}]": sp.diff(stress[i], e[j]) / twice[j] for i in range(6) for j in range(6)}
-    moduli |= {f"crossed[{i}, {k}]": sp.diff(stress[i], own[k]) for i in range(6) for k in range(len(own))}
+    moduli |= {f"crossed[{i}, {k}]": sp.diff(stress[i], variables[k]) for i in range(6) for k in range(len(variables))}
     text += _function("_moduli", every, "e a constants", moduli)
     return "\n".join(text) + _TAIL
 

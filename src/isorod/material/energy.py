@@ -60,11 +60,11 @@ class Energy:
     @cached_property
     def rests(self) -> bool:
         """Whether it is of invariants and stretches alone, and zero at rest without activation, with its stress."""
-        whole = self.whole.subs(s.activation, 0)
-        if self.small or whole.free_symbols & {*s.F, *s.C, s.I8} or _differs(whole.subs(_REST)):
+        energy = self.whole.subs(s.activation, 0)
+        if self.small or energy.free_symbols & {*s.F, *s.C, s.I8} or _differs(energy.subs(_REST)):
             return False
-        fibres = sum(abs(sp.diff(whole, one).subs(_REST)) for one in (s.I4a, s.I4b))
-        return bool(sp.simplify(whole.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(whole))) == 0)
+        fibres = sum(abs(sp.diff(energy, one).subs(_REST)) for one in (s.I4a, s.I4b))
+        return bool(sp.simplify(energy.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(energy))) == 0)
 
     @cached_property
     def families(self) -> int:

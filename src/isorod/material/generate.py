@@ -295,18 +295,18 @@ class _Body:
         """Return lines that add ``d_ab S_AB + F_aC F_bD dS_CA/dE_DB``."""
         lines, turned = [], {}
         for a, A in _COMPONENTS:
-            for one in self.scalars:
-                text = _products((self._f(a, C), self._w(s.C[C, A], one)) for C in range(3))
+            for scalar in self.scalars:
+                text = _products((self._f(a, C), self._w(s.C[C, A], scalar)) for C in range(3))
                 if text and not self.energy.small:
-                    lines.append(f"t{a}{A}_{one} = {text}")
-                    text = f"t{a}{A}_{one}"
-                turned[a, A, one] = text
+                    lines.append(f"t{a}{A}_{scalar} = {text}")
+                    text = f"t{a}{A}_{scalar}"
+                turned[a, A, scalar] = text
         for (a, A), (b, B) in combinations_with_replacement(_COMPONENTS, 2):
             if a == b and A > B:
                 continue
             text = _products((self._f(b, D), turned.get((a, A, s.C[D, B]), "")) for D in range(3))
             if a == b and not self.energy.small:
-                text = " + ".join(one for one in (text, self._slope_by_strain(A, B)) if one)
+                text = " + ".join(term for term in (text, self._slope_by_strain(A, B)) if term)
             if text:
                 lines.append(f"work[{_modulus(a, A, b, B)} + k] += {text}")
         return lines
@@ -319,15 +319,15 @@ class _Body:
             lines.append("same += 2.0 * w_I1")
         if s.I2 in has:
             lines.append("same += 2.0 * w_I2 * I1")
-        whole = f"{(s.I1 in has and self._w(s.I1, s.I1)) or '0.0'}"
-        if s.I2 in has or whole != "0.0":
+        bend_I1 = f"{(s.I1 in has and self._w(s.I1, s.I1)) or '0.0'}"
+        if s.I2 in has or bend_I1 != "0.0":
             x = "4.0 * w_I2" if s.I2 in has else "0.0"
             y = "-2.0 * w_I2" if s.I2 in has else "0.0"
-            lines.append(f"add_products(work, k, {x} + 4.0 * {whole}, {y}, {', '.join(rows['f'])})")
+            lines.append(f"add_products(work, k, {x} + 4.0 * {bend_I1}, {y}, {', '.join(rows['f'])})")
         if s.J in has:
-            own = self._w(s.J, s.J) or "0.0"
+            bend_J = self._w(s.J, s.J) or "0.0"
             lines.append("bent = w_J / J")
-            lines.append(f"add_products(work, k, {own} + bent, -bent, {', '.join(rows['g'])})")
+            lines.append(f"add_products(work, k, {bend_J} + bent, -bent, {', '.join(rows['g'])})")
         if s.I2 in has:
             lines += [
                 f"B{a}{b} = " + " + ".join(f"f{a}{A} * f{b}{A}" for A in range(3))

@@ -42,5 +42,5 @@ def transform(volume: sp.Expr, ratio: Array, modulus: float) -> tuple[Array, Arr
 def _functions(volume: sp.Expr) -> tuple[Callable[[Any], Any], ...]:
     """Return a volumetric energy of ``ln J`` and its two derivatives."""
     theta = sp.Symbol("theta", real=True)
-    own = volume.subs(s.J, sp.exp(theta))
-    return tuple(sp.lambdify(theta, sp.diff(own, theta, k), "numpy") for k in range(3))
+    energy = volume.subs(s.J, sp.exp(theta))
+    return tuple(sp.lambdify(theta, sp.diff(energy, theta, k), "numpy") for k in range(3))

@@ -46,10 +46,10 @@ def quadratic(small: bool, free: tuple["sp.Expr", ...] = (0, 0, 0)) -> "Energy":
         ]
     c = sp.symbols("c11 c12 c13 c22 c23 c33 g12 g13 g23", real=True)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    whole = sum(
+    energy = sum(
         one * along[i] * along[j] / (2 if i == j else 1) for one, (i, j) in zip(c[:6], pairs, strict=True)
     ) + sum(2 * one * e**2 for one, e in zip(c[6:], along[3:], strict=True))
-    return Energy(whole, c, small=small)
+    return Energy(energy, c, small=small)
 
 
 class Directed(Material):

@@ -133,29 +133,29 @@ def _ordered(pairs: list[tuple[str, sp.Expr]]) -> list[str]:
 
 def _shared_powers(expressions: list[sp.Expr]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
     """Return expressions in which powers of a base whose exponents differ by integers are powers of one symbol."""
-    powers = {one for e in expressions for one in e.atoms(sp.Pow) if not one.exp.is_Integer}
+    powers = {power for e in expressions for power in e.atoms(sp.Pow) if not power.exp.is_Integer}
     groups: dict[tuple[sp.Expr, sp.Expr], list[sp.Pow]] = {}
-    for one in sorted(powers, key=sp.default_sort_key):
-        whole, rest = one.exp.as_coeff_Add()
+    for power in sorted(powers, key=sp.default_sort_key):
+        integer, rest = power.exp.as_coeff_Add()
         if rest == 0:
-            if not whole.is_Rational or whole.q == 2:
+            if not integer.is_Rational or integer.q == 2:
                 continue
-            key = one.base, sp.Rational(1, whole.q)
+            key = power.base, sp.Rational(1, integer.q)
         else:
-            key = one.base, rest
-        groups.setdefault(key, []).append(one)
+            key = power.base, rest
+        groups.setdefault(key, []).append(power)
     lines: dict[sp.Symbol, sp.Expr] = {}
     replaced = {}
     for (base, unit), members in groups.items():
         if unit.is_Rational and len(members) > 1:
-            down = all(one.exp < 0 for one in members)
+            down = all(power.exp < 0 for power in members)
             name = sp.Symbol(f"r{len(lines)}", positive=True)
             lines[name] = base ** (-unit if down else unit)
-            for one in members:
-                replaced[one] = name ** int((-one.exp if down else one.exp) / unit)
+            for power in members:
+                replaced[power] = name ** int((-power.exp if down else power.exp) / unit)
         elif not unit.is_Rational and len(members) > 1:
             name = sp.Symbol(f"r{len(lines)}", positive=True)
             lines[name] = base**unit
-            for one in members:
-                replaced[one] = name * base ** one.exp.as_coeff_Add()[0]
+            for power in members:
+                replaced[power] = name * base ** power.exp.as_coeff_Add()[0]
     return [one.xreplace(replaced) for one in expressions], lines

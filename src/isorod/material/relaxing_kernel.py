@@ -286,9 +286,9 @@ def _go(work: Array, constants: Array, with_energy: bool, goes_on: bool) -> None
             _add_loss(constants[1] / constants[4 + 2 * i], mu * constants[3 + 2 * i], work)
         if goes_on:
             for m in range(6):
-                row, one = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+                row, unit = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
                 for k in range(_W):
-                    work[row + k] = work[at(_NEW + m) + k] - one
+                    work[row + k] = work[at(_NEW + m) + k] - unit
     _second(work, constants)
     for k in range(_W):
         put_first(work, k, six(work, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
@@ -301,9 +301,9 @@ def _go(work: Array, constants: Array, with_energy: bool, goes_on: bool) -> None
         for k in range(_W):
             work[dissipated + k] = work[at(_LOSS) + k]
         for m in range(6):
-            row, one = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+            row, unit = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
             for k in range(_W):
-                work[row + k] = work[at(_NOW + m) + k] - one
+                work[row + k] = work[at(_NOW + m) + k] - unit
 
 
 @njit(BLOCK, **FAST)

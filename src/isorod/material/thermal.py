@@ -201,8 +201,8 @@ class Thermal(Material):
     @property
     def identity(self) -> str:
         """A text that identifies the law in any process."""
-        own = self._along, self._field or self.temperature, self._table.tolist(), self.history
-        return f"{type(self).__name__} {self.kind} {own} {self.law.identity}"
+        given = self._along, self._field or self.temperature, self._table.tolist(), self.history
+        return f"{type(self).__name__} {self.kind} {given} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]
@@ -251,8 +251,8 @@ class Thermal(Material):
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
         """Return the Legendre transform of the volumetric energy, ``theta`` without that of the free expansion."""
-        own = cast(Array, self.temperature) if self._field else 1.0
-        temperature = np.broadcast_to(self._uniform * own, p.shape)
+        field = cast(Array, self.temperature) if self._field else 1.0
+        temperature = np.broadcast_to(self._uniform * field, p.shape)
         strains = [one * temperature for one in self._along]
         strains = [*strains, *[strains[-1]] * (3 - len(strains))]
         free, size = sum(strains), np.ones(p.shape)

@@ -98,9 +98,9 @@ class UserMaterial(Timed):
     @property
     def identity(self) -> str:
         """Its name, code and interface, independent of addresses."""
-        own = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
+        code = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
         given = self.interface, self.variables, tuple(self.parameters)
-        return f"{type(self).__name__} {self.name} {own} {given}"
+        return f"{type(self).__name__} {self.name} {code} {given}"
 
     @property
     def frozen(self) -> "UserMaterial":

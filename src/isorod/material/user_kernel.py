@@ -130,7 +130,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
             # Fortran has columns one after the other.
             w[_TURN + 3 * b + a], w[_F0 + 3 * b + a], w[_F + 3 * b + a] = turn[a, b], F0[a, b], F[a, b]
     at, integer = u8(w.ctypes.data), u8(w.ctypes.data) + u8(8 * _SIZES)
-    zero, one, own = at + u8(8 * _ZEROS), integer + u8(20), u8(constants.ctypes.data) + u8(8 * OWN)
+    zero, one, properties = at + u8(8 * _ZEROS), integer + u8(20), u8(constants.ctypes.data) + u8(8 * OWN)
     _call_umat(
         u8(constants[ADDRESS]),
         (
@@ -161,7 +161,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
             integer + u8(4),
             integer + u8(8),
             integer + u8(12),
-            own,
+            properties,
             integer + u8(16),
             zero + u8(184),
             at + u8(8 * _TURN),
@@ -203,7 +203,7 @@ def _from_jaumann(jacobian: Array, cauchy: Array, cofactor: Array, det: float, m
     gradient, rate, six = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
     for b in range(3):
         for B in range(3):
-            # Velocity gradient for a unit rate of F's component bB.
+            # Velocity gradient for a one rate of F's component bB.
             gradient[:] = 0.0
             for c in range(3):
                 gradient[b, c] = cofactor[c, B] / det
@@ -270,9 +270,9 @@ def _function(F0: Array, F: Array, constants: Array, w: Array, stress: Array) ->
             w[_F0 + 3 * a + A], w[_F + 3 * a + A] = F0[a, A], F[a, A]
     w[_STEPPED] = constants[TIME]
     at = u8(w.ctypes.data)
-    own = u8(constants.ctypes.data) + u8(8 * OWN)
+    properties = u8(constants.ctypes.data) + u8(8 * OWN)
     given = at + u8(8 * _F0), at + u8(8 * _F), at + u8(8 * _OWN), u8(constants[COUNT]), at + u8(8 * _STEPPED)
-    _call_function(u8(constants[ADDRESS]), (*given, own, u8(constants.size - OWN), at + u8(8 * _STRESS)))
+    _call_function(u8(constants[ADDRESS]), (*given, properties, u8(constants.size - OWN), at + u8(8 * _STRESS)))
     for a in range(3):
         for A in range(3):
             stress[a, A] = w[_STRESS + 3 * a + A]

@@ -107,11 +107,11 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
         work[at(_LOSS) + k] = 2.0 * mu * (power(kept, n) - kept) / (size * size) if size > 0.0 else 0.0
     for m in range(6):
         for p in range(6):
-            own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
+            same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[p] == SECOND[p] else 0.0
             for k in range(_W):
                 moduli[at(6 * m + p) + k] = (
-                    2.0 * mu * work[at(_KEPT) + k] * (own - both / 3.0)
+                    2.0 * mu * work[at(_KEPT) + k] * (same - both / 3.0)
                     + bulk * both
                     + work[at(_LOSS) + k] * work[at(_ELASTIC + m) + k] * work[at(_ELASTIC + p) + k]
                 )

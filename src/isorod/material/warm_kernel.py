@@ -41,8 +41,8 @@ def _free(work: Array, constants: Array, kept: Array, g: Array) -> int:
     """Divide a block's deformation gradients by the free stretch and keep them; return the offset of its loss."""
     width = int(constants[_WIDTH])
     for k in range(_W):
-        own = work[np.uint64(POINTS * (FIBRE + width)) + k] if constants[_FIELD] > 0.0 else 1.0
-        g[k] = 1.0 + constants[_EXPANSION] * constants[_HEAT] * own
+        factor = work[np.uint64(POINTS * (FIBRE + width)) + k] if constants[_FIELD] > 0.0 else 1.0
+        g[k] = 1.0 + constants[_EXPANSION] * constants[_HEAT] * factor
     kept[:] = work[POINTS * GRADIENT : POINTS * (DETERMINANT + 1)]
     for a in range(9):
         for k in range(_W):
