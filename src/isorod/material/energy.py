@@ -38,7 +38,7 @@ class Energy:
     small: bool = False
 
     @cached_property
-    def whole(self) -> sp.Expr:
+    def total(self) -> sp.Expr:
         """The energy with its volumetric part."""
         if self.volume is None:
             return self.shape
@@ -48,9 +48,9 @@ class Energy:
     def expression(self) -> sp.Expr:
         """The energy with its volumetric part, of components of ``F`` if strains are small."""
         if not self.small:
-            return self.whole
+            return self.total
         linear = s.F + s.F.T - sp.eye(3)
-        return self.whole.xreplace({s.C[A, B]: linear[A, B] for A in range(3) for B in range(A, 3)})
+        return self.total.xreplace({s.C[A, B]: linear[A, B] for A in range(3) for B in range(A, 3)})
 
     @property
     def quadratic(self) -> bool:
@@ -60,7 +60,7 @@ class Energy:
     @cached_property
     def rests(self) -> bool:
         """Whether it is of invariants and stretches alone, and zero at rest without activation, with its stress."""
-        energy = self.whole.subs(s.activation, 0)
+        energy = self.total.subs(s.activation, 0)
         if self.small or energy.free_symbols & {*s.F, *s.C, s.I8} or _differs(energy.subs(_REST)):
             return False
         fibres = sum(abs(sp.diff(energy, one).subs(_REST)) for one in (s.I4a, s.I4b))
@@ -75,7 +75,7 @@ class Energy:
         return 1 if free & {s.I4a, *s.a} else 0
 
 
-def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
+def split(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     """Return a complete energy, split so that terms of ``J`` alone are the volumetric part.
 
     Raises
@@ -108,7 +108,7 @@ def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
 
 
 def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
-    """Return the factor ``bulk`` of a split energy (`whole`) as an expression of the constants."""
+    """Return the factor ``bulk`` of a split energy (`split`) as an expression of the constants."""
     if energy.volume is None:
         return sp.Integer(0)
     rest = given - energy.shape

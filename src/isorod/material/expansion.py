@@ -35,11 +35,11 @@ def expanded(energy: Energy, axes: int = 1, points: int = 0, field: bool = False
     strains += [strains[-1]] * (3 - axes)
     factor = _joined(temperature, levels, fractions)
     if axes > 1 and energy == quadratic(energy.small):
-        left = quadratic(energy.small, tuple(strains)).whole
+        left = quadratic(energy.small, tuple(strains)).total
     elif axes == 1 and energy.small:
-        left = energy.whole.xreplace({s.C[A, A]: s.C[A, A] - 2 * strains[0] for A in range(3)})
+        left = energy.total.xreplace({s.C[A, A]: s.C[A, A] - 2 * strains[0] for A in range(3)})
     else:
-        left = energy.whole.xreplace(_left(energy, [1 + one for one in strains[:axes]]))
+        left = energy.total.xreplace(_left(energy, [1 + one for one in strains[:axes]]))
     if not energy.small:
         factor *= (1 + strains[0]) * (1 + strains[1]) * (1 + strains[2])
     return Energy(factor * left, constants, small=energy.small)
@@ -51,7 +51,7 @@ def _left(energy: Energy, grown: Sequence[sp.Expr]) -> dict[sp.Symbol, sp.Expr]:
         powers = dict.fromkeys((s.I1, s.I4a, s.I4b, s.I8, *s.STRAINS), 2) | {s.I2: 4, s.J: 3}
         powers |= dict.fromkeys((*s.stretches, *s.F), 1)
         return {one: one / grown[0] ** p for one, p in powers.items()}
-    if {s.I2, s.I4b, s.I8, *s.stretches, *s.STRAINS, *s.F} & energy.whole.free_symbols:
+    if {s.I2, s.I4b, s.I8, *s.stretches, *s.STRAINS, *s.F} & energy.total.free_symbols:
         raise InputError("expansion: got several numbers, which this law's energy is not written for; give one")
     first, rest = grown
     return {

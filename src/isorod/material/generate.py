@@ -120,7 +120,7 @@ class _Body:
         self.energy = energy
         # Unique names.
         self.names = {one: sp.Symbol(f"constant{k}", real=True) for k, one in enumerate(energy.constants)}
-        expression = energy.whole.xreplace(self.names)
+        expression = energy.total.xreplace(self.names)
         self.plain = bool(set(s.F) & expression.free_symbols)
         self.strains = bool(set(s.STRAINS) & expression.free_symbols)
         candidates = s.F if self.plain else s.STRAINS if self.strains else s.INVARIANTS

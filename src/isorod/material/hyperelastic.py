@@ -72,9 +72,9 @@ class Hyperelastic(Isochoric):
     @cached_property
     def stored(self) -> "Energy":
         """Its energy as an expression."""
-        from isorod.material.energy import completed, whole
+        from isorod.material.energy import completed, split
 
-        return (whole if self.bulk is None else completed)(self.definition, self._symbols)
+        return (split if self.bulk is None else completed)(self.definition, self._symbols)
 
     @property
     def families(self) -> int:  # type: ignore[override]
