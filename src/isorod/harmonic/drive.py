@@ -49,7 +49,7 @@ class Drive:
         out = assembler.vector()
         source.load(self.swinging, x, factor, out)
         if not out.norm() > 0.0:
-            raise InputError("loads: what swings moves nothing: its forces are zero, or on supports alone")
+            raise InputError("loads: the oscillating loads are zero, or act on supports alone")
         return out
 
 
@@ -80,7 +80,7 @@ def driven(
     else:
         swing = [whole_number("loads", k, 0, len(model.loads) - 1) for k in loads]
     if shaken is None and not swing:
-        raise InputError("nothing swings: give a load, or base, the acceleration of the supports")
+        raise InputError("no excitation: give a load, or base, the acceleration of the supports")
     if shaken is not None and swing:
         raise InputError(f"loads: beside {name}; either supports are shaken or loads swing")
     forces = [one for k, one in enumerate(model.loads) if k in swing]

@@ -216,7 +216,7 @@ class Response:
         return np.array(stresses)
 
     def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the entries of a record for what is measured at each frequency (`isorod.output.swings.told`)."""
+        """Return the entries of a record for measures at each frequency (`isorod.output.swings.told`)."""
         from isorod.output.swings import told
 
         return told(measured, self.frequencies, isinstance(self.asked, Span))
@@ -272,7 +272,7 @@ class Response:
         return Error(self.estimate(*directions), stress)
 
     def record(self) -> dict[str, Any]:
-        """Return the entries of a record besides what is measured."""
+        """Return the entries of a record without measures."""
         kept = ("about", "frequencies", "resonances", "ratios")
         left = {"share": self.truncation, "modes": len(self.modes), "shapes": len(self.ritz)}
         return {name: getattr(self, name) for name in kept} | {"left_out": left, "residuals": self.modes.residuals}
@@ -286,7 +286,7 @@ class Response:
         return []
 
     def curves(self) -> dict[str, Array]:
-        """Return the frequencies, to which what is measured is added."""
+        """Return the frequencies, to which measures are added."""
         return {"frequency": self.frequencies}
 
 

@@ -189,7 +189,7 @@ class Dissipative(Timed, Isochoric):
         slopes = [sp.diff(energy, one).subs(dict.fromkeys(free, 0)) for one in free]
         scale = max((abs(sp.diff(energy, one, 2).subs(dict.fromkeys(free, 0))) for one in free), default=0)
         if not all(abs(one) <= 1e-10 * scale for one in slopes):
-            raise InputError("energy: at rest there is a stress, or what flows: need both zero where all is zero")
+            raise InputError("energy: stress and driving forces of the variables have to be zero at rest")
 
     def _at_rates(self) -> None:
         """Check that no rate gains energy."""
@@ -225,7 +225,7 @@ class Dissipative(Timed, Isochoric):
             linear = np.einsum("naAbB,nbB->naA", moduli, direction)
             difference = (timed.stress(F + 1e-6 * direction) - timed.stress(F - 1e-6 * direction)) / 2e-6
             if not np.isfinite(difference).all():
-                raise InputError(f"dissipation: in a step of time {time:g} what it minimises has no least, or no bend")
+                raise InputError(f"dissipation: in a step of time {time:g} its potential has no regular minimum")
             error = float(np.abs(difference - linear).max() / scale)
             if not error < 1e-5:
                 raise InputError(f"energy: in a step of time {time:g} its moduli are off by {100.0 * error:.3g} %")

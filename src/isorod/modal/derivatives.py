@@ -34,7 +34,7 @@ def derivatives(
     at: Mapping[str, float],
     measure: Callable[[Any], Mapping[str, object]],
 ) -> Derivatives:
-    """Return the derivatives of what is measured of modes, as `isorod.statics.derivatives.derivatives` does.
+    """Return the derivatives of measures of modes, as `isorod.statics.derivatives.derivatives` does.
 
     Modes of one frequency get the derivatives of those combinations that stay modes, ascending.
 
@@ -142,7 +142,7 @@ def _rates(values: Array, change: Measured) -> tuple[Array, Array]:
 
 
 def _measured(solution: Any, shapes: Array, rates: Array, measure: Callable[[Any], Mapping[str, object]]) -> Measured:
-    """Return the derivatives of what is measured from relative rates of the flexible eigenvalues."""
+    """Return the derivatives of measures from relative rates of the flexible eigenvalues."""
     step = 1e-3 / (np.abs(rates).max() or 1.0)
     ends = []
     for change_by in (-step, step):

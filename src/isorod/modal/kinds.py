@@ -99,7 +99,7 @@ def of_load(modes: "Modes", load: int) -> Like:
 
 def _refuse_spin(modes: "Modes") -> None:
     if modes.quarter is not None:
-        raise InputError("frequency: modes of what spins whirl, and are of no one kind; read them from frequencies")
+        raise InputError("frequency: modes of a spinning body are of no single kind; read them from frequencies")
 
 
 def _frequency(eigenvalues: Array, x: Array) -> float:

@@ -182,7 +182,7 @@ class Modes:
         at: "Mapping[str, float]",
         measure: "Callable[[Modes], Mapping[str, object]]",
     ) -> "Derivatives":
-        """Return the derivatives of what is measured by parameters (`isorod.modal.derivatives.derivatives`)."""
+        """Return the derivatives of measures by parameters (`isorod.modal.derivatives.derivatives`)."""
         from isorod.modal.derivatives import derivatives
 
         return derivatives(self, make, at, measure)

@@ -61,7 +61,7 @@ class RandomResponse(Response):
         return Whole(**values | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
 
     def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the entries of a record for what is measured: root mean squares, densities and apparent frequencies.
+        """Return the entries of a record for measures: root mean squares, densities and apparent frequencies.
 
         The last are rates of zero upcrossings (S. O. Rice), for counts of cycles.
         """
@@ -91,7 +91,7 @@ _ROUNDING = 1e-9
 
 
 class Whole(RandomResponse):
-    """Uncorrelated shapes: what is measured is the root of the sum of their squares."""
+    """Uncorrelated shapes: measures are roots of the sum of their squares."""
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the stress of each shape, ``(m, ..., 3, 3)``."""
