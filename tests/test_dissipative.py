@@ -140,8 +140,8 @@ test_what_is_lost_is_not_told = refused(
 
 
 test_bad_potentials = refused(
-    (lambda: _law(energy=ENERGY + " + strain00"), "energy: at rest there is a stress, or what flows"),
-    (lambda: _law(energy=ENERGY + " + s"), "energy: at rest there is a stress, or what flows"),
+    (lambda: _law(energy=ENERGY + " + strain00"), "energy: stress and driving forces"),
+    (lambda: _law(energy=ENERGY + " + s"), "energy: stress and driving forces"),
     (lambda: _law(constants=CONSTANTS | {"mu": 0.0}), "energy: not elliptic at rest"),
     (lambda: _law(energy=ENERGY + " + q"), "'q' is not known; need a constant, strain, or one of state"),
     (lambda: _law(energy="dev(strain)"), "which is a tensor, need a number"),

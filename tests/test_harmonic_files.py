@@ -113,7 +113,7 @@ def test_loads_that_swing_are_named_and_the_others_are_static(tmp_path, capsys):
         ("to = 2.0e4", "to = 1.0e9", "too many for"),
         ("base = [0.0, 0.0, 1.0]", "base = [0, 0, 0]", "base: got zeros, need an amplitude"),
         ("base = [0.0, 0.0, 1.0]", 'loads = ["push"]', "'push' is not known"),
-        ("base = [0.0, 0.0, 1.0]", "", "nothing swings: give a load, or base"),
+        ("base = [0.0, 0.0, 1.0]", "", "no excitation: give a load, or base"),
         ('component = "along"', 'component = "max_principal"', "turns in a period"),
         ("[measure.tip]\ndisplacement", "[measure.tip]\nrotation", "not available in harmonic"),
     ],
@@ -166,7 +166,7 @@ test_what_cannot_be_told_is_refused = refused(
 def test_gravity_does_not_swing():
     found = model(LinearElastic(E=100.0, nu=0.3))
     heavy = Weight((0.0, 0.0, -1e-3), found.bodies[0], 0)
-    with pytest.raises(ValueError, match="nothing swings"):
+    with pytest.raises(ValueError, match="no excitation"):
         harmonic.solve(model(loads=[heavy]), [0.1], harmonic.Damping(ratio=0.1))
 
 

@@ -11,7 +11,7 @@ from isorod import InputError, LinearElastic, NeoHookean, Rod, SolveError, Space
 from isorod.dynamics.implicit import inertia
 from isorod.dynamics.implicit.mixed import MixedStepAssembler
 from isorod.geometry import center_line, section
-from isorod.material.along_rod import Laws, Piece, volume_between
+from isorod.material.along_rod import Laws, Segment, volume_between
 from isorod.model import Body, BodyForce, Contact, Model, Support
 
 LENGTH, RADIUS = 2.0, 0.5
@@ -27,7 +27,7 @@ def states(points=40):
 
 def test_the_gradient_between_states_is_the_change_of_volume():
     F, H = states()
-    laws = Laws([Piece(NeoHookean(E, 0.5), 0, len(F))])
+    laws = Laws([Segment(NeoHookean(E, 0.5), 0, len(F))])
     gradient, slope = volume_between(laws, F, H, True)
     grown = np.log(np.linalg.det(F + H) / np.linalg.det(F))
     np.testing.assert_allclose(np.sum(gradient * H, axis=(1, 2)), grown, atol=1e-13)
@@ -44,7 +44,7 @@ def test_the_gradient_between_states_is_the_change_of_volume():
 
 def test_the_gradient_of_small_strains_is_that_of_the_trace():
     F, H = states()
-    laws = Laws([Piece(NeoHookean(E, 0.49), 0, 2), Piece(LinearElastic(E, 0.5), 2, len(F))])
+    laws = Laws([Segment(NeoHookean(E, 0.49), 0, 2), Segment(LinearElastic(E, 0.5), 2, len(F))])
     gradient, slope = volume_between(laws, F, H, True)
     np.testing.assert_array_equal(gradient[2:], np.broadcast_to(np.eye(3), F[2:].shape))
     assert slope[:2].any() and not slope[2:].any()

@@ -86,7 +86,7 @@ class Part:
     def obey(self, laws: Laws) -> None:
         """Go on with the laws in another state."""
         self.laws = laws
-        for region, piece in zip(self.regions, laws.pieces, strict=True):
+        for region, piece in zip(self.regions, laws.segments, strict=True):
             region.obey(piece.law)
 
     @property

@@ -14,7 +14,7 @@ from isorod.assembly.field_kernel import Field, Functions, add_resultants, deter
 from isorod.assembly.gradients import coefficients
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
-from isorod.material.along_rod import Laws, Piece
+from isorod.material.along_rod import Laws, Segment
 from isorod.material.law import Material
 from isorod.material.points import STEP, address
 from isorod.space.space import Table
@@ -53,7 +53,7 @@ class Region:
         Functions and geometry of these elements and points.
     """
 
-    def __init__(self, table: Table, piece: Piece) -> None:
+    def __init__(self, table: Table, piece: Segment) -> None:
         self.piece, self.first, self.last = piece, piece.first, piece.last
         self.table = table.part(slice(piece.first, piece.last), piece.points)
 
@@ -302,4 +302,4 @@ def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Step
 
 def regions(table: Table, laws: Laws) -> list[Region]:
     """Return the regions of the elements that a table has, which obey these laws."""
-    return [Region(table, piece) for piece in laws.pieces]
+    return [Region(table, piece) for piece in laws.segments]

@@ -17,7 +17,7 @@ from isorod.assembly.factorisation import factorisation
 from isorod.buckling.path import Known, PathEnds, Primary
 from isorod.buckling.tangents import Tangents
 from isorod.errors import SolveError
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.pencil import Eigenpairs, Pencil
 from isorod.petsc import inertia
 
 # The next equilibrium is short of the factor by this share of the way.
@@ -83,7 +83,7 @@ class Look(NamedTuple):
     below: int
     ways: Array
     shapes: Array
-    modes: Found
+    modes: Eigenpairs
     slopes: Array
 
     def way(self, number: int) -> tuple[float, Array] | None:
@@ -140,7 +140,7 @@ class Seeker:
         # How far the last factor that has settled lay from the equilibrium that told it, and by how much it may be off.
         self._reach = self._doubt = 0.0
 
-    def modes(self, count: int) -> Found:
+    def modes(self, count: int) -> Eigenpairs:
         """Return the lowest vibration modes about the equilibrium at which the tangents are."""
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 

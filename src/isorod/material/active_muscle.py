@@ -1,4 +1,4 @@
-"""Skeletal muscle whose active fibres have a tension curve of one's own."""
+"""Skeletal muscle with a user-defined tension curve of active fibres."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from isorod.material.energy import Energy
 
-# Stretches between which what activation can do is looked for, and between which an integral is checked.
+# Range of stretches in which the work of activation is computed, and an integral is checked.
 _LEAST, _MOST = 0.25, 2.5
 
 
@@ -29,9 +29,9 @@ class ActiveMuscle(Muscle):
     E, nu, sigma_max, m1, m2, activation, fibre
         As those of `Muscle`.
     curve
-        Tension of active fibres by their stretch, 1 what ``sigma_max`` is.  Points ``(stretch, tension)``, shape ``(n,
-        2)``, between which it is cubic and as monotone as these (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984)
-        300-304), and beyond which the first and the last hold; or a SymPy expression of one symbol, the stretch.
+        Tension of active fibres by their stretch, relative to ``sigma_max``.  Points ``(stretch, tension)``, shape
+        ``(n, 2)``, joined by monotone cubics (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304) and
+        constant beyond the first and the last; or a SymPy expression of one symbol, the stretch.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class ActiveMuscle(Muscle):
 
 
 def _checked(curve: Any) -> tuple[tuple[float, float], ...]:
-    """Return the points of a curve, raising `InputError` if they are none."""
+    """Return the points of a curve; raises `InputError` if they are invalid."""
     points = numbers("curve", curve)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
         raise InputError(f"curve: got shape {points.shape}, need three or more points (stretch, tension)")
@@ -85,7 +85,7 @@ def _energy(curve: Any) -> "Energy":
 
 @cache
 def _work(curve: Any) -> float:
-    """Return the most work that fibres of a curve do of which the largest stress is 1."""
+    """Return the maximum work of fibres with a curve, for a largest stress of 1."""
     import sympy as sp
 
     from isorod.material.muscle_energy import STRETCH
@@ -108,18 +108,18 @@ def _stored(curve: Any) -> "sp.Expr":
         names = ", ".join(map(str, free)) or "nothing"
         raise InputError(f"curve: got an expression of {names}, need one of the stretch")
     tension = curve.subs(free[0], STRETCH).rewrite((sp.Max, sp.Min, sp.Abs), sp.Piecewise)
-    found = sp.integrate(sp.piecewise_fold(tension), STRETCH)
-    if found.has(sp.Integral) or not _holds(found, tension, STRETCH):
+    integral = sp.integrate(sp.piecewise_fold(tension), STRETCH)
+    if integral.has(sp.Integral) or not _holds(integral, tension, STRETCH):
         raise InputError(f"curve: SymPy finds no integral of {curve}; give points (stretch, tension) of it")
-    return found - found.subs(STRETCH, 1)
+    return integral - integral.subs(STRETCH, 1)
 
 
-def _holds(found: "sp.Expr", tension: "sp.Expr", stretch: "sp.Symbol") -> bool:
+def _holds(candidate: "sp.Expr", tension: "sp.Expr", stretch: "sp.Symbol") -> bool:
     """Whether an expression is the integral of another, jumps and all."""
     import sympy as sp
     from scipy.integrate import quad
 
-    integral, rate = (sp.lambdify(stretch, one, ["scipy", "numpy"]) for one in (found, tension))
+    integral, rate = (sp.lambdify(stretch, one, ["scipy", "numpy"]) for one in (candidate, tension))
     ends = np.linspace(_LEAST, _MOST, 7)
     grown = np.diff([float(integral(one)) for one in ends])
     exact = [quad(rate, a, b, limit=200)[0] for a, b in pairwise(ends)]
@@ -127,21 +127,21 @@ def _holds(found: "sp.Expr", tension: "sp.Expr", stretch: "sp.Symbol") -> bool:
 
 
 def _integral_of_points(points: Sequence[tuple[float, float]], stretch: "sp.Symbol") -> "sp.Expr":
-    """Return the integral from 1 of the cubics through points."""
+    """Return the integral from 1 of the cubic interpolant."""
     import sympy as sp
     from scipy.interpolate import PchipInterpolator
 
     x, y = np.array(points).T
     curve = PchipInterpolator(x, y)
     before = curve.antiderivative()
-    # From 1, which may lie beyond the points.
+    # 1 may lie beyond the points.
     inside = min(max(1.0, x[0]), x[-1])
     start = float(before(inside) + curve(inside) * (1.0 - inside))
-    pieces = [(y[0] * (stretch - x[0]) - start, stretch < x[0])]
+    branches = [(y[0] * (stretch - x[0]) - start, stretch < x[0])]
     for k in range(len(x) - 1):
         d, value = stretch - x[k], sp.Float(0)
         for coefficient in before.c[:, k]:
             value = value * d + float(coefficient)
-        pieces.append((value - start, stretch < x[k + 1]))
+        branches.append((value - start, stretch < x[k + 1]))
     last = float(before(x[-1]))
-    return sp.Piecewise(*pieces, (last - start + y[-1] * (stretch - x[-1]), True))
+    return sp.Piecewise(*branches, (last - start + y[-1] * (stretch - x[-1]), True))

@@ -1,18 +1,18 @@
-"""Stress between two states that does exactly the work of any law's energy: a discrete gradient.
+"""Stress between two states whose work is exactly the change of any law's energy: a discrete gradient.
 
-Between the states ``C_0`` and ``C_1 = C_0 + D`` the second Piola-Kirchhoff stress of the law is averaged on the
-straight way (the mean value discrete gradient, McLachlan, Quispel & Robidoux, Phil. Trans. R. Soc. A 357 (1999)
+Between the states ``C_0`` and ``C_1 = C_0 + D`` the second Piola-Kirchhoff stress of the law is averaged along the
+straight path (the mean value discrete gradient, McLachlan, Quispel & Robidoux, Phil. Trans. R. Soc. A 357 (1999)
 1021-1045),
 
     S = int_0^1 S(C_0 + t D) dt + k D,    k = (2 (W_1 - W_0) - S : D) / (D : D),
 
-by Gauss points, so that nothing is divided by ``|D|`` where they are exact to rounding; where not, as with large
-changes or where fibres begin to bear on the way, the last term (Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467) makes up
-for what they miss beyond rounding.  ``S : D / 2 = W_1 - W_0``, and ``S`` stays the same when both states change places.
-With ``P = F_m S``, ``F_m`` the mean of both deformation gradients, internal forces have no resultant and no moment.
+by Gauss points, so that nothing is divided by ``|D|`` if they are exact to rounding.  If not, as with large changes or
+fibres that become taut along the path, the last term (Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467) corrects their
+error beyond rounding.  ``S : D / 2 = W_1 - W_0``, and ``S`` is symmetric in both states.  With ``P = F_m S``, ``F_m``
+the mean of both deformation gradients, internal forces have no resultant and no moment.
 
-Of a law with memory ``W`` is what is stored and dissipated, of which its stress in the step is the derivative; where
-it flows with time, this goes by on the way as the strain does, and the mean stands as it is.
+For a law with memory ``W`` is the stored and dissipated energy, whose derivative is its stress in the step.  For a law
+that flows with time, time grows along the path as the strain does, and the mean is not corrected.
 
 Symmetric tensors have six components, 00, 01, 02, 11, 12, 22, and so have triangular ones.
 """
@@ -40,16 +40,16 @@ from isorod.material.points import (
     modulus_row,
 )
 
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-_PLACES, _SHARES = tuple((0.5 * (1.0 + _POINTS)).tolist()), tuple((0.5 * _WEIGHTS).tolist())
+_ABSCISSAE, _GAUSS = np.polynomial.legendre.leggauss(4)
+_PLACES, _WEIGHTS = tuple((0.5 * (1.0 + _ABSCISSAE)).tolist()), tuple((0.5 * _GAUSS).tolist())
 
-# Times modulus and energies: more than what rounding makes of twice a difference of energies.
+# Times modulus and energies: exceeds the rounding error of twice a difference of energies.
 _ROUNDING = 32.0 * float(np.finfo(float).eps)
 
 _W = np.uint64(POINTS)
 # Rows of the work space of a block besides the law's: C_0, D, U^-1, S at a place, its mean, the mean of t dS/dE (21 of
 # pairs of components, the first not behind the second), P_1, W_0, W_1; F_0 and its change, det F_0 and det F_1, and
-# whether one of the states cannot be.
+# whether one of the states is inverted.
 _START, _CHANGE, _INVERSE, _HERE, _MEAN, _VARIED, _LAST, _BEFORE, _AFTER = 0, 6, 12, 18, 24, 30, 51, 60, 61
 _FIRST, _MOVED, _DETERMINANTS, _BAD, _SIZE, _FACTOR, _RATE = 62, 71, 80, 82, 83, 84, 85
 _OWN = 86
@@ -58,14 +58,14 @@ _1, _2, _9, _10, _11, _first = np.uint64(1), np.uint64(2), np.uint64(9), np.uint
 
 @njit(i8(i8, i8), **FAST)
 def _six(A: int, B: int) -> int:
-    """Return which of six components of a symmetric tensor this is."""
+    """Return the number of a component among six of a symmetric tensor."""
     low, high = min(A, B), max(A, B)
     return low * (5 - low) // 2 + high
 
 
 @njit(i8(i8, i8), **FAST)
 def _pair(p: int, q: int) -> int:
-    """Return which of 21 pairs of six components this is."""
+    """Return the number of a pair of components among 21."""
     low, high = min(p, q), max(p, q)
     return low * (11 - low) // 2 + high
 
@@ -93,10 +93,10 @@ def _determinant(own: Array, row: int, k: int, t: float) -> float:
 
 @njit(void(F2), **FAST)
 def _begin(own: Array) -> None:
-    """Fill in ``C_0``, ``D`` and what tells states that cannot be, whose points are taken at rest."""
+    """Fill in ``C_0``, ``D`` and the marks of inverted states, whose points are evaluated at rest instead."""
     for k in range(_W):
         det0, det1 = _determinant(own, _FIRST, k, 0.0), _determinant(own, _FIRST, k, 1.0)
-        # States that cannot be have no stress, though the way may seem to pass them by.
+        # Inverted states have no stress, even if the path of C is regular.
         bad = 0.0 if (det0 > 0.0) & (det1 > 0.0) else 1.0
         own[_DETERMINANTS, k] = det0 if bad == 0.0 else 1.0
         own[_DETERMINANTS + 1, k], own[_BAD, k] = det1 if bad == 0.0 else 1.0, bad
@@ -127,7 +127,8 @@ def _begin(own: Array) -> None:
 def _go(own: Array, work: Array, t: float) -> None:
     """Fill the law's rows of ``F`` with a triangular ``U``, ``U^T U = C_0 + t D``, and others with its inverse.
 
-    Any ``F`` with ``F^T F = C`` does: ``S`` knows no rotation.  It is NaN where rounding leaves none.
+    Any ``F`` with ``F^T F = C`` does, since ``S`` does not depend on rotation.  It is NaN if rounding makes ``C``
+    indefinite.
     """
     for k in range(_W):
         c00, c01 = own[_START, k] + t * own[_CHANGE, k], own[_START + 1, k] + t * own[_CHANGE + 1, k]
@@ -152,8 +153,8 @@ def _go(own: Array, work: Array, t: float) -> None:
 
 
 @njit(void(F2, F1, f8), **FAST)
-def _add_stress(own: Array, work: Array, share: float) -> None:
-    """Fill in ``S = U^-1 P``, and add its share to the mean."""
+def _add_stress(own: Array, work: Array, weight: float) -> None:
+    """Fill in ``S = U^-1 P``, and add it to the mean with a weight."""
     for k in range(_W):
         v22 = own[_INVERSE + 5, k]
         v11, v12 = own[_INVERSE + 3, k], own[_INVERSE + 4, k]
@@ -166,13 +167,13 @@ def _add_stress(own: Array, work: Array, share: float) -> None:
         own[_HERE + 5, k] = v22 * work[ROWS[8] + k]
     for c in range(np.uint64(6)):
         for k in range(_W):
-            own[np.uint64(_MEAN) + c, k] += share * own[np.uint64(_HERE) + c, k]
+            own[np.uint64(_MEAN) + c, k] += weight * own[np.uint64(_HERE) + c, k]
 
 
 @njit(void(F2, F1, f8), **FAST)
-def _add_moduli(own: Array, work: Array, share: float) -> None:
-    """Add a share of ``dS_KJ/dE_LB = V_Ka V_Lb (dP_aJ/dF_bB - d_ab S_JB)``, ``V = U^-1``, to the mean."""
-    # Of both indices of a component V takes the larger: it has the fewest that are not zero.
+def _add_moduli(own: Array, work: Array, weight: float) -> None:
+    """Add ``dS_KJ/dE_LB = V_Ka V_Lb (dP_aJ/dF_bB - d_ab S_JB)``, ``V = U^-1``, to the mean with a weight."""
+    # V takes the larger index of each component: its row has the fewest nonzeros.
     for J in range(3):
         for K in range(J, 3):
             for B in range(3):
@@ -187,11 +188,11 @@ def _add_moduli(own: Array, work: Array, share: float) -> None:
                             right = np.uint64(_INVERSE + _six(L, b))
                             row: Any = modulus_row(a, J, b, B)
                             for k in range(_W):
-                                own[into, k] += share * own[left, k] * own[right, k] * work[row + k]
+                                own[into, k] += weight * own[left, k] * own[right, k] * work[row + k]
                             if a == b:
                                 own_stress = np.uint64(_HERE + _six(J, B))
                                 for k in range(_W):
-                                    own[into, k] -= share * own[left, k] * own[right, k] * own[own_stress, k]
+                                    own[into, k] -= weight * own[left, k] * own[right, k] * own[own_stress, k]
 
 
 @njit(f8(u8, u8, F1, F1), **FAST)
@@ -220,7 +221,7 @@ def _finish(own: Array, work: Array, modulus: float, exact: float) -> None:
         before, after = own[_BEFORE, k], own[_AFTER, k]
         missed = 2.0 * (after - before) - (m0 * d0 + m3 * d3 + m5 * d5 + 2.0 * (m1 * d1 + m2 * d2 + m4 * d4))
         allowed = _ROUNDING * (modulus + abs(before) + abs(after))
-        # No jump: what is beyond rounding comes in twice as fast until it is all there.  NaN is beyond.
+        # Continuous: beyond rounding the correction grows twice as fast until it is complete.  NaN counts as beyond.
         far = abs(missed) >= 2.0 * allowed
         beyond = missed if far else 2.0 * (missed - np.copysign(allowed, missed))
         factor = 0.0 if (abs(missed) <= allowed) | (exact == 0.0) else beyond / size
@@ -300,14 +301,14 @@ def discrete_gradient(
     stress: Array,
     moduli: Array,
 ) -> None:
-    """Fill in the stress between states, and if they have points its moduli, NaN where one of the states cannot be.
+    """Fill in the stress between states, and its moduli if they have points; NaN where one of the states is inverted.
 
     Parameters
     ----------
     block, tangent
         Addresses of the law's functions.
     remembers, clock
-        Whether the law has a memory, and which of its constants is the time of the step; none below 0.
+        Whether the law has memory, and which of its constants is the time of the step; none below 0.
     start, change
         Deformation gradients and their changes, shape ``(points, 3, 3)``.
     constants, fibres
@@ -317,11 +318,11 @@ def discrete_gradient(
     """
     work, own = np.zeros(MODULI_WORK * POINTS), np.empty((_OWN, POINTS))
     tensors, varied = np.empty((6, 3, 3)), np.empty((6, 9))
-    count, wanted, modulus = start.shape[0], moduli.shape[0] > 0, 0.0
+    count, with_moduli, modulus = start.shape[0], moduli.shape[0] > 0, 0.0
     own_constants = constants.copy()
     for begin in range(0, count, POINTS):
         for k in range(_W):
-            # Behind the last point it fills up the block.
+            # The last point fills up the block.
             m: Any = min(begin + np.int64(k), count - 1)
             for a in range(3):
                 for A in range(3):
@@ -333,16 +334,16 @@ def discrete_gradient(
             modulus = _modulus(block, tangent, work, constants)
         own[_MEAN:_LAST] = 0.0
         for place in range(len(_PLACES)):
-            t, share = _PLACES[place], _SHARES[place]
+            t, weight = _PLACES[place], _WEIGHTS[place]
             _go(own, work, t)
             if clock >= 0:
                 own_constants[clock] = t * constants[clock]
             call_block(block, (work, own_constants, 1.0, False))
-            _add_stress(own, work, share)
-            if wanted:
+            _add_stress(own, work, weight)
+            if with_moduli:
                 work[POINTS * MODULI :] = 0.0
                 call_tangent(tangent, (work, own_constants, 1.0))
-                _add_moduli(own, work, t * share)
+                _add_moduli(own, work, t * weight)
         for last in range(2):
             for c in range(np.uint64(9)):
                 for k in range(_W):
@@ -363,5 +364,5 @@ def discrete_gradient(
             for a in range(3):
                 for A in range(3):
                     stress[m, a, A] = valid * work[np.uint64(POINTS * (3 * a + A)) + k]
-            if wanted:
+            if with_moduli:
                 _moduli(own, k, tensors, varied, m, moduli)

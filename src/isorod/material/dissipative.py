@@ -1,4 +1,4 @@
-"""A law from two potentials, which its user writes down: what is stored, and what is lost."""
+"""A law from two user-defined potentials: stored energy and dissipation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,14 +9,15 @@ import numpy as np
 
 from isorod.errors import InputError
 from isorod.material.isochoric import Isochoric, check_written
-from isorod.material.law import Material, plane_waves
+from isorod.material.law import Material
 from isorod.material.memory import Timed
 from isorod.material.points import STATES, Compiled
+from isorod.material.proof import check_waves
 
-# How many numbers each kind of a variable is in the state.
+# Number of components of each kind of variable in the state.
 KINDS = {"scalar": 1, "symmetric": 6, "deviatoric": 6}
 
-# What is something else wherever fields are told.
+# Names of other fields in records and files.
 _TAKEN = "dissipated", "displacement", "velocity", "pressure", "contact_pressure", "cauchy", "von_mises", "mean_stress"
 
 # Strains and times of the steps in which a law is checked.
@@ -26,7 +27,7 @@ _CHECKED: set[Any] = set()
 
 
 def check_variables(variables: Mapping[str, str]) -> None:
-    """Raise `InputError` if names or kinds of internal variables cannot be."""
+    """Raise `InputError` if names or kinds of internal variables are invalid."""
     for name, kind in variables.items():
         if not name.isidentifier():
             raise InputError(f"state: got the name {name!r}, need one of letters and digits")
@@ -43,9 +44,9 @@ def check_variables(variables: Mapping[str, str]) -> None:
 class Dissipative(Timed, Isochoric):
     """A law from its stored energy and a dissipation potential of the rates of internal variables.
 
-    The energy is one of the logarithmic strain ``ln(C)/2``, so that rotations change nothing.  A step minimises
+    The energy depends on the logarithmic strain ``ln(C)/2`` and is therefore objective.  A step minimises
     ``W(strain, a) + t phi((a - a_n)/t)``: an error of first order in its time ``t``.  Stress, the symmetric moduli and
-    the step's own Newton iterations are made from the two potentials, and checked when the law is made.
+    the local Newton iterations are derived from the two potentials, and checked when the law is made.
 
     Parameters
     ----------
@@ -53,15 +54,15 @@ class Dissipative(Timed, Isochoric):
         The stored energy, a SymPy expression of `isorod.material.symbols.strain`, internal variables and
         constants, per reference volume.
     dissipation
-        One of rates and constants, convex and least, zero, where nothing flows; with a second derivative there, which
-        a yield stress or Norton's power does not have (`isorod.material.plastic`, `isorod.material.viscous`).
+        A SymPy expression of rates and constants, convex, with its minimum 0 at zero rates and a second derivative
+        there, which yield stresses and Norton's power law lack (`isorod.material.plastic`, `isorod.material.viscous`).
     variables
         Kind of each variable by its name: ``"scalar"``, ``"symmetric"`` or ``"deviatoric"``, a tensor without trace.
         Its symbols and those of its rate are `isorod.material.symbols.internal`.  All are zero at rest.
     parameters
         Value of each constant, by its symbol or name.
     bulk
-        Where it is given, ``bulk/2 (ln J)^2`` is added to the energy; force / area, infinite for an incompressible law.
+        If given, ``bulk/2 (ln J)^2`` is added to the energy; force / area, infinite for an incompressible law.
 
     Raises
     ------
@@ -84,7 +85,7 @@ class Dissipative(Timed, Isochoric):
         self._prove()
 
     def _check(self) -> None:
-        """Raise nothing: constants are what the energy takes."""
+        """Accept all constants: the energy is checked."""
 
     @cached_property
     def _text(self) -> str:
@@ -93,20 +94,20 @@ class Dissipative(Timed, Isochoric):
 
         pairs, places, traces, first = list[Any](), list[int](), list[tuple[int, int, int]](), 0
         for name, kind in self.variables.items():
-            own, rate = internal(name, kind)
+            variable, rate = internal(name, kind)
             if kind == "scalar":
-                pairs, places = [*pairs, (own, rate)], [*places, first]
+                pairs, places = [*pairs, (variable, rate)], [*places, first]
             else:
                 kept = range(5 if kind == "deviatoric" else 6)
                 at = [(i, j) for i in range(3) for j in range(i, 3)]
-                pairs += [(own[at[k]], rate[at[k]]) for k in kept]
+                pairs += [(variable[at[k]], rate[at[k]]) for k in kept]
                 places += [first + k for k in kept]
                 traces += [(first + 5, first, first + 3)] if kind == "deviatoric" else []
             first += KINDS[kind]
         symbols = self._symbols
         energy, lost = self.definition, self.dissipation
         for what, one, known in (
-            ("energy", energy, [own for own, _ in pairs]),
+            ("energy", energy, [variable for variable, _ in pairs]),
             ("dissipation", lost, [rate for _, rate in pairs]),
         ):
             if unknown := free_of(one, [*known, *symbols]):
@@ -127,7 +128,7 @@ class Dissipative(Timed, Isochoric):
 
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
-        """How many numbers of each variable the state has; of tensors 00, 01, 02, 11, 12, 22."""
+        """Number of components of each variable in the state; of tensors 00, 01, 02, 11, 12, 22."""
         return {name: KINDS[kind] for name, kind in self.variables.items()}
 
     @property
@@ -163,7 +164,7 @@ class Dissipative(Timed, Isochoric):
         Raises
         ------
         InputError
-            If there is a stress or a flow at rest; a rate gains energy; a step has no least; moduli are not the
+            If there is a stress or a flow at rest; a rate gains energy; a step has no minimum; moduli are not the
             derivative of the stress; a plane wave at rest has no positive modulus.
         """
         key = self._text, self.constants.tobytes()
@@ -174,9 +175,7 @@ class Dissipative(Timed, Isochoric):
         law = self.shear
         rest = np.eye(3)[None]
         scale = float(np.abs(law.tangent(rest)).max())
-        waves = float(plane_waves(law).min()) if 0.0 < scale < np.inf else np.nan
-        if not waves > 1e-12 * scale:
-            raise InputError(f"energy: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+        check_waves("energy", law, scale)
         for time in _TIMES:
             self._in_steps(law, time, scale)
         _CHECKED.add(key)
@@ -190,7 +189,7 @@ class Dissipative(Timed, Isochoric):
         slopes = [sp.diff(energy, one).subs(dict.fromkeys(free, 0)) for one in free]
         scale = max((abs(sp.diff(energy, one, 2).subs(dict.fromkeys(free, 0))) for one in free), default=0)
         if not all(abs(one) <= 1e-10 * scale for one in slopes):
-            raise InputError("energy: at rest there is a stress, or what flows: need both zero where all is zero")
+            raise InputError("energy: stress and driving forces of the variables have to be zero at rest")
 
     def _at_rates(self) -> None:
         """Check that no rate gains energy."""
@@ -210,24 +209,24 @@ class Dissipative(Timed, Isochoric):
         rng = np.random.default_rng(0)
         for size in (1e-6, 1e-3, 1.0, 1e3):
             with np.errstate(all="ignore"):
-                found = np.broadcast_to(power(*(size * rng.normal(size=(len(rates), 2500)))), 2500)
-            if not (found >= 0.0).all():
+                powers = np.broadcast_to(power(*(size * rng.normal(size=(len(rates), 2500)))), 2500)
+            if not (powers >= 0.0).all():
                 raise InputError("dissipation: some rates gain energy")
 
     @staticmethod
     def _in_steps(law: "Dissipative", time: float, scale: float) -> None:
-        """Check moduli on the way of random steps of some time."""
+        """Check the moduli in random steps of some time."""
         rng, now = np.random.default_rng(1), time
         F = np.tile(np.eye(3), (6, 1, 1))
         for _ in range(2):
             F = F + _STRAIN * rng.uniform(-1.0, 1.0, F.shape)
-            one = law.at(now)
-            moduli, way = one.tangent(F), rng.uniform(-1.0, 1.0, F.shape)
-            linear = np.einsum("naAbB,nbB->naA", moduli, way)
-            found = (one.stress(F + 1e-6 * way) - one.stress(F - 1e-6 * way)) / 2e-6
-            if not np.isfinite(found).all():
-                raise InputError(f"dissipation: in a step of time {time:g} what it minimises has no least, or no bend")
-            error = float(np.abs(found - linear).max() / scale)
+            timed = law.at(now)
+            moduli, direction = timed.tangent(F), rng.uniform(-1.0, 1.0, F.shape)
+            linear = np.einsum("naAbB,nbB->naA", moduli, direction)
+            difference = (timed.stress(F + 1e-6 * direction) - timed.stress(F - 1e-6 * direction)) / 2e-6
+            if not np.isfinite(difference).all():
+                raise InputError(f"dissipation: in a step of time {time:g} its potential has no regular minimum")
+            error = float(np.abs(difference - linear).max() / scale)
             if not error < 1e-5:
                 raise InputError(f"energy: in a step of time {time:g} its moduli are off by {100.0 * error:.3g} %")
             law, now = law.advanced(F, now), now + time

@@ -1,4 +1,4 @@
-"""What the compiled functions of laws of two potentials have in common (`isorod.material.dissipative_source`)."""
+"""Common parts of the compiled functions of laws of two potentials (`isorod.material.dissipative_source`)."""
 
 from typing import Any
 
@@ -10,22 +10,22 @@ from isorod.material.points import FIBRE, POINTS
 
 
 @njit(**FAST)
-def told(work: Array, k: Any, places: Index, old: Array) -> None:
+def read_state(work: Array, k: Any, places: Index, old: Array) -> None:
     """Fill in the internal variables at the start of the step."""
     for i in range(old.size):
         old[i] = work[np.uint64(POINTS * (FIBRE + places[i])) + k]
 
 
 @njit(**FAST)
-def written(work: Array, k: Any, places: Index, traces: Index, a: Array) -> None:
-    """Put internal variables into the state, and the last component of those without a trace."""
+def write_state(work: Array, k: Any, places: Index, traces: Index, a: Array) -> None:
+    """Write internal variables to the state, with the last component of traceless ones."""
     for i in range(a.size):
         work[np.uint64(POINTS * (FIBRE + places[i])) + k] = a[i]
     for i in range(traces.shape[0]):
         if traces[i, 0] >= 0:
-            one = work[np.uint64(POINTS * (FIBRE + traces[i, 1])) + k]
-            one += work[np.uint64(POINTS * (FIBRE + traces[i, 2])) + k]
-            work[np.uint64(POINTS * (FIBRE + traces[i, 0])) + k] = -one
+            total = work[np.uint64(POINTS * (FIBRE + traces[i, 1])) + k]
+            total += work[np.uint64(POINTS * (FIBRE + traces[i, 2])) + k]
+            work[np.uint64(POINTS * (FIBRE + traces[i, 0])) + k] = -total
 
 
 @njit(**FAST)
@@ -55,24 +55,24 @@ def factor(a: Array) -> bool:
 
 
 @njit(**FAST)
-def solved(lower: Array, right: Array, found: Array) -> None:
+def solved(lower: Array, right: Array, solution: Array) -> None:
     """Fill in the solution of a system whose matrix has a Cholesky factor."""
     count = right.size
     for i in range(count):
         total = right[i]
         for k in range(i):
-            total -= lower[i, k] * found[k]
-        found[i] = total / lower[i, i]
+            total -= lower[i, k] * solution[k]
+        solution[i] = total / lower[i, i]
     for i in range(count - 1, -1, -1):
-        total = found[i]
+        total = solution[i]
         for k in range(i + 1, count):
-            total -= lower[k, i] * found[k]
-        found[i] = total / lower[i, i]
+            total -= lower[k, i] * solution[k]
+        solution[i] = total / lower[i, i]
 
 
 @njit(**FAST)
 def condensed(stiff: Array, crossed: Array, lower: Array) -> None:
-    """Take from ``stiff`` (6, 6) the product ``crossed K^-1 crossed^T``, ``K`` of a Cholesky factor."""
+    """Subtract ``crossed K^-1 crossed^T`` from ``stiff`` (6, 6), ``K`` given by its Cholesky factor."""
     count = crossed.shape[1]
     half = np.empty((6, count))
     for m in range(6):

@@ -1,4 +1,4 @@
-"""A stored energy as an expression: its derivatives, and what of it is the work of a change of volume alone."""
+"""A stored energy as an expression, and its split into deviatoric and volumetric parts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ class Energy:
     Parameters
     ----------
     shape
-        What is stored besides ``bulk volume``: an expression of `isorod.material.symbols` and constants.
+        The energy without ``bulk volume``: an expression of `isorod.material.symbols` and constants.
     constants
-        The symbols of the constants, in the order of a law's; where there is a volumetric energy ``bulk`` is the last.
+        The symbols of the constants, in the order of the law's; with a volumetric energy ``bulk`` is the last.
     volume
         Volumetric energy of unit modulus at rest: an expression of ``J`` (of small strains: of the trace of ``F``), or
         None.
     small
-        Whether it is one of small strains: ``C`` stands for ``F + F^T - 1``.
+        Whether strains are small: ``C`` stands for ``F + F^T - 1``.
     """
 
     shape: sp.Expr
@@ -38,19 +38,19 @@ class Energy:
     small: bool = False
 
     @cached_property
-    def whole(self) -> sp.Expr:
-        """What is stored, with the volumetric energy."""
+    def total(self) -> sp.Expr:
+        """The energy with its volumetric part."""
         if self.volume is None:
             return self.shape
         return self.shape + self.constants[-1] * self.volume
 
     @cached_property
     def expression(self) -> sp.Expr:
-        """The same of ``F`` where strains are small."""
+        """The energy with its volumetric part, of components of ``F`` if strains are small."""
         if not self.small:
-            return self.whole
+            return self.total
         linear = s.F + s.F.T - sp.eye(3)
-        return self.whole.xreplace({s.C[A, B]: linear[A, B] for A in range(3) for B in range(A, 3)})
+        return self.total.xreplace({s.C[A, B]: linear[A, B] for A in range(3) for B in range(A, 3)})
 
     @property
     def quadratic(self) -> bool:
@@ -59,24 +59,24 @@ class Energy:
 
     @cached_property
     def rests(self) -> bool:
-        """Whether it is of invariants and stretches alone, and zero at rest without activation, as is its stress."""
-        whole = self.whole.subs(s.activation, 0)
-        if self.small or whole.free_symbols & {*s.F, *s.C, s.I8} or _differs(whole.subs(_REST)):
+        """Whether it is of invariants and stretches alone, and zero at rest without activation, with its stress."""
+        energy = self.total.subs(s.activation, 0)
+        if self.small or energy.free_symbols & {*s.F, *s.C, s.I8} or _differs(energy.subs(_REST)):
             return False
-        fibres = sum(abs(sp.diff(whole, one).subs(_REST)) for one in (s.I4a, s.I4b))
-        return bool(sp.simplify(whole.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(whole))) == 0)
+        fibres = sum(abs(sp.diff(energy, one).subs(_REST)) for one in (s.I4a, s.I4b))
+        return bool(sp.simplify(energy.subs(_REST)) == 0 and sp.simplify(fibres + abs(pressure_at_rest(energy))) == 0)
 
     @cached_property
     def families(self) -> int:
-        """Number of fibre directions that it asks for."""
+        """Number of fibre directions that it depends on."""
         free = self.expression.free_symbols
         if free & {s.I4b, s.I8, *s.b}:
             return 2
         return 1 if free & {s.I4a, *s.a} else 0
 
 
-def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
-    """Return an energy that is all there is, split where terms that depend on ``J`` alone are the volume's.
+def split(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
+    """Return a complete energy, split so that terms of ``J`` alone are the volumetric part.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
 
 
 def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
-    """Return an energy with ``- p ln J + bulk/2 (ln J)^2`` added, ``p`` such that it is free of pressure at rest."""
+    """Return an energy with ``- p ln J + bulk/2 (ln J)^2`` added, ``p`` such that the pressure at rest is zero."""
     given = _checked(given, constants)
     if {*s.F, *s.C} & given.free_symbols:
         raise InputError("energy: with a bulk modulus it takes invariants, stretches and fibres, no components of F")
@@ -108,7 +108,7 @@ def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
 
 
 def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
-    """Return the factor ``bulk`` of a split energy (`whole`) as an expression of the constants."""
+    """Return the factor ``bulk`` of a split energy (`split`) as an expression of the constants."""
     if energy.volume is None:
         return sp.Integer(0)
     rest = given - energy.shape
@@ -118,21 +118,21 @@ def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
 def pressure_at_rest(given: sp.Expr) -> sp.Expr:
     """Return the pressure (positive in tension) of an energy of invariants, stretches and fibres at rest."""
     weights = {s.I1: 2, s.I2: 4, s.J: 1, s.stretches[0]: 1}
-    found = sp.simplify(sum(w * sp.diff(given, one).subs(_REST) for one, w in weights.items()))
-    if found.has(sp.zoo, sp.nan, sp.oo, sp.I):
+    pressure = sp.simplify(sum(w * sp.diff(given, one).subs(_REST) for one, w in weights.items()))
+    if pressure.has(sp.zoo, sp.nan, sp.oo, sp.I):
         raise InputError("energy: it or its slope is not finite, or not real, at rest")
-    return found
+    return pressure
 
 
 def _differs(given: sp.Expr) -> bool:
-    """Return whether an expression is seen not to be zero by its value at some numbers: faster than by its formula."""
+    """Return whether an expression is nonzero at sample values, which is faster than to simplify it."""
     numbers = {one: sp.Float(1.0 + 1.0 / (k + 3.0)) for k, one in enumerate(sorted(given.free_symbols, key=str))}
     value = given.subs(numbers).evalf()
     return bool(value.is_comparable and abs(value) > 1e-9)
 
 
 def _checked(given: sp.Expr, constants: Sequence[sp.Symbol]) -> sp.Expr:
-    """Return an energy, if all its symbols are known: of ``C`` alone, of ``F``, or of invariants."""
+    """Return an energy in terms of ``C`` alone, of ``F``, or of invariants; raises `InputError` for unknown symbols."""
     if callable(given):
         raise InputError("energy: got a function, need an expression of SymPy")
     given = sp.sympify(given)
@@ -167,5 +167,5 @@ def _invariants_of_F(given: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
 
 
 def _tidy(expression: sp.Expr) -> sp.Expr:
-    """Return what is written with the fewest operations of a few forms."""
+    """Return the form of an expression with the fewest operations."""
     return min((expression, sp.factor_terms(expression)), key=sp.count_ops)

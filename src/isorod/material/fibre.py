@@ -1,8 +1,7 @@
-"""Directions that a law's material has, such as those of fibres: given as vectors, or by those of the rod.
+"""Material directions of a law, such as those of fibres: given as vectors, or relative to the rod.
 
-What a user gives is a word (`WORDS`), a vector ``(3,)`` of any length, one a point, or a function of the rod's
-`isorod.material.places.Places` that returns such.  A law keeps what `checked` returns, and with it answers what
-`isorod.material.law.Material` is asked.
+A user gives a word (`WORDS`), a vector ``(3,)`` of any length, one for each point, or a function of the rod's
+`isorod.material.places.Places` that returns vectors.  A law keeps what `checked` returns.
 """
 
 from collections.abc import Callable
@@ -22,9 +21,9 @@ WORDS = ("tangent", "normal", "binormal", "radial", "around")
 
 
 def helix(angle: float) -> Callable[[Places], Array]:
-    """Return the direction that winds about a rod's centre line, at an angle to its tangent in degrees.
+    """Return the direction of a helix about a rod's centre line, at an angle to its tangent in degrees.
 
-    0 is along the rod, 90 around it; positive angles wind as a right-handed screw does.
+    0 is along the rod, 90 around it; positive angles give a right-handed helix.
     """
     if not np.isfinite(angle):
         raise InputError(f"helix: got an angle of {angle}, need finite degrees")
@@ -72,12 +71,12 @@ def follows(fibre: Fibre) -> bool:
 
 
 def placed(fibre: Fibre, places: Places, name: str = "fibre direction") -> Fibre:
-    """Return a direction at a rod's places; vectors are what they were.
+    """Return a direction at a rod's places; vectors stay the same.
 
     Raises
     ------
     InputError
-        If a function returns what are no vectors there.
+        If a function does not return nonzero vectors there.
     """
     if isinstance(fibre, str):
         return np.asarray(getattr(places, fibre))
@@ -102,15 +101,15 @@ def placed(fibre: Fibre, places: Places, name: str = "fibre direction") -> Fibre
     return vectors
 
 
-def _fit(shape: tuple[int, ...], wanted: tuple[int, ...]) -> bool:
+def _fit(shape: tuple[int, ...], target: tuple[int, ...]) -> bool:
     try:
-        return shape[-1:] == (3,) and np.broadcast_shapes(shape, wanted) == wanted
+        return shape[-1:] == (3,) and np.broadcast_shapes(shape, target) == target
     except ValueError:
         return False
 
 
 def some(fibre: Fibre, places: Index) -> Fibre:
-    """Return a direction at some of the places it is for, if it has some of each."""
+    """Return a direction at some of its places, the same if it does not depend on them."""
     if isinstance(fibre, np.ndarray) and fibre.ndim > 1 and fibre.shape[0] > 1:
         return np.asarray(fibre[places])
     return fibre

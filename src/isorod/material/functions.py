@@ -1,4 +1,4 @@
-"""Functions in the compiled code of laws that are made from energies, which loops over points can vectorise.
+"""Functions in the compiled code generated from energies, which loops over points can vectorise.
 
 The C library's logarithm and exponential are called point by point; those below are a few products and sums, exact to
 two or three units in the last place.
@@ -33,7 +33,7 @@ def _of_bits(typing: Any, x: Any) -> Any:
     return f8(u8), lambda context, builder, _, values: builder.bitcast(values[0], context.get_value_type(f8))
 
 
-# In compiled code they take one argument.
+# In compiled code they take one argument: the typing context is supplied.
 bits: Any = _to_bits
 number: Any = _of_bits
 
@@ -91,27 +91,27 @@ def power(x: float, exponent: float) -> float:
     return exp(exponent * log(x))
 
 
-# Below which digits cancel in `shares`.
+# Times below which digits cancel in `ramp_fractions`.
 _SHORT = 1e-3
 
 
 @njit(**FAST)
-def shares(x: float, gone: float) -> tuple[float, float]:
-    """Return by how much a strain adds in a time ``x``, in times of relaxation, and a share lost.
+def ramp_fractions(x: float, gone: float) -> tuple[float, float]:
+    """Return the fraction of a stress that remains after a ramp in a time ``x``, and the fraction dissipated.
 
-    ``gone`` is ``1 - exp(-x)``: what goes of what was there.
+    ``x`` is in relaxation times; ``gone`` is ``1 - exp(-x)``, the relaxed fraction of a stress at the start.
     """
     short, over = x < _SHORT, max(x, _SHORT)
-    share = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) if short else gone / over
-    rest = x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)) if short else (1.0 - share) / over - 0.5 * share**2
-    return share, rest
+    kept = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) if short else gone / over
+    lost = x * (1.0 / 3.0 - x * (0.25 - 7.0 / 60.0 * x)) if short else (1.0 - kept) / over - 0.5 * kept**2
+    return kept, lost
 
 
-# Of a block's symmetric tensors: 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.
+# Rows of a block's symmetric tensors, 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.
 SPECTRAL = 15
 
-# Cyclic sweeps of Jacobi's rotations at most: convergence is quadratic, and five are enough for eigenvalues that differ
-# much.  No more are made where what is off the diagonal is less than this share of the trace, squared.
+# Cyclic sweeps of Jacobi rotations at most: convergence is quadratic, and five are enough for eigenvalues that differ
+# much.  They end when the off-diagonal part, squared, is less than this fraction of the trace, squared.
 _SWEEPS, _ROUNDING = 6, 1e-34
 
 
@@ -119,7 +119,7 @@ _SWEEPS, _ROUNDING = 6, 1e-34
 def principals(spectral: Array, count: int) -> None:
     """Replace the first tensors of a block by their eigenvalues, and fill in unit eigenvectors: Jacobi's rotations.
 
-    Right to rounding, and eigenvectors at right angles where eigenvalues meet.
+    Right to rounding, with orthogonal eigenvectors for equal eigenvalues.
 
     Parameters
     ----------
@@ -139,12 +139,12 @@ def principals(spectral: Array, count: int) -> None:
             far += 1.0 if b * b + c * c + e * e > _ROUNDING * (trace * trace) else 0.0
         if far == 0.0:
             break
-        # Three times the plane of the first two directions, which then become the last and the first one.
+        # Three rotations in the plane of the first two axes, after each of which the axes are permuted cyclically.
         for _ in range(3):
             for k in range(np.uint64(count)):
                 x, y, z = spectral[ROWS[0] + k], spectral[ROWS[3] + k], spectral[ROWS[1] + k]
                 apart = y - x
-                # Of two equal ones that are coupled by nothing: no rotation.
+                # No rotation of equal, uncoupled ones.
                 tangent = 2.0 * z / (abs(apart) + np.sqrt(apart * apart + 4.0 * z * z) + 1e-300)
                 tangent = tangent if apart >= 0.0 else -tangent
                 c = 1.0 / np.sqrt(1.0 + tangent * tangent)
@@ -161,23 +161,23 @@ def principals(spectral: Array, count: int) -> None:
                     spectral[ROWS[9] + row], spectral[ROWS[12] + row] = spectral[ROWS[12] + row], c * x - t * y
 
 
-# The square of ``C - 1`` up to which strains are small: rounding is some 1e-4 of the energy there, and grows below.
+# The square of ``C - 1`` below which strains are small: there rounding exceeds some 1e-4 of the energy.
 _SMALL = 4e-12
 
 
 @njit(**FAST)
 def of_small(f: tuple[float, ...], p: tuple[float, ...], energy: float) -> float:
-    """Return an energy that is free of stress at rest; of small strains half the stress by strain in its place.
+    """Return an energy without stress at rest; for small strains half the product of stress and strain instead.
 
-    There terms of an energy cancel, of which rounding leaves nothing at strains of 1e-8.  That half is right to the
-    first order in the strains, ``S : E / 2 = F^T P : (C - 1) / 4``.
+    There terms of the energy cancel and are lost to rounding at strains of 1e-8.  The product is right to first order
+    in the strains, ``S : E / 2 = F^T P : (C - 1) / 4``.
 
     Parameters
     ----------
     f, p
         Components of the deformation gradient and of its first Piola-Kirchhoff stress ``(9,)``.
     energy
-        What its expression says.
+        Value of its expression.
     """
     c00, c11 = f[0] * f[0] + f[3] * f[3] + f[6] * f[6] - 1.0, f[1] * f[1] + f[4] * f[4] + f[7] * f[7] - 1.0
     c22, c01 = f[2] * f[2] + f[5] * f[5] + f[8] * f[8] - 1.0, f[0] * f[1] + f[3] * f[4] + f[6] * f[7]

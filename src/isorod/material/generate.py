@@ -4,12 +4,12 @@ With the scalars ``s`` that an energy depends on and ``D_s = ds/dF``,
 
     P = sum_s W_s D_s,    dP/dF = sum_st W_st D_s D_t + sum_s W_s dD_s/dF,
 
-where SymPy finds ``W_s`` and ``W_st``, and what is left is the same for all laws.  With the components of ``C``
+where SymPy derives ``W_s`` and ``W_st``; the rest is the same for all laws.  With the components of ``C``
 
     P = F S,    dP_aA/dF_bB = d_ab S_AB + F_aC F_bD dS_CA/dE_DB,
 
 the second Piola-Kirchhoff stress ``S = 2 dW/dC`` and ``E = (C - 1)/2``; in small strains ``P = S`` and ``dS/dE`` alone.
-Functions that vectorise stand in `isorod.material.functions`.
+Functions that loops can vectorise are in `isorod.material.functions`.
 """
 
 import re
@@ -23,7 +23,7 @@ from isorod.material.energy import Energy
 from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, ROWS, SQUARES
 from isorod.material.printed import assignments
 
-# What modules are made of: of each no more is imported than is used, which takes time in each process.
+# Names that generated modules may import; only those used are, since imports take time in each process.
 _NAMES = {
     "math": "erf",
     "isorod.compiled": "FAST njit",
@@ -56,40 +56,40 @@ def source(energy: Energy) -> str:
 
 
 def _row(number: int) -> str:
-    """Return the name of the place where a row of a block begins: a number takes less time to compile than its sum."""
+    """Return the name of the offset of a row of a block: a constant compiles faster than a sum."""
     return f"ROW{number}"
 
 
 def _needed(lines: Sequence[str], names: Iterable[str]) -> list[str]:
-    """Return those of assignments, in which no name is given twice to different things, that names depend on."""
-    wanted, found = set(names), []
+    """Return the assignments that names depend on; each name is assigned once."""
+    needed, kept = set(names), []
     for line in reversed(lines):
         name, value = line.split(" = ", 1)
-        if name in wanted:
-            found.append(line)
-            wanted.update(re.findall(r"[A-Za-z_]\w*", value))
-    return found[::-1]
+        if name in needed:
+            kept.append(line)
+            needed.update(re.findall(r"[A-Za-z_]\w*", value))
+    return kept[::-1]
 
 
 def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
-    """Return a derivative; jumps have none, which nothing is added for."""
+    """Return a derivative, that of jumps left out."""
     return sp.diff(expression, by).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
 
 
 # Components of F^T F.
 _SQUARES = {(A, B): " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)) for A in range(3) for B in range(A, 3)}
 
-# Scalars of which the derivative by F is twice what is computed of it.
+# Scalars whose derivative by F is computed without a factor of 2.
 _TWICE = (s.I1, s.I2, s.I4a, s.I4b)
 
 
 def _modulus(a: int, A: int, b: int, B: int) -> str:
-    """Return the name of where the row of ``dP_aA/dF_bB`` begins, ``a <= b``, and ``A <= B`` if these are equal."""
+    """Return the name of the offset of the row of ``dP_aA/dF_bB``, ``a <= b``, and ``A <= B`` if these are equal."""
     return _row(SQUARES + 6 * a + (B if A == 0 else A + B + 1) if a == b else MODULI + 9 * (a + b - 1) + 3 * A + B)
 
 
 def _products(pairs: Iterable[tuple[str, str]]) -> str:
-    """Return a sum of products, of which those with an empty factor are none."""
+    """Return a sum of products, without those with an empty factor."""
     given = [(x, y) for x, y in pairs if x and y]
     return " + ".join(y if x == "1.0" else f"{x} * {y}" for x, y in given)
 
@@ -104,23 +104,23 @@ def _sum(terms: Sequence[tuple[str, sp.Symbol]]) -> str:
     factors = [(f"2.0 * {w}" if one in _TWICE else w, f"d_{one}") for w, one in terms]
     if not factors:
         return "(" + "0.0, " * 9 + ")"
-    found = "scaled({}, {})".format(*factors[0])
+    text = "scaled({}, {})".format(*factors[0])
     if len(factors) > 1:
         (w, d), (x, e) = factors[:2]
-        found = f"combined({w}, {d}, {x}, {e})"
+        text = f"combined({w}, {d}, {x}, {e})"
     for w, d in factors[2:]:
-        found = f"combined(1.0, {found}, {w}, {d})"
-    return found
+        text = f"combined(1.0, {text}, {w}, {d})"
+    return text
 
 
 class _Body:
-    """What stands in the loops over points."""
+    """The bodies of the loops over points."""
 
     def __init__(self, energy: Energy) -> None:
         self.energy = energy
-        # Names that no other has.
+        # Unique names.
         self.names = {one: sp.Symbol(f"constant{k}", real=True) for k, one in enumerate(energy.constants)}
-        expression = energy.whole.xreplace(self.names)
+        expression = energy.total.xreplace(self.names)
         self.plain = bool(set(s.F) & expression.free_symbols)
         self.strains = bool(set(s.STRAINS) & expression.free_symbols)
         candidates = s.F if self.plain else s.STRAINS if self.strains else s.INVARIANTS
@@ -148,7 +148,7 @@ class _Body:
         return [f"{name} = {read(k)}" for k, name in enumerate(names)]
 
     def _kinematics(self) -> list[str]:
-        """Return lines that compute what energies are written of, from ``f00 .. f22`` and the fibres."""
+        """Return lines that compute the arguments of the energy from ``f00 .. f22`` and the fibres."""
         if self.plain:
             return [f"F{a}{A} = f{a}{A}" for a, A in _COMPONENTS]
         if self.strains:
@@ -161,7 +161,6 @@ class _Body:
             for a, A in _COMPONENTS:
                 a1, a2, A1, A2 = (a + 1) % 3, (a + 2) % 3, (A + 1) % 3, (A + 2) % 3
                 lines.append(f"g{a}{A} = f{a1}{A1} * f{a2}{A2} - f{a1}{A2} * f{a2}{A1}")
-        stretched = s.stretches[0] in has
         lines += [f"c{A}{B} = {value}" for (A, B), value in _SQUARES.items() if s.I2 in has]
         if has & {s.I1, s.I2}:
             lines.append("I1 = " + " + ".join(f"f{a}{A} * f{a}{A}" for a, A in _COMPONENTS))
@@ -181,7 +180,7 @@ class _Body:
                     lines.append(f"{fibre} = {fibre} if {fibre} > 0.0 else 1.0")
         if s.I8 in has:
             lines.append("I8 = " + " + ".join(f"an{k} * bn{k}" for k in range(3)))
-        if stretched:
+        if s.stretches[0] in has:
             for i, row in enumerate((0, 3, 5)):
                 lines.append(f"l{i + 1} = np.sqrt(spectral[{_row(row)} + k])")
                 lines += [f"v{i}{A} = spectral[{_row(6 + 3 * i + A)} + k]" for A in range(3)]
@@ -192,7 +191,7 @@ class _Body:
         return lines
 
     def _spectral(self) -> list[str]:
-        """Return lines that put ``F^T F`` where its principal values and directions are found, empty without these."""
+        """Return lines that fill in ``F^T F`` for `principals`; none if the energy has no principal stretches."""
         if s.stretches[0] not in self.scalars:
             return []
         return [f"spectral[{_row(row)} + k] = {value}" for row, value in enumerate(_SQUARES.values())]
@@ -201,9 +200,9 @@ class _Body:
         """Return lines that compute the derivatives of the energy, NaN where an element is inverted."""
         names, values = [f"w_{one}" for one in self.scalars], list(self.first.values())
         if second:
-            wanted = {pair: value for pair, value in self.second.items() if value != 0}
-            names += [f"w_{p}_{q}" for p, q in wanted]
-            values += list(wanted.values())
+            nonzero = {pair: value for pair, value in self.second.items() if value != 0}
+            names += [f"w_{p}_{q}" for p, q in nonzero]
+            values += list(nonzero.values())
         lines = assignments(names, values)
         if self.energy.small:
             return lines
@@ -216,16 +215,16 @@ class _Body:
             return [f"p = ({', '.join(f'w_F{a}{A}' for a, A in _COMPONENTS)})"]
         if self.strains:
             slopes = {(A, B): self._slope_by_strain(A, B) for A, B in _COMPONENTS}
-            found = [_products((self._f(a, B), slopes[A, B]) for B in range(3)) or "0.0" for a, A in _COMPONENTS]
-            return [f"p = ({', '.join(found)})"]
+            components = [_products((self._f(a, B), slopes[A, B]) for B in range(3)) or "0.0" for a, A in _COMPONENTS]
+            return [f"p = ({', '.join(components)})"]
         return [*self._directions(), f"p = {_sum([(f'w_{one}', one) for one in self.scalars])}"]
 
     def _directions(self) -> list[str]:
         """Return lines that compute the ``D_s``, but for a factor of 2 of some (`_TWICE`)."""
-        found = {s.I1: _nine("f"), s.I2: _nine("h"), s.J: _nine("g"), s.I4a: "outer(an, a)", s.I4b: "outer(bn, b)"}
-        found[s.I8] = "combined(1.0, outer(an, b), 1.0, outer(bn, a))"
-        found |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
-        return [f"d_{one} = {found[one]}" for one in self.scalars]
+        terms = {s.I1: _nine("f"), s.I2: _nine("h"), s.J: _nine("g"), s.I4a: "outer(an, a)", s.I4b: "outer(bn, b)"}
+        terms[s.I8] = "combined(1.0, outer(an, b), 1.0, outer(bn, a))"
+        terms |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
+        return [f"d_{one} = {terms[one]}" for one in self.scalars]
 
     def _head(self, name: str, arguments: str) -> list[str]:
         lines = [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
@@ -248,17 +247,18 @@ class _Body:
         """Return the function of a block of points."""
         body = [*self._read(), *self._kinematics(), *self._slopes(), *self._stress()]
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
-        lines = self._head("block", "work, constants, activation, wanted") + self._loop(body) + ["    if wanted:"]
-        # With the slopes of the stress without activation, which the energy of small strains is made of.
+        lines = self._head("block", "work, constants, activation, with_energy")
+        lines += [*self._loop(body), "    if with_energy:"]
+        # With the slopes without activation, from which the energy of small strains is computed.
         slopes = {f"w_{one}": w.subs(s.activation, 0) for one, w in self.first.items()} if self.energy.rests else {}
         values = {"rest": self.rest, "active": self.active} | slopes
         energies = [*self._read(), *self._kinematics(), *assignments(list(values), list(values.values()))]
         energies += [*self._stress(), f"rest = of_small({_nine('f')}, p, rest)"] if slopes else []
-        # Laws of small strains are linear: of a mode of any size too, which is no deformation.
+        # Laws of small strains are linear and also evaluated for modes of any amplitude, where det F may be negative.
         if not self.energy.small:
             energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
-        found = [f"work[{_row(row)} + k] = {name}" for row, name in ((ENERGY, "rest"), (ACTIVE, "active"))]
-        return lines + self._loop(_needed(energies, ("rest", "active")) + found, 2)
+        outputs = [f"work[{_row(row)} + k] = {name}" for row, name in ((ENERGY, "rest"), (ACTIVE, "active"))]
+        return lines + self._loop(_needed(energies, ("rest", "active")) + outputs, 2)
 
     def tangent(self) -> list[str]:
         """Return the function that adds the moduli."""
@@ -295,39 +295,39 @@ class _Body:
         """Return lines that add ``d_ab S_AB + F_aC F_bD dS_CA/dE_DB``."""
         lines, turned = [], {}
         for a, A in _COMPONENTS:
-            for one in self.scalars:
-                text = _products((self._f(a, C), self._w(s.C[C, A], one)) for C in range(3))
+            for scalar in self.scalars:
+                text = _products((self._f(a, C), self._w(s.C[C, A], scalar)) for C in range(3))
                 if text and not self.energy.small:
-                    lines.append(f"t{a}{A}_{one} = {text}")
-                    text = f"t{a}{A}_{one}"
-                turned[a, A, one] = text
+                    lines.append(f"t{a}{A}_{scalar} = {text}")
+                    text = f"t{a}{A}_{scalar}"
+                turned[a, A, scalar] = text
         for (a, A), (b, B) in combinations_with_replacement(_COMPONENTS, 2):
             if a == b and A > B:
                 continue
             text = _products((self._f(b, D), turned.get((a, A, s.C[D, B]), "")) for D in range(3))
             if a == b and not self.energy.small:
-                text = " + ".join(one for one in (text, self._slope_by_strain(A, B)) if one)
+                text = " + ".join(term for term in (text, self._slope_by_strain(A, B)) if term)
             if text:
                 lines.append(f"work[{_modulus(a, A, b, B)} + k] += {text}")
         return lines
 
     def _moduli(self) -> list[str]:
-        """Return lines that add what all scalars have."""
+        """Return lines that add the terms of all scalars."""
         has, lines = set(self.scalars), ["same = 0.0"]
         rows = {name: tuple(f"({name}{a}0, {name}{a}1, {name}{a}2)" for a in range(3)) for name in "fgh"}
         if s.I1 in has:
             lines.append("same += 2.0 * w_I1")
         if s.I2 in has:
             lines.append("same += 2.0 * w_I2 * I1")
-        whole = f"{(s.I1 in has and self._w(s.I1, s.I1)) or '0.0'}"
-        if s.I2 in has or whole != "0.0":
+        bend_I1 = f"{(s.I1 in has and self._w(s.I1, s.I1)) or '0.0'}"
+        if s.I2 in has or bend_I1 != "0.0":
             x = "4.0 * w_I2" if s.I2 in has else "0.0"
             y = "-2.0 * w_I2" if s.I2 in has else "0.0"
-            lines.append(f"add_products(work, k, {x} + 4.0 * {whole}, {y}, {', '.join(rows['f'])})")
+            lines.append(f"add_products(work, k, {x} + 4.0 * {bend_I1}, {y}, {', '.join(rows['f'])})")
         if s.J in has:
-            own = self._w(s.J, s.J) or "0.0"
+            bend_J = self._w(s.J, s.J) or "0.0"
             lines.append("bent = w_J / J")
-            lines.append(f"add_products(work, k, {own} + bent, -bent, {', '.join(rows['g'])})")
+            lines.append(f"add_products(work, k, {bend_J} + bent, -bent, {', '.join(rows['g'])})")
         if s.I2 in has:
             lines += [
                 f"B{a}{b} = " + " + ".join(f"f{a}{A} * f{b}{A}" for A in range(3))
@@ -363,7 +363,7 @@ class _Body:
         return lines + self._directions() + self._crossed() + (self._turned() if s.stretches[0] in has else [])
 
     def _crossed(self) -> list[str]:
-        """Return lines that add ``W_st D_s D_t``, but for what a scalar has with itself and was added before."""
+        """Return lines that add ``W_st D_s D_t``, without terms ``s = t`` that were added before."""
         lines = []
         for k, p in enumerate(self.scalars):
             done = p in (s.I1, s.J, s.I4a, s.I4b)
@@ -380,7 +380,7 @@ class _Body:
         return lines
 
     def _turned(self) -> list[str]:
-        """Return lines that add what turning the principal directions does.
+        """Return lines that add the terms of the rotation of principal directions.
 
         For two of them ``(u v + v u) (W_i - W_j)/(l_i - l_j)/2 + ...``, the quotient the mean of its limits at both
         ends where they meet.

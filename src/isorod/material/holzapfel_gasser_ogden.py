@@ -22,7 +22,7 @@ def _energy(families: int, dispersed: bool) -> "Energy":
     kappa = symbols("dispersion", nonnegative=True)
     shape = c / 2 * (I1bar - 3)
     for along in (I4a, I4b)[:families]:
-        # What the mean of the squared stretches of fibres about the direction exceeds 1 by.
+        # The mean squared stretch of fibres about the direction, minus 1.
         longer = kappa * (I1 - 3) + (1 - 3 * kappa) * (along - 1) if dispersed else along - 1
         shape += k1 * Rational(1, 2) / k2 * (exp(k2 * Max(longer, 0) ** 2) - 1)
     return with_volume(shape, (c, k1, k2, *([kappa] if dispersed else [])))
@@ -33,9 +33,9 @@ class HolzapfelGasserOgden(Isochoric):
     """``W = c/2 (I1bar - 3) + sum k1/(2 k2) (exp(k2 E^2) - 1) + bulk/2 (ln J)^2``: walls of arteries, tendons.
 
     ``E = max(0, kappa (I1 - 3) + (1 - 3 kappa) (I4 - 1))`` of each family of fibres, ``I4`` the square of its stretch:
-    fibres bear no compression (Holzapfel, Gasser & Ogden, J. Elasticity 61 (2000) 1-48; with dispersion, J. R. Soc.
-    Interface 3 (2006) 15-35).  They take the whole deformation, not the part of it that keeps the volume: with that
-    part alone a swollen body would stay a sphere (Nolan et al., J. Mech. Behav. Biomed. Mater. 39 (2014) 48-60).
+    tension-only fibres (Holzapfel, Gasser & Ogden, J. Elasticity 61 (2000) 1-48; with dispersion, J. R. Soc. Interface
+    3 (2006) 15-35).  They depend on the full deformation, not on its isochoric part: with that alone a swollen body
+    would stay a sphere (Nolan et al., J. Mech. Behav. Biomed. Mater. 39 (2014) 48-60).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A law from its stored energy, which its user writes down."""
+"""A law from a user-defined stored energy."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Hyperelastic(Isochoric):
     """A law from its stored energy per reference volume.
 
-    Stress, tangent, the split of the mixed formulation and the functions of explicit steps are made from that one
+    Stress, tangent, the split of the mixed formulation and the functions of explicit steps are derived from this
     definition, and checked when the law is made (`isorod.material.proof`).
 
     Parameters
@@ -32,13 +32,13 @@ class Hyperelastic(Isochoric):
     parameters
         Value of each constant, by its symbol or name.
     bulk
-        Where it is given, ``- p ln J + bulk/2 (ln J)^2`` is added to the energy, ``p`` such that there is no pressure
-        at rest; force / area, infinite for an incompressible law.  Where not, the energy is all there is.
+        If given, ``- p ln J + bulk/2 (ln J)^2`` is added to the energy, ``p`` such that there is no pressure at rest;
+        force / area, infinite for an incompressible law.  If not, the energy is complete.
     prestressed
-        Whether a stress at rest is meant to be there.
+        Whether a stress at rest is intended.
     fibre
-        Direction of the fibres ``a`` at rest, of an energy that has such: a vector, a word or a function of places
-        (`isorod.material.fibre`); a tuple of two where it has ``b`` too.
+        Direction of the fibres ``a`` at rest, if the energy has some: a vector, a word or a function of places
+        (`isorod.material.fibre`); a tuple of two if it has ``b`` too.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class Hyperelastic(Isochoric):
         prove(self, self.prestressed)
 
     def _check(self) -> None:
-        """Raise nothing: constants are what the energy takes."""
+        """Accept all constants: the energy is checked."""
 
     @cached_property
     def _symbols(self) -> tuple[Any, ...]:
@@ -72,13 +72,13 @@ class Hyperelastic(Isochoric):
     @cached_property
     def stored(self) -> "Energy":
         """Its energy as an expression."""
-        from isorod.material.energy import completed, whole
+        from isorod.material.energy import completed, split
 
-        return (whole if self.bulk is None else completed)(self.definition, self._symbols)
+        return (split if self.bulk is None else completed)(self.definition, self._symbols)
 
     @property
     def families(self) -> int:  # type: ignore[override]
-        """How many directions its energy asks for."""
+        """Number of fibre directions that its energy depends on."""
         return self.stored.families
 
     @property
@@ -118,5 +118,5 @@ class Hyperelastic(Isochoric):
             return self.bulk
         from isorod.material.energy import factor_of
 
-        found = factor_of(self.stored, self.definition)
-        return float(found.subs(dict(zip(self._symbols, self.values, strict=True))))
+        factor = factor_of(self.stored, self.definition)
+        return float(factor.subs(dict(zip(self._symbols, self.values, strict=True))))

@@ -1,4 +1,4 @@
-"""What laws have in common that store what changes shape in invariants free of volume, and ``bulk/2 (ln J)^2``."""
+"""Common base of laws with an isochoric energy and the volumetric energy ``bulk/2 (ln J)^2``."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Isochoric(Material):
-    """A law that stores ``bulk/2 (ln J)^2`` besides; ``bulk`` [force/area] may be infinite."""
+    """A law with the volumetric energy ``bulk/2 (ln J)^2``; ``bulk`` [force/area] may be infinite."""
 
     bulk: float
 
@@ -44,7 +44,7 @@ def check_bulk(bulk: float) -> None:
 
 
 def check_written(parameters: Mapping[Any, float], bulk: float | None) -> None:
-    """Raise `InputError` if a constant of a law that its user writes down is not finite, or `bulk` not positive."""
+    """Raise `InputError` if a constant of a user-defined law is not finite, or `bulk` not positive."""
     for name, value in parameters.items():
         finite(f"constant {name}", value, "a finite number")
     if bulk is not None:
@@ -52,7 +52,7 @@ def check_written(parameters: Mapping[Any, float], bulk: float | None) -> None:
 
 
 def with_volume(shape: "sp.Expr", constants: Sequence["sp.Symbol"]) -> "Energy":
-    """Return the energy with ``bulk/2 (ln J)^2`` besides what it stores otherwise."""
+    """Return the energy ``shape`` plus ``bulk/2 (ln J)^2``."""
     from isorod.material.energy import LOGARITHMIC, Energy
     from isorod.material.symbols import bulk
 

@@ -1,4 +1,4 @@
-"""What a law is: its energy, stress and tangent from two compiled functions of that, and what follows from them.
+"""The base class of laws: energy, stress and tangent by two functions compiled from the energy.
 
 A new law is one file: a class with the ``recipe`` of its energy and the ``values`` of its constants.  Statics, modes
 and both integrators of dynamics then take it.
@@ -29,43 +29,42 @@ if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
-# Stretch less one at which fibres are taut, and a bulk modulus, in moduli of shape, that is as good as infinite.
+# Strain at which fibres are taut, and a bulk modulus, relative to the other moduli, that stands for an infinite one.
 _TAUT, _STIFF = 1e-6, 1e3
 
-# Share by which a law is swollen that is asked for its moduli at rest: fibres that bear no compression are taut.
+# Volumetric stretch, minus 1, at which moduli at rest are evaluated, so that tension-only fibres are taut.
 _SWOLLEN = 1e-9
 
 
 class Material(Checked, ABC):
     """A law: arrays of deformation gradients ``F`` have any leading axes, the last two are ``(3, 3)``.
 
-    The stress is the first Piola-Kirchhoff stress ``P = dW/dF``, the tangent ``A_aAbB = dP_aA/dF_bB``; where
+    The stress is the first Piola-Kirchhoff stress ``P = dW/dF``, the tangent ``A_aAbB = dP_aA/dF_bB``; for
     ``det F <= 0`` a nonlinear law returns NaN.  The mixed formulation (`isorod.assembly.mixed`) takes laws that split,
     ``W = psi + U(theta)``.
 
     Attributes
     ----------
     recipe
-        A function of the law's module that returns the energy (`isorod.material.energy.Energy`), and what it is called
-        with.
+        A function of the law's module that returns the energy (`isorod.material.energy.Energy`), and its arguments.
     objective
-        Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
+        Whether it is frame-invariant; dynamics takes no others.
     linear
-        Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
+        Whether its stress is linear in the deformation gradient, with the same tangent in all states.
     families
-        How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
+        Number of material directions at a point, such as families of fibres: 0, 1 or 2 (`fibres`).
     remembers, timed, kinks, states
-        Whether its stress depends on what was before (`isorod.material.memory`), on the time that goes by, and has
-        kinks as strains grow; and how many numbers of each name it knows of what was before, in their order.
+        Whether its stress depends on the history (`isorod.material.memory`), on time, and is not smooth in the strain;
+        and the number of components of each state variable by its name, in order.
     clock
-        Which of its constants is the time of a step (`isorod.material.memory`); below 0 where none is.
+        Number of the constant that is the time of a step (`isorod.material.memory`); negative if none is.
     splits
-        Whether there is a ``U``: what changes the volume alone, or does in small strains.
+        Whether there is a volumetric energy ``U``, or one of the trace of small strains.
     logarithmic
         Whether ``theta`` is ``ln J``; the trace of the strain if not.
     fibre
-        Direction of its fibres (`isorod.material.fibre`), or those of two families in a tuple; only read where the
-        energy has fibres.
+        Direction of its fibres (`isorod.material.fibre`), or those of two families in a tuple; only read if the energy
+        has fibres.
     """
 
     recipe: tuple[Any, ...]
@@ -81,10 +80,10 @@ class Material(Checked, ABC):
     logarithmic: ClassVar[bool] = True
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
-    # What directions are called in errors.
+    # Names of the directions in errors.
     _NAMES: ClassVar[tuple[str, ...]] = ("fibre direction", "fibre direction")
 
-    # By what it grows over time, by the load factor.
+    # Function of the load factor by which it grows over time, instead of the load factor itself.
     grows: ClassVar[Any] = None
 
     def __post_init__(self) -> None:
@@ -94,16 +93,16 @@ class Material(Checked, ABC):
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise `InputError` if a constant cannot be."""
+        """Raise `InputError` if a constant is invalid."""
 
     @property
     @abstractmethod
     def values(self) -> tuple[float, ...]:
-        """The constants of its energy but for the factor of the volumetric one."""
+        """The constants of its energy without the factor of the volumetric energy."""
 
     @cached_property
     def lame(self) -> float:
-        """The modulus of ``U`` at rest, ``lame/2 theta^2`` if quadratic, force / area: may be infinite; 0 without."""
+        """The modulus of ``U`` at rest, ``lame/2 theta^2`` if quadratic, force / area; may be infinite; 0 without."""
         return 0.0
 
     @cached_property
@@ -126,7 +125,7 @@ class Material(Checked, ABC):
 
     @property
     def identity(self) -> str:
-        """Identifies the law, in any process."""
+        """A text that identifies the law in any process."""
         return f"{type(self).__name__}{self.recipe[1:]} {self.constants.tolist()}"
 
     @property
@@ -135,18 +134,18 @@ class Material(Checked, ABC):
         return self._with(lame=0.0) if self.splits else self
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
-        """Return ``U*(p) = p theta - U``, Legendre's transform, and its first and second derivatives; shapes of ``p``.
+        """Return the Legendre transform ``U*(p) = p theta - U``, and its first and second derivatives; shapes of ``p``.
 
-        The second is what changes ``theta``, so that it is the ``theta`` of a pressure ``p``.
+        The first derivative is the ``theta`` of a pressure ``p``.
         """
         each = np.full_like(p, 1.0 / self.lame)
         return 0.5 * each * p**2, each * p, each
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
-        moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
+        moduli, compiled = np.empty((*F.shape, 3, 3)), self.compiled
         given = flat(F), self.constants, self._flat_known(F.shape[:-2])
-        moduli_at_points(one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
+        moduli_at_points(compiled.block, compiled.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
         return moduli
 
     def energy(self, F: Array) -> Array:
@@ -166,33 +165,33 @@ class Material(Checked, ABC):
     def _flat_known(self, shape: tuple[int, ...]) -> Array:
         return np.array(self.known(shape), order="C").reshape(math.prod(shape), self.width)
 
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Return a stress between ``F`` and ``F + change`` that does exactly the work of the energy, and its moduli.
+    def discrete(self, F: Array, change: Array, with_moduli: bool = True) -> tuple[Array, Array | None]:
+        """Return a stress between ``F`` and ``F + change`` whose work is the change of the energy, and its moduli.
 
         Parameters
         ----------
         F, change
             Deformation gradient at the start, and its change, shape ``(..., 3, 3)``.
-        wanted
-            Whether moduli are: the derivatives of the stress by ``F + change``, shape ``F.shape + (3, 3)``.
+        with_moduli
+            Whether to return moduli: the derivatives of the stress by ``F + change``, shape ``F.shape + (3, 3)``.
         """
         if self.linear:
             middle = F + 0.5 * change
-            return self.stress(middle), 0.5 * self.tangent(middle) if wanted else None
-        stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
-        one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_known(F.shape[:-2]))
-        found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
-        discrete_gradient(one.block, one.tangent, self.remembers, self.clock, *given, *found)
-        return stress, moduli if wanted else None
+            return self.stress(middle), 0.5 * self.tangent(middle) if with_moduli else None
+        stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if with_moduli else (0, 3, 3, 3, 3))
+        compiled, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_known(F.shape[:-2]))
+        out = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
+        discrete_gradient(compiled.block, compiled.tangent, self.remembers, self.clock, *given, *out)
+        return stress, moduli if with_moduli else None
 
     def at(self, factor: float) -> Self:
-        """Return the law at a load factor: itself, unless something grows with the load, as a muscle's activation."""
+        """Return the law at a load factor: itself, unless a constant grows with it, as a muscle's activation."""
         return self
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
-        """Return the law as one that grows by a table in the place of the load factor, where it does by that.
+        """Return the law with growth by a table instead of the load factor, if it grows.
 
-        ``over`` returns what a history, or none, is at a load factor (`isorod.model.times.until`).
+        ``over`` returns the value of a history, or of none, by load factor (`isorod.model.times.until`).
         """
         return self if self.at(0.5) is self else self._with(grows=over(None))
 
@@ -201,41 +200,41 @@ class Material(Checked, ABC):
         return self.at(factor if self.grows is None else self.grows(factor))
 
     def advanced(self, F: Array, factor: float) -> Self:
-        """Return the law with the state at the end of a step, ``F`` and load factor there: itself without memory."""
+        """Return the law with its state at the end of a step, of ``F`` and load factor there: itself without memory."""
         return self
 
     @property
     def follows(self) -> bool:
-        """Whether the law depends on the rod's places and has not been given them (`placed`)."""
+        """Whether the law depends on the rod's places and lacks them (`placed`)."""
         return any(directions.follows(one) for one in self._fibres())
 
     def placed(self, places: Places) -> Self:
-        """Return the law at places of a rod; of an array of deformation gradients they are the leading axes."""
+        """Return the law at places of a rod, the leading axes of arrays of deformation gradients."""
         if not self.follows:
             return self
-        found = [(directions.placed(one, places, name), name) for one, name in self._named_fibres()]
-        return self._directed([directions.checked(*one) for one in found])
+        placed = [(directions.placed(one, places, name), name) for one, name in self._named_fibres()]
+        return self._directed([directions.checked(*one) for one in placed])
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places, along the first axis, that it was given (`placed`)."""
+        """Return the law at some of its places (`placed`), along the first axis."""
         return self._directed([directions.some(one, places) for one in self._fibres()]) if self.families else self
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""
-        found = [directions.vectors(one, shape, name) for one, name in self._named_fibres()]
-        return np.concatenate([np.zeros((*shape, 0)), *found], axis=-1)
+        """Return the unit vectors along its fibres at points, by family, shape ``(*shape, 3 families)``."""
+        vectors = [directions.vectors(one, shape, name) for one, name in self._named_fibres()]
+        return np.concatenate([np.zeros((*shape, 0)), *vectors], axis=-1)
 
     @property
     def width(self) -> int:
-        """Number of values that it knows of a point."""
+        """Number of values that it has for each point (`known`)."""
         return 3 * self.families
 
     def known(self, shape: tuple[int, ...]) -> Array:
-        """Return what it knows of points of some shape, ``(*shape, width)``: its fibres."""
+        """Return its values at points of some shape, ``(*shape, width)``: its fibres."""
         return self.fibres(shape)
 
     def _fibres(self) -> tuple[Fibre, ...]:
-        """Return what the directions of its material are given by."""
+        """Return the definitions of its material directions."""
         if self.families < 2:
             return (cast(Fibre, self.fibre),)[: self.families]
         if not (isinstance(self.fibre, tuple | list) and len(self.fibre) == 2):
@@ -245,17 +244,17 @@ class Material(Checked, ABC):
     def _named_fibres(self) -> list[tuple[Fibre, str]]:
         return list(zip(self._fibres(), self._NAMES, strict=False))
 
-    def _directed(self, found: list[Fibre]) -> Self:
+    def _directed(self, fibres: list[Fibre]) -> Self:
         law = copy(self)
-        law._direct(found)
+        law._direct(fibres)
         return law
 
-    def _direct(self, found: list[Fibre]) -> None:
-        if found:
-            object.__setattr__(self, "fibre", found[0] if len(found) == 1 else tuple(found))
+    def _direct(self, fibres: list[Fibre]) -> None:
+        if fibres:
+            object.__setattr__(self, "fibre", fibres[0] if len(fibres) == 1 else tuple(fibres))
 
     def _with(self, **changed: Any) -> Self:
-        """Return the law with other values, which are not checked again."""
+        """Return the law with other values, without checks."""
         law = copy(self)
         law.__dict__.pop("constants", None)
         for name, value in changed.items():
@@ -264,32 +263,32 @@ class Material(Checked, ABC):
 
     @cached_property
     def _waves(self) -> tuple[float, float]:
-        """The least and the largest modulus of plane waves at rest without the volumetric energy, force / area."""
+        """The smallest and largest modulus of plane waves at rest without the volumetric energy, force / area."""
         taut = plane_waves(self.shear, 1.0 + _SWOLLEN) if self.families else plane_waves(self.shear)
         return float(plane_waves(self.shear).min()), float(taut.max())
 
     @property
     def shear_modulus(self) -> float:
-        """The least modulus of plane waves at rest, force / area: the shear modulus, if isotropic."""
+        """The smallest modulus of plane waves at rest, force / area: the shear modulus, if isotropic."""
         return self._waves[0]
 
     @property
     def modulus(self) -> float:
-        """Modulus of pressure waves at rest, force / area; where there are fibres, when these are just taut."""
+        """Modulus of pressure waves at rest, force / area; with fibres just taut."""
         return self.lame + self._waves[1]
 
     @property
     def surface_modulus(self) -> float:
-        """How stiff a surface is against waves of pressure at rest: ``E / (1 - nu^2)`` if isotropic, force / area.
+        """Stiffness of a surface against waves of pressure at rest: ``E / (1 - nu^2)`` if isotropic, force / area.
 
-        Of any law ``4 mu (1 - mu / M)``, ``mu`` and ``M`` its least and largest modulus of plane waves.  It stays
+        For any law ``4 mu (1 - mu / M)``, ``mu`` and ``M`` its smallest and largest modulus of plane waves.  It stays
         finite near incompressibility, where ``M`` does not.
         """
         return 4.0 * self.shear_modulus * (1.0 - self.shear_modulus / self.modulus)
 
     @property
     def activation_work(self) -> float:
-        """The most work per reference volume that activation can do, force / area."""
+        """The maximum work of activation per reference volume, force / area."""
         return 0.0
 
 
@@ -311,22 +310,22 @@ def plane_waves(law: Material, swollen: float = 1.0) -> Array:
 def reach(law: Material, places: Places) -> float:
     """Return ``sqrt(E / G)`` along a rod at rest, the largest at some of its places; 0 if none is stable at rest.
 
-    What is done to an end reaches about so many radii with stiff fibres (C. O. Horgan, Saint-Venant end effects in
-    composites, J. Composite Materials 16 (1982) 411-422).
+    It is the decay length of end effects in radii (C. O. Horgan, Saint-Venant end effects in composites, J. Composite
+    Materials 16 (1982) 411-422).
 
     Parameters
     ----------
     law
         A law that has fibres.
     places
-        Where these are asked for: ``E`` is Young's modulus along the tangent, ``G`` the least shear modulus of planes
+        Where they are evaluated: ``E`` is Young's modulus along the tangent, ``G`` the smallest shear modulus of planes
         across it.
     """
     n = np.broadcast_to(places.tangent, (*places.shape, 3))
     # Fibres may carry tension alone.
     F, placed = np.eye(3) + _TAUT * n[..., :, None] * n[..., None, :], law.placed(places)
     if placed.splits:
-        # Those without a change of volume, whose bulk modulus may be infinite.
+        # Deviatoric moduli with a large bulk modulus, since that of the law may be infinite.
         moduli = placed.shear.tangent(F)
         moduli = moduli + _STIFF * np.abs(moduli).max() * np.einsum("aA,bB->aAbB", np.eye(3), np.eye(3))
     else:
@@ -336,12 +335,12 @@ def reach(law: Material, places: Places) -> float:
     strains = strains / np.linalg.norm(strains, axis=(1, 2))[:, None, None]
     if not np.isfinite(moduli).all():
         return 0.0
-    # Laws of one's own may have a direction without stiffness.
+    # User-defined laws may have a direction without stiffness.
     soft = np.linalg.pinv(np.einsum("iaA,...aAbB,jbB->...ij", strains, moduli, strains))
     along = np.einsum("iaA,...a,...A->...i", strains, n, n)
     softness = np.einsum("...i,...ij,...j->...", along, soft, along)
     shear = np.linalg.eigvalsh(np.einsum("...aAbB,...A,...B->...ab", moduli, n, n))[..., 0]
-    # Where it is not stable at rest there is no such length.
+    # Without stability at rest there is no such length.
     stable = (softness > 0.0) & (shear > 0.0)
     return float(np.sqrt(np.where(stable, 1.0 / np.where(stable, softness * shear, 1.0), 0.0).max()))
 

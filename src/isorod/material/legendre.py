@@ -1,4 +1,4 @@
-"""Legendre's transform of volumetric energies that are not quadratic in ``ln J``."""
+"""Legendre transform of volumetric energies that are not quadratic in ``ln J``."""
 
 from collections.abc import Callable
 from functools import cache
@@ -10,7 +10,7 @@ import sympy as sp
 from isorod.arrays import Array
 from isorod.material import symbols as s
 
-# Newton's steps to rounding, from the linear solution.
+# Newton steps at most, from the linear solution to rounding.
 _STEPS = 30
 
 
@@ -23,7 +23,7 @@ def transform(volume: sp.Expr, ratio: Array, modulus: float) -> tuple[Array, Arr
     volume
         An expression of ``J``, with ``U'' = modulus`` at rest.
     ratio
-        ``p / modulus``, any shape.  Where it is that of no ``J``, the results are NaN.
+        ``p / modulus``, any shape.  Where no ``J`` has it, the results are NaN.
     modulus
         Force / area.
     """
@@ -42,5 +42,5 @@ def transform(volume: sp.Expr, ratio: Array, modulus: float) -> tuple[Array, Arr
 def _functions(volume: sp.Expr) -> tuple[Callable[[Any], Any], ...]:
     """Return a volumetric energy of ``ln J`` and its two derivatives."""
     theta = sp.Symbol("theta", real=True)
-    own = volume.subs(s.J, sp.exp(theta))
-    return tuple(sp.lambdify(theta, sp.diff(own, theta, k), "numpy") for k in range(3))
+    energy = volume.subs(s.J, sp.exp(theta))
+    return tuple(sp.lambdify(theta, sp.diff(energy, theta, k), "numpy") for k in range(3))

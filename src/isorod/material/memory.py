@@ -1,11 +1,13 @@
-"""Laws whose stress depends on what was before: their state at points, and how it goes on.
+"""Laws whose stress depends on the history: their state variables at points, and their update.
 
-In a step from one equilibrium to the next, the state is that of the step's beginning and the stress a function of the
-deformation gradient at its end alone: residuals and tangents, however often and wherever they are asked for, change
-nothing.  Where the step has been accepted, `Memory.advanced` returns the law with the state of its end.
+In a step from one equilibrium to the next, the state is that at the start of the step, and the stress a function of the
+deformation gradient at its end alone: evaluating residuals and tangents changes nothing.  After the step has been
+accepted, `Memory.advanced` returns the law with the state at its end.
 """
 
 from collections.abc import Callable
+from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeGuard
 
 import numpy as np
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
-# A time that no run reaches.
+# A time beyond all runs.
 _EVER = 1e300
 
 
@@ -30,36 +32,39 @@ class Memory(Material):
     Attributes
     ----------
     states
-        Motions ask that the last of it is ``dissipated``: what was, per volume.  Names that begin with an underscore
-        are the law's own, which no file of fields has.
+        Motions require that the last is ``dissipated``, the dissipated energy per volume.  Names that begin with an
+        underscore are internal and not written to files of fields.
     stores
-        Whether its energy is what it stores.
+        Whether its energy is the stored energy.
     state
-        The state at points of one step's beginning, shape ``(..., m)``; None at rest, where all are zero.
+        The state variables at points at the start of a step, shape ``(..., m)``; None at rest, where all are zero.
+    kernel
+        Module of its compiled functions, in this folder.
     """
 
     remembers: ClassVar[bool] = True
     stores: ClassVar[bool] = True
     state: Array | None = None
+    kernel: ClassVar[str]
 
     @property
     def stored(self) -> "Energy":
-        """None: raises."""
+        """Raises `InputError`: a law with memory has no energy of ``F`` alone."""
         raise InputError(f"{type(self).__name__}: a law with memory, which finite elements do not take")
 
     @property
     def identity(self) -> str:
-        """Identifies the law, in any process."""
+        """A text that identifies the law in any process."""
         return f"{type(self).__name__} {self.constants.tolist()}"
 
     @property
     def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
-        raise NotImplementedError
+        return compiled_in(self.kernel)
 
     @property
     def width(self) -> int:
-        """Number of values of its state at a point."""
+        """Number of components of its state at a point."""
         return sum(self.states.values())
 
     def known(self, shape: tuple[int, ...]) -> Array:
@@ -80,30 +85,30 @@ class Memory(Material):
         return self.knowing(states_after(self, F, factor), factor)
 
     def knowing(self, states: Array, factor: float | None = None) -> Self:
-        """Return the law with states ``(..., m)``, or more than its own behind them, of a load factor."""
+        """Return the law with states ``(..., m)``, further values behind them ignored, at a load factor."""
         return self._with(state=np.ascontiguousarray(states[..., : self.width]))
 
     @property
     def frozen(self) -> Self:
-        """The law where nothing flows: raises where it does not say."""
+        """The law without flow; raises `InputError` if it defines none."""
         raise InputError(f"{type(self).__name__}: modes and motions do not take this law; leave them out")
 
     def lasting(self, step: float) -> Self:
-        """Return the law in a step of a motion that takes so long: itself where no time counts."""
+        """Return the law in a step of a motion of some time: itself if independent of time."""
         return self
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places, along the first axis, of its state."""
+        """Return the law with its state at some of the places, along the first axis."""
         return self if self.state is None else self._with(state=self.state[places])
 
 
 class Timed(Memory):
-    """A law with memory whose stress depends on the time that goes by."""
+    """A law with memory whose stress depends on time."""
 
     timed: ClassVar[bool] = True
     clock: ClassVar[int] = 1
 
-    # Time of the state, and from there to where the law is asked; that where it is the same whatever the load factor.
+    # Time of the state; time from there to the evaluation; the latter if it does not depend on the load factor.
     since: float = 0.0
     step: float = 0.0
     during: float | None = None
@@ -113,32 +118,39 @@ class Timed(Memory):
         return self._with(step=max(factor - self.since, 0.0) if self.during is None else self.during)
 
     def lasting(self, step: float) -> Self:
-        """Return the law in a step that takes so long."""
+        """Return the law in a step of some time."""
         return self._with(step=step, during=step)
 
     @property
     def frozen(self) -> Self:
-        """The law in no time."""
+        """The law in a step of zero time."""
         return self.lasting(0.0)
 
     def growing(self, over: Callable[[Any], Callable[[float], float]]) -> Self:
-        """Return the law as one that knows the time at a load factor."""
+        """Return the law with the time by load factor."""
         return self._with(grows=over(((0.0, 0.0), (_EVER, _EVER))))
 
     def knowing(self, states: Array, factor: float | None = None) -> Self:
-        """Return the law with states, and their time."""
+        """Return the law with states and their time."""
         law = super().knowing(states)
         return law if factor is None else law._with(since=self.since + self.reached(factor).step)
 
 
 def states_after(law: Material, F: Array, factor: float) -> Array:
-    """Return the states of a law at the end of a step (`Memory.advanced`), and what else it knows behind them."""
+    """Return the states of a law at the end of a step (`Memory.advanced`), with its other values behind them."""
     states, now = law._flat_known(F.shape[:-2]), law.reached(factor)
     next_states(now.compiled.update, flat(F), now.constants, states)
-    # Of a ring there may be no points.
+    # A ring may have no points.
     return states.reshape(*F.shape[:-2], states.shape[-1])
 
 
+@cache
+def compiled_in(kernel: str) -> Compiled:
+    """Return the compiled functions in a module of this folder."""
+    module = import_module(f"isorod.material.{kernel}")
+    return Compiled(module.block, module.tangent, module.update)
+
+
 def has_memory(law: Material) -> TypeGuard[Memory]:
-    """Return whether a law has a memory: it does what `Memory` does."""
+    """Return whether a law has memory, and with it the methods of `Memory`."""
     return law.remembers

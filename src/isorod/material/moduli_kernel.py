@@ -1,4 +1,4 @@
-"""What laws that are made from energies add to the moduli of a block besides (`isorod.material.points`)."""
+"""Terms of the moduli of a block for laws generated from energies (more in `isorod.material.points`)."""
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
@@ -51,7 +51,7 @@ def _add_nine(
     v: tuple[float, ...],
 ) -> None:
     """Add ``p_A q_B + u_A v_B`` to the nine rows of moduli that begin at a row's place, at one point."""
-    # A loop over components would keep the one over points from being vectorised.
+    # An inner loop over components would prevent vectorisation over points.
     work[row + k] += p[0] * q[0] + u[0] * v[0]
     work[row + ROWS[1] + k] += p[0] * q[1] + u[0] * v[1]
     work[row + ROWS[2] + k] += p[0] * q[2] + u[0] * v[2]

@@ -26,9 +26,8 @@ class Muscle(NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
 
     ``dW_active/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)`` and ``dW_passive/dlambda = m1 lambda
-    (exp(m2 (lambda^2 - 1)) - 1)`` for ``lambda >
-    1``, else 0 (Lu & Zhou 2011, eqs. 16-19).  Both energies are measured from ``lambda =
-    1``; the active one is that of the fibre at a fixed activation.
+    (exp(m2 (lambda^2 - 1)) - 1)`` for ``lambda > 1``, else 0 (Lu & Zhou 2011, eqs. 16-19).  Both energies are zero at
+    ``lambda = 1``; the active one is that at a fixed activation.
 
     Parameters
     ----------
@@ -41,10 +40,9 @@ class Muscle(NeoHookean):
     activation
         From 0 (at rest) to 1.
     fibre
-        Reference direction of the fibres: a vector of any length ``(3,)``, one a point (anything that broadcasts to
-        ``F.shape[:-1]``); or what the body that the law is given to knows: a direction of the rod, ``"tangent"`` along
-        its centre line, ``"normal"``, ``"binormal"``, ``"radial"`` or ``"around"``, or a function of places
-        (`isorod.material.fibre`), such as ``helix(30)``.
+        Reference direction of the fibres: a vector of any length ``(3,)``, or one for each point (broadcast to
+        ``F.shape[:-1]``); a direction of the rod, ``"tangent"`` along its centre line, ``"normal"``, ``"binormal"``,
+        ``"radial"`` or ``"around"``; or a function of places (`isorod.material.fibre`), such as ``helix(30)``.
 
     Raises
     ------

@@ -19,7 +19,7 @@ def of_fibres(work: sp.Expr) -> Energy:
     Parameters
     ----------
     work
-        What active fibres store whose largest stress is 1: the integral of their tension over ``STRETCH``, from 1.
+        Energy of active fibres with a largest stress of 1: the integral of their tension over ``STRETCH``, from 1.
     """
     matrix = matrix_energy()
     mu, lame = matrix.constants
@@ -33,7 +33,7 @@ def of_fibres(work: sp.Expr) -> Energy:
 @cache
 def of_the_parabola() -> Energy:
     """Return the energy of `isorod.material.muscle.Muscle`."""
-    # Tension, 1 - 4 short^2, is where shortening is below a half.
+    # Tension is 1 - 4 short^2 for shortening below a half, else zero.
     short, most, end = STRETCH - 1, sp.Rational(1, 2), sp.Rational(1, 3)
     inside = short - sp.Rational(4, 3) * short**3
     return of_fibres(sp.Piecewise((-end, short <= -most), (inside, short < most), (end, True)))

@@ -1,4 +1,4 @@
-"""Linear elasticity in small strains of material with directions: of wood, of laminates, of fibres in a matrix."""
+"""Orthotropic and transversely isotropic linear elasticity: wood, laminates, fibres in a matrix."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
     from isorod.material.energy import Energy
 
-# Axes at a smaller angle than this, in radians, have no plane.
+# Angle, in radians, below which two axes count as parallel.
 _PARALLEL = 1e-6
 
 
 @cache
 def quadratic(small: bool, free: tuple["sp.Expr", ...] = (0, 0, 0)) -> "Energy":
-    """Return the energy ``E:C E / 2`` of Green's strain, or of the small one, along three axes at right angles.
+    """Return the energy ``E:C E / 2`` of Green's strain, or of small strain, along three orthogonal axes.
 
-    It is that of what is left of the strain when there is none where the axes have stretched by ``free``.
+    ``free`` are free strains along the axes, which are subtracted.
     """
     import sympy as sp
 
@@ -46,14 +46,14 @@ def quadratic(small: bool, free: tuple["sp.Expr", ...] = (0, 0, 0)) -> "Energy":
         ]
     c = sp.symbols("c11 c12 c13 c22 c23 c33 g12 g13 g23", real=True)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    whole = sum(
+    energy = sum(
         one * along[i] * along[j] / (2 if i == j else 1) for one, (i, j) in zip(c[:6], pairs, strict=True)
     ) + sum(2 * one * e**2 for one, e in zip(c[6:], along[3:], strict=True))
-    return Energy(whole, c, small=small)
+    return Energy(energy, c, small=small)
 
 
 class Directed(Material):
-    """Linear elasticity in small strains along axes 1 and 2 of the material and what is at right angles to both."""
+    """Linear elasticity in small strains along orthogonal axes 1 and 2 of the material and their normal."""
 
     objective: ClassVar[bool] = False
     linear: ClassVar[bool] = True
@@ -83,14 +83,14 @@ class Orthotropic(Directed):
     E
         Young's moduli ``E_1, E_2, E_3`` along the axes, force/area.
     nu
-        Poisson's ratios ``nu_12, nu_13, nu_23``: ``nu_12`` is how much shorter axis 2 gets when axis 1 is pulled,
+        Poisson's ratios ``nu_12, nu_13, nu_23``: ``nu_12`` is the contraction along axis 2 in tension along axis 1,
         ``nu_12 / E_1 = nu_21 / E_2``.
     G
         Shear moduli ``G_12, G_13, G_23`` in the planes of two axes, force/area.
     axes
         Directions of axes 1 and 2, each a vector ``(3,)``; one of the rod: ``"tangent"``, ``"normal"``,
-        ``"binormal"``, ``"radial"`` or ``"around"``; or a function of places (`isorod.material.fibre`).  Of the second
-        counts what is at right angles to the first; axis 3 is at right angles to both.
+        ``"binormal"``, ``"radial"`` or ``"around"``; or a function of places (`isorod.material.fibre`).  The second is
+        made orthogonal to the first; axis 3 is orthogonal to both.
 
     Raises
     ------
@@ -125,27 +125,27 @@ class Orthotropic(Directed):
     def _fibres(self) -> tuple[Fibre, ...]:
         return tuple(self.axes)
 
-    def _direct(self, found: list[Fibre]) -> None:
-        object.__setattr__(self, "axes", tuple(found))
+    def _direct(self, axes: list[Fibre]) -> None:
+        object.__setattr__(self, "axes", tuple(axes))
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return axes 1 and 2 at points of some shape, shape ``(*shape, 6)``."""
-        found = super().fibres(shape)
-        return np.concatenate([found[..., :3], _second(found[..., :3], found[..., 3:])], axis=-1)
+        vectors = super().fibres(shape)
+        return np.concatenate([vectors[..., :3], _second(vectors[..., :3], vectors[..., 3:])], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class TransverselyIsotropic(Directed):
-    """Linear elasticity in small strains, the same in all directions across a fibre: ``W = e:C e / 2``.
+    """Linear elasticity in small strains, isotropic across a fibre: ``W = e:C e / 2``.
 
     Parameters
     ----------
     E, E_across
         Young's moduli along and across the fibre, force/area.
     nu
-        Poisson's ratio: how much shorter it gets across when it is pulled along.
+        Poisson's ratio: contraction across the fibre in tension along it.
     nu_across
-        How much shorter it gets across when it is pulled across, at right angles.
+        Poisson's ratio in the plane across the fibre.
     G
         Shear modulus in planes along the fibre, force/area; across it is ``E_across / 2(1 + nu_across)``.
     fibre
@@ -183,17 +183,17 @@ class TransverselyIsotropic(Directed):
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the fibre and a direction across it at points of some shape, shape ``(*shape, 6)``."""
         along = super().fibres(shape)
-        # The axis that it is farthest from.
+        # The coordinate axis at the largest angle to the fibre.
         far = np.eye(3)[np.argmin(np.abs(along), axis=-1)]
         return np.concatenate([along, _second(along, far)], axis=-1)
 
 
 def _compliance(E: Sequence[float], nu: Sequence[float]) -> Array:
-    """Return the strains along three axes of unit stresses along these, shape ``(3, 3)``."""
-    found = np.diag(1.0 / np.array(E))
+    """Return the compliance of normal stresses along three axes, shape ``(3, 3)``."""
+    compliance = np.diag(1.0 / np.array(E))
     for value, (i, j) in zip(nu, ((0, 1), (0, 2), (1, 2)), strict=True):
-        found[i, j] = found[j, i] = -value / E[i]
-    return found
+        compliance[i, j] = compliance[j, i] = -value / E[i]
+    return compliance
 
 
 def _check(
@@ -214,7 +214,7 @@ def _check(
                 f"{name}: got {value:g}, need less than sqrt({names[i]} / {names[j]}) = {most:.4g} in size: else some "
                 "strain stores negative energy"
             )
-    # Scaled to ones on the diagonal.
+    # Scaled to a unit diagonal.
     size = np.sqrt(np.array(E))
     rest = float(np.linalg.det(_compliance(E, nu) * size[:, None] * size))
     if not rest > 1e-12:
@@ -225,7 +225,7 @@ def _check(
 
 
 def _second(first: Array, second: Array) -> Array:
-    """Return the unit vectors of what of the second axes is at right angles to the first, which are unit vectors."""
+    """Return the second axes made orthogonal to the first, which are unit vectors, and of unit length."""
     across = second - np.sum(first * second, axis=-1, keepdims=True) * first
     size = np.linalg.norm(across, axis=-1, keepdims=True)
     if not size.min(initial=np.inf) > _PARALLEL:

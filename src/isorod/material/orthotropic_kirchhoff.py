@@ -1,4 +1,4 @@
-"""St. Venant's and Kirchhoff's law with axes: material with directions in large rotations."""
+"""Orthotropic law of St. Venant and Kirchhoff, for large rotations."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,8 +10,8 @@ from isorod.material.orthotropic import Orthotropic, quadratic
 class OrthotropicKirchhoff(Orthotropic):
     """Linear in Green's strain with three axes, for large rotations: ``W = E:C E / 2``, ``E = (F^T F - 1) / 2``.
 
-    Where strains are small and nothing turns, it is `isorod.material.orthotropic.Orthotropic`.  Strains are to be small
-    as for the law of St. Venant and Kirchhoff: pressed together by much, it gives way.
+    For small strains without rotations it is `isorod.material.orthotropic.Orthotropic`.  Strains must be small as for
+    the law of St. Venant and Kirchhoff, which softens under large compression.
 
     Parameters
     ----------

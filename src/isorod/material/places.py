@@ -1,4 +1,4 @@
-"""Places of a rod and its directions there, for laws whose material has directions: found when asked for."""
+"""Points of a rod and its directions there, for laws with material directions; computed on demand."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -10,11 +10,11 @@ from isorod.arrays import Array, Index
 
 
 class Shape(Protocol):
-    """What is asked of a rod (`isorod.geometry.rod.Rod`)."""
+    """The interface of a rod (`isorod.geometry.rod.Rod`)."""
 
     @property
     def arc_length(self) -> Callable[[Array], Array]:
-        """What returns the length of the centre line up to parameters ``(t,)``."""
+        """A function that returns the length of the centre line up to parameters ``(t,)``."""
 
     def tangents(self, u: Array) -> Array:
         """Return the unit tangents ``(t, 3)`` of the centre line at parameters ``(t,)``."""
@@ -26,8 +26,8 @@ class Shape(Protocol):
 class Places:
     """Points of a rod at rest, and unit vectors there; all broadcast to ``(*shape, 3)``.
 
-    At a section ``tangent``, ``normal`` and ``binormal`` are right-handed and at right angles, at a point ``radial``,
-    ``around`` and ``tangent`` are.
+    ``tangent``, ``normal`` and ``binormal`` of a section are orthonormal and right-handed, as are ``radial``,
+    ``around`` and ``tangent`` of a point.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ class Places:
     Attributes
     ----------
     shape
-        That of the points, such as ``(E, t, q)`` of elements, places along each and points of the section.
+        Shape of the points, such as ``(E, t, q)`` of elements, places along each and points of the section.
     u
-        Axis parameters, with an axis more: ``places.u * places.tangent`` are vectors.
+        Axis parameters, with a further axis: ``places.u * places.tangent`` are vectors.
     xi
         Disk points.
     """
@@ -51,7 +51,7 @@ class Places:
         self.shape = np.broadcast_shapes(u.shape, xi.shape[:-1])
 
     def part(self, places: slice, points: slice | Index) -> "Places":
-        """Return some of the places along the rod, with points ``(q, 2)`` of the section at each some of these."""
+        """Return some of the places along the rod, with some of the points ``(q, 2)`` of the section at each."""
         return Places(self._rod, self.u[places, ..., 0], self.xi[points])
 
     @cached_property
@@ -62,8 +62,8 @@ class Places:
 
     @cached_property
     def normal(self) -> Array:
-        """Where the disk's first axis points in the centre of the section, at right angles to the tangent."""
-        # The mean over the disk too, harmonic functions being what they are: as section forces have it.
+        """Direction of the disk's first axis in the centre of the section, orthogonal to the tangent."""
+        # Also the mean over the disk, by the mean value property of harmonic functions: as in section forces.
         return _normal_to(self.tangent, self._rod.across(np.zeros(2), self.u[..., 0])[1][..., 0])
 
     @cached_property
@@ -73,7 +73,7 @@ class Places:
 
     @property
     def length(self) -> Array:
-        """Length along the centre line from the start, shape of ``u`` as it was given."""
+        """Length along the centre line from the start, shape of ``u`` as given."""
         u = self.u[..., 0]
         return np.asarray(self._rod.arc_length(u.ravel())).reshape(u.shape)
 
@@ -89,10 +89,7 @@ class Places:
 
     @cached_property
     def around(self) -> Array:
-        """Along the circle of the disk through the point, at right angles to the tangent.
-
-        In the centre, which has no circle, as next to it in the direction of ``xi_1``.
-        """
+        """Circumferential direction, orthogonal to the tangent; in the centre the limit along ``xi_1``."""
         size = np.hypot(self.xi[..., 0], self.xi[..., 1])
         safe = np.where(size > 0.0, size, 1.0)
         cosine, sine = np.where(size > 0.0, self.xi[..., 0] / safe, 1.0), self.xi[..., 1] / safe
@@ -101,7 +98,7 @@ class Places:
 
     @cached_property
     def radial(self) -> Array:
-        """``around x tangent``: away from the centre, at right angles to both."""
+        """``around x tangent``: away from the centre, orthogonal to both."""
         return np.cross(self.around, self.tangent)
 
     @cached_property
@@ -110,7 +107,7 @@ class Places:
 
 
 def _normal_to(tangent: Array, vector: Array) -> Array:
-    """Return the unit vectors of what is at right angles to the tangent."""
+    """Return vectors made orthogonal to the tangent, of unit length."""
     vector = vector - np.sum(vector * tangent, axis=-1, keepdims=True) * tangent
     return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
@@ -131,5 +128,5 @@ class _Cylinder:
 
 
 def alone() -> Places:
-    """Return the place at which a law is asked that no rod has: tangent z, normal and radial x, binormal, around y."""
+    """Return a place for laws without a rod: tangent z, normal and radial x, binormal and around y."""
     return Places(_Cylinder(), np.zeros(1), np.array([[1.0, 0.0]]))

@@ -1,7 +1,6 @@
-"""Metal that flows: von Mises' plasticity at large strains."""
+"""Metal plasticity by von Mises at large strains."""
 
 from dataclasses import dataclass
-from functools import cache
 from typing import ClassVar, Self
 
 import numpy as np
@@ -10,22 +9,14 @@ from isorod.arrays import Numbers
 from isorod.errors import InputError, finite, numbers, positive
 from isorod.material.law import Isotropic
 from isorod.material.memory import Memory, Timed
-from isorod.material.points import Compiled
 
-# A stress that nothing reaches.
+# A stress beyond all others.
 _NEVER = 1e200
-
-
-@cache
-def _compiled() -> Compiled:
-    from isorod.material.plastic_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 @dataclass(frozen=True, eq=False)
 class Plastic(Memory, Isotropic):
-    """Elastic until von Mises' stress reaches the yield stress, then flowing at constant volume.
+    """Von Mises plasticity: elastic up to the yield stress, then plastic flow at constant volume.
 
     The logarithmic strain ``ln(C)/2`` is the sum of an elastic one, on which the stress depends linearly (Hencky), and
     a plastic one (C. Miehe, N. Apel & M. Lambrecht, CMAME 191 (2002) 5383-5425).
@@ -35,19 +26,20 @@ class Plastic(Memory, Isotropic):
     E, nu
         Young's modulus [force/area] and Poisson's ratio.
     hardening
-        Points (accumulated plastic strain, yield stress), the first at 0, linear between them; from the last one on
-        the yield stress is constant.  Stresses are Kirchhoff's, force / area.
+        Points (accumulated plastic strain, yield stress), the first at 0, linear between them, constant beyond the
+        last.  Stresses are Kirchhoff stresses, force / area.
     kinematic
-        Modulus ``H`` by which the yield surface moves along with plastic strain, force / area (Prager).
+        Modulus ``H`` of kinematic hardening, force / area (Prager).
     recovery
-        How fast its centre, the back stress, goes back while it flows, by plastic strain (Armstrong and Frederick): in
-        tension it is ``kinematic/recovery (1 - exp(-recovery p))``.
+        Dynamic recovery ``gamma`` of the back stress, per plastic strain (Armstrong and Frederick): in tension it is
+        ``kinematic/recovery (1 - exp(-recovery p))``.
     """
 
     hardening: Numbers
     kinematic: float = 0.0
     recovery: float = 0.0
 
+    kernel: ClassVar[str] = "plastic_kernel"
     kinks: ClassVar[bool] = True
 
     def _check(self) -> None:
@@ -73,7 +65,7 @@ class Plastic(Memory, Isotropic):
 
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
-        """What its state is: no back stress where there is never any."""
+        """Components of its state variables, with a back stress if there is kinematic hardening."""
         back = {"back_stress": 6} if self.kinematic > 0.0 else {}
         return {"plastic_strain": 6, "p": 1, **back, "dissipated": 1}
 
@@ -90,27 +82,23 @@ class Plastic(Memory, Isotropic):
 
     @property
     def frozen(self) -> Self:
-        """The law with a yield stress that is never reached."""
+        """The law with an unreachable yield stress."""
         return self._with(hardening=[[strain, _NEVER] for strain, _ in np.asarray(self.hardening).tolist()])
-
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _compiled()
 
 
 @dataclass(frozen=True, eq=False)
 class Viscoplastic(Timed, Plastic):
-    """Metal that flows the faster the farther its stress is beyond the yield stress (Perzyna).
+    """Viscoplasticity by Perzyna: plastic flow at a rate by the overstress.
 
-    Accumulated plastic strain grows by ``A (q / yield stress - 1)^n``, ``q`` von Mises' stress about the back stress.
+    Accumulated plastic strain grows at the rate ``A (q / yield stress - 1)^n``, ``q`` the von Mises stress relative to
+    the back stress.
 
     Parameters
     ----------
     E, nu, hardening, kinematic, recovery
         Those of `Plastic`.
     A, n
-        Rate of strain at twice the yield stress, per time, and exponent, at least 1.
+        Strain rate at twice the yield stress, per time, and exponent, at least 1.
     """
 
     A: float = 0.0
@@ -129,7 +117,7 @@ class Viscoplastic(Timed, Plastic):
 
 
 def check_rate(A: float, n: float) -> None:
-    """Raise `InputError` if a rate of strain ``A`` and its exponent are none of a law."""
+    """Raise `InputError` if a strain rate ``A`` or its exponent is invalid."""
     positive("A", A, "a positive rate")
     if not 1.0 <= n <= 50.0:
         raise InputError(f"n: got {n:g}, need an exponent from 1 to 50")

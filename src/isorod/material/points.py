@@ -1,8 +1,8 @@
-"""A law's compiled functions: what they are given, how compiled loops call them, and the loops over points.
+"""A law's compiled functions: their arguments, calls from compiled loops, and the loops over points.
 
 A law has two compiled functions, of the stress and the energy at a block of points (``BLOCK``) and of the moduli there
-(``TANGENT``).  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
-Numba's cache on disk, whatever laws there are.
+(``TANGENT``).  Loops call them by their addresses, which plain arrays can hold: so loops do not depend on laws and stay
+in Numba's cache on disk.
 """
 
 from collections.abc import Callable
@@ -23,10 +23,10 @@ from isorod.compiling import Kernel
 # unrolled before they are vectorised, and three times slower, those of 24 in part.
 POINTS = 32
 
-# Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, what
-# the law knows of the point (so many numbers at most: the fibres, 3 each of two families, and behind them a
-# temperature, or the state of a law with memory), the energy density and its derivative by the activation that a law
-# writes if asked for, and what it may use; there a law with memory says what it has dissipated since rest.
+# Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, the
+# law's values at the point (``STATES`` at most: the fibres, 3 each of two families, then a temperature; or the state of
+# a law with memory), the energy density and its derivative by the activation, which a law writes on demand, and rows
+# for its own use, in the first of which a law with memory writes the energy dissipated since rest.
 STATES = 48
 STRESS, GRADIENT, DETERMINANT, FIBRE = 0, 9, 18, 19
 ENERGY, ACTIVE, FREE = FIBRE + STATES, FIBRE + STATES + 1, FIBRE + STATES + 2
@@ -34,43 +34,43 @@ LOST = FREE
 OWN = FREE + 1
 WORK = OWN + 108
 
-# Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
-# all nine ``AB``, then of 00, 11, 22, each with the ``AB`` 00, 01, 02, 11, 12, 22.  The others are these again.
+# Further rows for moduli: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with all nine ``AB``, then
+# of 00, 11, 22, each with the ``AB`` 00, 01, 02, 11, 12, 22.  The others follow by symmetry.
 MODULI = WORK
 SQUARES = MODULI + 27
 MODULI_WORK = SQUARES + 18
 
-# Where each row begins.  Unsigned, as all indices into the work space: only then does the compiler see that rows do not
+# Offset of each row.  Unsigned, as all indices into the work space: only then does the compiler see that rows do not
 # overlap.
 ROWS = tuple(np.uint64(POINTS * k) for k in range(2 * MODULI_WORK))
 
 BLOCK = void(F1, F1, f8, b1)
-"""``(work, constants, activation, wanted)``: fills the rows of the first Piola-Kirchhoff stress, with NaN where ``F``
-cannot be, and if ``wanted`` those of the energy per reference volume without activation and of what full activation
-adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
+"""``(work, constants, activation, with_energy)``: fills the rows of the first Piola-Kirchhoff stress, NaN where ``F``
+is inverted, and if ``with_energy`` those of the energy per reference volume without activation and of the energy added
+by full activation.  ``activation`` is a fraction of the law's own; energy and stress are linear in it."""
 
 TANGENT = void(F1, F1, f8)
 """``(work, constants, activation)``: adds to the rows of the moduli of a block whose stress the law's ``BLOCK``
 function has filled in before."""
 
 STEP = void(F1)
-"""``(work,)``: something else that happens at the points of a block (`isorod.assembly.block_kernel`)."""
+"""``(work,)``: any other operation at the points of a block (`isorod.assembly.block_kernel`)."""
 
 
 class Compiled:
-    """A law's functions, made by `numba.njit`: compiled, or read from Numba's cache, when they are first asked for.
+    """A law's functions, made by `numba.njit`: compiled, or read from Numba's cache, on first use.
 
     Parameters
     ----------
     block, tangent
-        Functions that take what ``BLOCK`` and ``TANGENT`` say.
+        Functions with the signatures ``BLOCK`` and ``TANGENT``.
     update
-        Of a law with memory one more that takes what ``BLOCK`` says, and fills the rows of the state with that at the
-        end of a step, beside those of the stress.
+        For a law with memory a function with the signature ``BLOCK`` that fills the rows of the stress, and those of
+        the state with the state at the end of a step.
     """
 
     def __init__(self, block: Any, tangent: Any, update: Any = None) -> None:
-        # The code lives as long as what holds it.
+        # Referenced, since code is freed with its dispatcher.
         self._block, self._tangent, self._update = block, tangent, update
 
     @cached_property
@@ -85,12 +85,12 @@ class Compiled:
 
     @cached_property
     def update(self) -> int:
-        """Address of the function that goes on to the next state."""
+        """Address of the function that updates the state."""
         return address(self._update, BLOCK)
 
 
 def address(function: Kernel, signature: Any) -> int:
-    """Return where compiled code is that other compiled code may call (`call_step`)."""
+    """Return the address of compiled code that other compiled code may call (`call_step`)."""
     dispatcher = function.compiled
     if tuple(signature.args) not in dispatcher.overloads:
         dispatcher.compile(signature)
@@ -99,7 +99,7 @@ def address(function: Kernel, signature: Any) -> int:
 
 
 def caller(signature: Any) -> Callable[..., Any]:
-    """Return what compiled code calls a function of this signature with: ``(address, arguments)``."""
+    """Return an intrinsic ``(address, arguments)`` by which compiled code calls a function of this signature."""
 
     def build(context: Any, builder: Any, _: Any, values: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in signature.args]
@@ -119,7 +119,7 @@ call_block, call_tangent, call_step = (caller(kind) for kind in (BLOCK, TANGENT,
 
 @njit(void(F3, F2, i8, F2, F1), **FAST)
 def _take(F: Array, fibres: Array, begin: int, scratch: Array, work: Array) -> None:
-    """Fill the rows of a block with what is given of the points from ``begin`` on; the last of all fills it up."""
+    """Fill the rows of a block with the values of points from ``begin`` on; the last point fills it up."""
     for k in range(np.uint64(POINTS)):
         m: Any = min(begin + np.int64(k), F.shape[0] - 1)
         for a in range(3):
@@ -139,7 +139,7 @@ def at_points(block: int, F: Array, constants: Array, fibres: Array, energy: Arr
     block
         Address of the law's function.
     F, fibres
-        Deformation gradients ``(points, 3, 3)`` and what the law knows of the points ``(points, width)``.
+        Deformation gradients ``(points, 3, 3)`` and the law's values at the points ``(points, width)``.
     constants
         The law's, any shape ``(c,)``.
     """
@@ -207,7 +207,7 @@ def moduli_at_points(block: int, tangent: int, F: Array, constants: Array, fibre
 
 @njit(u8(i8, i8, i8, i8), **FAST)
 def modulus_row(a: int, A: int, b: int, B: int) -> Any:
-    """Return where the row of the modulus ``dP_aA/dF_bB`` begins."""
+    """Return the offset of the row of the modulus ``dP_aA/dF_bB``."""
     if a == b:
         low, high = min(A, B), max(A, B)
         return np.uint64(POINTS * (SQUARES + 6 * a + (high if low == 0 else low + high + 1)))

@@ -1,4 +1,4 @@
-"""Expressions as lines of Python, what they share computed once, in functions that loops over points can vectorise."""
+"""Expressions as lines of Python with common subexpressions, in functions that loops over points can vectorise."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ _OWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "atan", "asin", "acos", "as
 
 
 class _Printer(PythonCodePrinter):  # type: ignore[misc]
-    """Expressions of what stands in `isorod.material.functions` and NumPy."""
+    """Prints expressions by functions of `isorod.material.functions` and NumPy."""
 
     def _print_Rational(self, expr: sp.Rational) -> str:
         return repr(float(expr))
@@ -100,62 +100,62 @@ _PRINTER = _Printer({"fully_qualified_modules": False})
 
 
 def assignments(names: Sequence[str], expressions: Sequence[sp.Expr]) -> list[str]:
-    """Return lines that give names to the values of expressions, what they share computed once."""
+    """Return lines that assign the values of expressions to names, with common subexpressions."""
     shared, lines = _shared_powers(list(expressions))
     numbers = sp.numbered_symbols("x")
     replaced, reduced = sp.cse([*lines.values(), *shared], numbers, order="none")
-    found = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
-    # A power that is shared is what others are computed from: after its base, before the rest.
+    statements = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
+    # A shared power comes after its base and before the powers computed from it.
     count = len(lines)
     if not count:
-        return found + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
+        return statements + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
     return _ordered(
         [*[(str(n), v) for n, v in replaced], *[(str(n), v) for n, v in zip(lines, reduced[:count], strict=True)]],
     ) + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced[count:], strict=True)]
 
 
 def _ordered(pairs: list[tuple[str, sp.Expr]]) -> list[str]:
-    """Return lines in an order in which each uses earlier ones alone."""
+    """Return assignments in an order in which each uses only earlier ones."""
     names = {name for name, _ in pairs}
-    found: list[str] = []
+    statements: list[str] = []
     known: set[str] = set()
     while pairs:
         left = []
         for name, value in pairs:
             if {str(one) for one in value.free_symbols} & names <= known:
-                found.append(f"{name} = {_PRINTER.doprint(value)}")
+                statements.append(f"{name} = {_PRINTER.doprint(value)}")
                 known.add(name)
             else:
                 left.append((name, value))
         pairs = left
-    return found
+    return statements
 
 
 def _shared_powers(expressions: list[sp.Expr]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
-    """Return expressions in which powers of one base that differ by whole numbers are those of one symbol."""
-    powers = {one for e in expressions for one in e.atoms(sp.Pow) if not one.exp.is_Integer}
+    """Return expressions in which powers of a base whose exponents differ by integers are powers of one symbol."""
+    powers = {power for e in expressions for power in e.atoms(sp.Pow) if not power.exp.is_Integer}
     groups: dict[tuple[sp.Expr, sp.Expr], list[sp.Pow]] = {}
-    for one in sorted(powers, key=sp.default_sort_key):
-        whole, rest = one.exp.as_coeff_Add()
+    for power in sorted(powers, key=sp.default_sort_key):
+        integer, rest = power.exp.as_coeff_Add()
         if rest == 0:
-            if not whole.is_Rational or whole.q == 2:
+            if not integer.is_Rational or integer.q == 2:
                 continue
-            key = one.base, sp.Rational(1, whole.q)
+            key = power.base, sp.Rational(1, integer.q)
         else:
-            key = one.base, rest
-        groups.setdefault(key, []).append(one)
+            key = power.base, rest
+        groups.setdefault(key, []).append(power)
     lines: dict[sp.Symbol, sp.Expr] = {}
     replaced = {}
     for (base, unit), members in groups.items():
         if unit.is_Rational and len(members) > 1:
-            down = all(one.exp < 0 for one in members)
+            down = all(power.exp < 0 for power in members)
             name = sp.Symbol(f"r{len(lines)}", positive=True)
             lines[name] = base ** (-unit if down else unit)
-            for one in members:
-                replaced[one] = name ** int((-one.exp if down else one.exp) / unit)
+            for power in members:
+                replaced[power] = name ** int((-power.exp if down else power.exp) / unit)
         elif not unit.is_Rational and len(members) > 1:
             name = sp.Symbol(f"r{len(lines)}", positive=True)
             lines[name] = base**unit
-            for one in members:
-                replaced[one] = name * base ** one.exp.as_coeff_Add()[0]
+            for power in members:
+                replaced[power] = name * base ** power.exp.as_coeff_Add()[0]
     return [one.xreplace(replaced) for one in expressions], lines

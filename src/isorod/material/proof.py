@@ -1,4 +1,4 @@
-"""Checks of a law when it is made: a failure is reported in one line, with its size."""
+"""Checks of a law when it is made: a failure is reported in one line, with its magnitude."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from isorod.errors import InputError
 from isorod.material.law import Material, plane_waves
 from isorod.material.places import alone
 
-# Strains at which it is evaluated, and a strain so small that differences of large numbers would show.
+# Strains at which it is evaluated, and a strain so small that cancellation would show.
 _STRAIN, _SMALL = 0.08, 1e-8
 
 _CHECKED: set[Any] = set()
@@ -21,31 +21,36 @@ def prove(law: Material, prestressed: bool) -> None:
     Raises
     ------
     InputError
-        If it has no value at rest or at strains of some percent; a rotation changes its energy; it has a stress at
-        rest that nobody named; a plane wave at rest has no positive modulus; its stress at strains of 1e-8 is rounding.
+        If it has no value at rest or at strains of some percent; a rotation changes its energy; it has a stress at rest
+        and is not prestressed; a plane wave at rest has no positive modulus; its stress at strains of 1e-8 is rounding.
     """
-    one = law.shear.placed(alone())
-    key = law.stored, one.constants.tobytes(), prestressed
+    placed = law.shear.placed(alone())
+    key = law.stored, placed.constants.tobytes(), prestressed
     if key in _CHECKED:
         return
     F = np.eye(3) + _STRAIN * np.random.default_rng(1).uniform(-1.0, 1.0, (8, 3, 3))
-    if not (np.isfinite(one.stress(F)).all() and np.isfinite(one.energy(F)).all()):
+    if not (np.isfinite(placed.stress(F)).all() and np.isfinite(placed.energy(F)).all()):
         raise InputError(f"energy: NaN at strains of {_STRAIN:g}")
-    scale = float(np.abs(one.tangent(np.eye(3)[None])).max())
+    scale = float(np.abs(placed.tangent(np.eye(3)[None])).max())
     if not 0.0 < scale < np.inf:
         raise InputError(f"energy: its largest second derivative at rest is {scale:g}, need a finite one, not zero")
-    _objective(one, F, scale)
+    _objective(placed, F, scale)
     if not prestressed:
-        _free_at_rest(law, one, scale)
-    waves = float(plane_waves(one).min())
-    if waves <= 1e-12 * scale:
-        raise InputError(f"energy: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
-    _exact_when_small(one)
+        _free_at_rest(law, placed, scale)
+    check_waves("energy", placed, scale)
+    _exact_when_small(placed)
     _CHECKED.add(key)
 
 
+def check_waves(name: str, law: Material, scale: float) -> None:
+    """Check that plane waves at rest have positive moduli, relative to the largest modulus ``scale``."""
+    waves = float(plane_waves(law).min()) if 0.0 < scale < np.inf else np.nan
+    if not waves > 1e-12 * scale:
+        raise InputError(f"{name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+
+
 def _objective(law: Material, F: Array, scale: float) -> None:
-    """Check that rotations change neither energy nor, but for turning it, stress."""
+    """Check that rotations do not change the energy."""
     turned = _rotation()
     before, after = law.energy(F), law.energy(turned @ F)
     change = float(np.abs(after - before).max() / (scale * _STRAIN**2))
@@ -53,9 +58,9 @@ def _objective(law: Material, F: Array, scale: float) -> None:
         raise InputError(f"energy: not objective: a rotation changes it by {100.0 * change:.3g} %")
 
 
-def _free_at_rest(law: Material, one: Material, scale: float) -> None:
+def _free_at_rest(law: Material, placed: Material, scale: float) -> None:
     """Check that there is no stress at rest."""
-    stress = one.stress(np.eye(3)[None])[0]
+    stress = placed.stress(np.eye(3)[None])[0]
     size = float(np.abs(stress).max())
     if size <= 1e-10 * scale:
         return
@@ -69,18 +74,18 @@ def _free_at_rest(law: Material, one: Material, scale: float) -> None:
 
 def _exact_when_small(law: Material) -> None:
     """Check that the stress at tiny strains is not rounding."""
-    way = _STRAIN * np.random.default_rng(2).uniform(-1.0, 1.0, (3, 3))
+    direction = _STRAIN * np.random.default_rng(2).uniform(-1.0, 1.0, (3, 3))
     rest = np.eye(3)[None]
-    moved = rest + _SMALL * way
-    # On the way: at rest fibres that bear no compression may be slack or taut.
-    linear = np.einsum("aAbB,bB->aA", law.tangent(rest + 0.5 * _SMALL * way)[0], way)
-    found = (law.stress(moved) - law.stress(rest))[0] / _SMALL
-    error = float(np.abs(found - linear).max() / np.abs(linear).max())
+    moved = rest + _SMALL * direction
+    # Halfway: at rest tension-only fibres may be slack or taut.
+    linear = np.einsum("aAbB,bB->aA", law.tangent(rest + 0.5 * _SMALL * direction)[0], direction)
+    difference = (law.stress(moved) - law.stress(rest))[0] / _SMALL
+    error = float(np.abs(difference - linear).max() / np.abs(linear).max())
     if not error < 1e-5:
         raise InputError(f"energy: its stress at strains of {_SMALL:g} is off by {100.0 * error:.3g} %: cancellation")
 
 
 def _rotation() -> Array:
     """Return a rotation about no particular axis."""
-    found, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
-    return np.asarray(found * np.linalg.det(found))
+    q, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    return np.asarray(q * np.linalg.det(q))

@@ -1,18 +1,17 @@
-"""Solids that relax at large strains, compiled: neo-Hooke beside branches of neo-Hooke and a damper each.
+"""Viscoelasticity at large strains, compiled: a neo-Hookean spring in parallel with Maxwell branches.
 
 With ``C`` free of volume the strain ``Ci`` of a branch's damper follows ``Ci' = (C - tr(C Ci^-1)/3 Ci)/tau`` (S. Reese
-& S. Govindjee, Int. J. Solids Struct. 35 (1998) 3455-3482).  So ``g Ci`` is the integral of ``g C / tau``: where ``C``
-goes straight from ``C0`` to ``C1`` in a step, its size free, ``Ci`` is
+& S. Govindjee, Int. J. Solids Struct. 35 (1998) 3455-3482).  So ``g Ci`` is the integral of ``g C / tau``: if ``C``
+goes straight from ``C0`` to ``C1`` in a step, up to its size, ``Ci`` is
 
     Ci(0) exp(-y) + C0 (1 - exp(-y) - c) + C1 c,
 
-made free of volume: two numbers, ``y' = r`` and ``c' = r (s - c)``, ``s`` the share of the step and ``r`` near 1.  They
-follow in parts of the step, in each of which ``r`` is that of its middle: an error of second order,
-and none of small strains, or of what part of the stress is left where nothing moves.
+made isochoric: two numbers, ``y' = r`` and ``c' = r (s - c)``, ``s`` the fraction of the step and ``r`` near 1.  They
+are integrated over substeps with ``r`` at midpoints: an error of second order, and none in small strains or in
+relaxation at constant strain.
 
-Constants: shear modulus, time of the step, number of branches, of each its share of that modulus and ``tau``, Lame's
-first parameter.  State: ``C - 1`` free of volume at the start of the step, then ``Ci - 1`` of each branch, and what was
-dissipated.
+Constants: shear modulus, time of the step, number of branches, of each its fraction of that modulus and ``tau``, Lame's
+first parameter.  State: isochoric ``C - 1`` at the start of the step, ``Ci - 1`` of each branch, the dissipated energy.
 """
 
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import FAST, njit
-from isorod.material.functions import exp, expm1, log, power, shares
+from isorod.material.functions import exp, expm1, log, power, ramp_fractions
 from isorod.material.logarithm_kernel import add_second
 from isorod.material.points import ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, LOST, OWN, POINTS, ROWS, TANGENT
 from isorod.material.six_kernel import (
@@ -44,33 +43,33 @@ from isorod.material.six_kernel import (
     trace_of,
 )
 
-# Parts of a step of one tau, and of any step at most: one step to anywhere, held at a stretch of 1.5, is then off by
-# 4e-5 at the most, measured.
+# Substeps of a step of one tau, and of any step at most: the error of one step to a stretch of 1.5, held, is then at
+# most 4e-5, measured.
 _PARTS, _MOST = 4, 8
 
-# How far from 1 cubes, and up to which times, of relaxation, a few terms of a series are right to rounding.
+# Distance of cubes from 1, and times in relaxation times, up to which a few terms of a series are right to rounding.
 _SHORT, _NEAR = 1e-3, 5e-3
 
 _W = np.uint64(POINTS)
 _ONE = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
-# Rows of a block: C, the same free of volume, that at the start of the step, the stress for C free of volume, the
-# second Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
+# Rows of a block: C, isochoric C, that at the start of the step, the stress conjugate to isochoric C, the second
+# Piola-Kirchhoff stress, a third of the former stress : C, J^(-2/3), ln J, energy and loss.
 _C, _NOW, _BEFORE, _STRESS, _SECOND = (OWN + 6 * m for m in range(5))
 _THIRD, _SIZE, _VOLUME, _STORED, _LOSS, _BRANCH = (OWN + 30 + m for m in range(6))
-# Of a branch: Ci at the start of the step and at its end, the inverse of what this is but for its size, and the cube
-# root of the determinant of that; 1 - exp(-y) and c, the same at the middle of a part, r, which is also the times of
-# `_lag`, and what that fills in.
+# Of a branch: Ci at the start of the step and at its end, the inverse of the latter before it is made isochoric, and
+# the cube root of its determinant; 1 - exp(-y) and c, the same at the middle of a substep, r, and the results of
+# `_lag`.
 _OLD, _NEW, _INVERSE, _ROOT, _Y, _MIDDLE = (_BRANCH + m for m in (0, 6, 12, 18, 19, 21))
 _RATE, _GONE, _MEAN, _SLOPE, _SLOPES = (_BRANCH + 23 + m for m in range(5))
-# Where moduli are asked for: slopes of r by y, by c and by C1, those of y and c by C1, at the middle of a part too, and
-# how the inverse changes with y and c.
-_WAYS, _HALF, _TURNED = _SLOPES + 8, _SLOPES + 20, _SLOPES + 32
+# For moduli: slopes of r by y, by c and by C1, those of y and c by C1, also at the middle of a substep, and derivatives
+# of the inverse by y and c.
+_BY_C, _HALF, _TURNED = _SLOPES + 8, _SLOPES + 20, _SLOPES + 32
 
 
 @njit(**FAST)
 def _begin(work: Array, constants: Array) -> None:
-    """Fill in ``C``, the same free of volume, that at the start of the step, and what no branch adds."""
+    """Fill in ``C``, isochoric ``C``, that at the start of the step, and stress and energy without branches."""
     rest, mu = 1.0, constants[0]
     for i in range(int(constants[2])):
         rest -= constants[3 + 2 * i]
@@ -83,27 +82,27 @@ def _begin(work: Array, constants: Array) -> None:
         put_six(work, _STRESS, k, combined(rest * mu, _ONE, 0.0, _ONE, 0.0, _ONE))
         work[at(_SIZE) + k], work[at(_VOLUME) + k] = size, volume
         work[at(_STORED) + k] = 0.5 * rest * mu * (now[0] + now[3] + now[5] - 3.0)
-    _told(work, FIBRE, _BEFORE)
+    _read_tensor(work, FIBRE, _BEFORE)
 
 
 @njit(**FAST)
-def _told(work: Array, first: int, to: int) -> None:
-    """Fill in a tensor of the state, whose rows begin at one, which has it less 1."""
+def _read_tensor(work: Array, first: int, to: int) -> None:
+    """Fill in a tensor from rows of the state, from ``first`` on, which hold it minus the identity."""
     for m in range(6):
-        row, one = np.uint64(POINTS * (first + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+        row, unit = np.uint64(POINTS * (first + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
         for k in range(_W):
-            work[at(to + m) + k] = work[row + k] + one
+            work[at(to + m) + k] = work[row + k] + unit
 
 
 @njit(**FAST)
 def _mixed(work: Array, k: Any, gone: float, c: float) -> Six:
-    """Return ``Ci`` at a point but for its size."""
+    """Return ``Ci`` at a point before it is made isochoric."""
     return combined(1.0 - gone, six(work, _OLD, k), gone - c, six(work, _BEFORE, k), c, six(work, _NOW, k))
 
 
 @njit(**FAST)
 def _take_root(work: Array, row: int) -> None:
-    """Replace numbers by their cube roots: in short steps all are near 1."""
+    """Replace a row by its cube roots, by a series in short steps, where all are near 1."""
     far = 0.0
     for k in range(_W):
         far += 0.0 if abs(work[at(row) + k] - 1.0) < _SHORT else 1.0
@@ -119,7 +118,7 @@ def _take_root(work: Array, row: int) -> None:
 
 @njit(**FAST)
 def _lag(time: float, work: Array) -> None:
-    """Fill in ``1 - exp(-x)``, that over ``x``, and the slope of this by ``x``, of ``r`` times a time."""
+    """Fill in ``1 - exp(-x)``, that over ``x``, and the quotient's slope by ``x``; ``x`` is ``r`` times a time."""
     far = 0.0
     for k in range(_W):
         x = time * work[at(_RATE) + k]
@@ -137,15 +136,15 @@ def _lag(time: float, work: Array) -> None:
 
 
 @njit(**FAST)
-def _rate(s: float, work: Array, where: int, wanted: bool) -> None:
-    """Fill in ``r`` of the ``y`` and ``c`` in two rows, and if wanted its slopes by these and by the six of ``C1``."""
+def _rate(s: float, work: Array, where: int, with_slopes: bool) -> None:
+    """Fill in ``r`` of the ``y`` and ``c`` in two rows, and on demand its slopes by these and by the six of ``C1``."""
     for k in range(_W):
         now = six(work, _NOW, k)
         _, path = inverted(combined(1.0 - s, six(work, _BEFORE, k), s, now, 0.0, now))
         _, det = inverted(_mixed(work, k, work[at(where) + k], work[at(where + 1) + k]))
         work[at(_RATE) + k] = det / path
     _take_root(work, _RATE)
-    if not wanted:
+    if not with_slopes:
         return
     for k in range(_W):
         old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
@@ -159,9 +158,9 @@ def _rate(s: float, work: Array, where: int, wanted: bool) -> None:
 
 @njit(**FAST)
 def _go_on(time: float, s: float, part: float, work: Array, to: int) -> None:
-    """Fill in what ``1 - exp(-y)`` and ``c`` are after a time at the rate ``r``, and the slope of ``c`` by ``y``.
+    """Fill in ``1 - exp(-y)`` and ``c`` after a time at the rate ``r``, and the slope of ``c`` by ``y``.
 
-    ``c' = s - c``, while ``s`` grows by a part.
+    ``c' = s - c``, while ``s`` grows by ``part``.
     """
     _lag(time, work)
     for k in range(_W):
@@ -173,7 +172,7 @@ def _go_on(time: float, s: float, part: float, work: Array, to: int) -> None:
 
 @njit(**FAST)
 def _carry(work: Array, time: float, start: int, to: int) -> None:
-    """Fill in the slopes of ``y`` and ``c`` by ``C1`` after a time, from those of where its rate is taken."""
+    """Fill in the slopes of ``y`` and ``c`` by ``C1`` after a time, from those where the rate is evaluated."""
     for m in range(6):
         for k in range(_W):
             first, second = (
@@ -182,40 +181,40 @@ def _carry(work: Array, time: float, start: int, to: int) -> None:
             )
             change = time * (first + second + work[at(_SLOPES + 2 + m) + k])
             kept = 1.0 - work[at(_GONE) + k]
-            work[at(to + 6 + m) + k] = kept * work[at(_WAYS + 6 + m) + k] + work[at(_SLOPE) + k] * change
-            work[at(to + m) + k] = work[at(_WAYS + m) + k] + change
+            work[at(to + 6 + m) + k] = kept * work[at(_BY_C + 6 + m) + k] + work[at(_SLOPE) + k] * change
+            work[at(to + m) + k] = work[at(_BY_C + m) + k] + change
 
 
 @njit(**FAST)
-def _follow(h: float, work: Array, wanted: bool) -> None:
-    """Fill in ``y`` and ``c`` at the end of a step of ``h`` times ``tau``, and if wanted their slopes by ``C1``."""
+def _follow(h: float, work: Array, with_slopes: bool) -> None:
+    """Fill in ``y`` and ``c`` at the end of a step of ``h`` times ``tau``, and on demand their slopes by ``C1``."""
     count = 1 + int(min(_PARTS * h, _MOST - 1.0))
     part = 1.0 / count
-    # At the start all is free of volume.
+    # At the start all tensors are isochoric.
     for k in range(_W):
         work[at(_Y) + k], work[at(_Y + 1) + k], work[at(_RATE) + k] = 0.0, 0.0, 1.0
-    if wanted:
+    if with_slopes:
         for m in range(24):
             for k in range(_W):
-                work[at(_WAYS + m) + k] = 0.0
+                work[at(_BY_C + m) + k] = 0.0
     for p in range(count):
         s = p * part
         if p > 0:
-            _rate(s, work, _Y, wanted)
+            _rate(s, work, _Y, with_slopes)
         _go_on(0.5 * part * h, s, 0.5 * part, work, _MIDDLE)
-        if wanted and p > 0:
-            _carry(work, 0.5 * part * h, _WAYS, _HALF)
-        _rate(s + 0.5 * part, work, _MIDDLE, wanted)
+        if with_slopes and p > 0:
+            _carry(work, 0.5 * part * h, _BY_C, _HALF)
+        _rate(s + 0.5 * part, work, _MIDDLE, with_slopes)
         _go_on(part * h, s, part, work, _Y)
-        if wanted:
-            _carry(work, part * h, _HALF, _WAYS)
+        if with_slopes:
+            _carry(work, part * h, _HALF, _BY_C)
 
 
 @njit(**FAST)
-def _branch(work: Array, constants: Array, which: int, wanted: bool) -> None:
-    """Fill in the rows of a branch, and add its stress; if wanted with slopes by ``C1``."""
-    _told(work, FIBRE + 6 + 6 * which, _OLD)
-    _follow(constants[1] / constants[4 + 2 * which], work, wanted)
+def _branch(work: Array, constants: Array, which: int, with_slopes: bool) -> None:
+    """Fill in the rows of a branch, and add its stress; on demand with slopes by ``C1``."""
+    _read_tensor(work, FIBRE + 6 + 6 * which, _OLD)
+    _follow(constants[1] / constants[4 + 2 * which], work, with_slopes)
     modulus = constants[0] * constants[3 + 2 * which]
     for k in range(_W):
         mixed = _mixed(work, k, work[at(_Y) + k], work[at(_Y + 1) + k])
@@ -233,7 +232,7 @@ def _branch(work: Array, constants: Array, which: int, wanted: bool) -> None:
 
 @njit(**FAST)
 def _second(work: Array, constants: Array) -> None:
-    """Fill in the inverse of ``C``, in the place of a branch's, and ``S``."""
+    """Fill in ``S``, and the inverse of ``C`` in the rows of a branch's inverse."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     for k in range(_W):
         c, stress, size = six(work, _C, k), six(work, _STRESS, k), work[at(_SIZE) + k]
@@ -246,19 +245,19 @@ def _second(work: Array, constants: Array) -> None:
 
 @njit(**FAST)
 def _add_loss(x: float, modulus: float, work: Array) -> None:
-    """Add what a branch dissipates in a step of ``x`` times ``tau``.
+    """Add the dissipation of a branch in a step of ``x`` times ``tau``.
 
-    It is what the spring would lose if the damper went its way at the middle of the strain's, and what is wrong with
-    that in small strains: exact there, and where nothing moves.
+    It is the spring's loss if the damper moved at the middle of the strain path, corrected by the error of that in
+    small strains: exact there, and at constant strain.
     """
     gone = -expm1(-x)
-    share, rest = shares(x, gone)
-    one, two = 2.0 - gone - 2.0 * share, share * (1.0 - share) - 2.0 * rest
+    kept, rest = ramp_fractions(x, gone)
+    one, two = 2.0 - gone - 2.0 * kept, kept * (1.0 - kept) - 2.0 * rest
     for k in range(_W):
         old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
         new, inverse, root = six(work, _NEW, k), six(work, _INVERSE, k), work[at(_ROOT) + k]
         start, _ = inverted(old)
-        # The trace of Ci(0)^-1 Ci - 1, from its other invariants: of determinants that are 1 digits would cancel.
+        # The trace of Ci(0)^-1 Ci - 1, from its other invariants to avoid cancellation, since determinants are 1.
         u = product(start, combined(1.0, new, -1.0, old, 0.0, now))
         det = u[0] * (u[4] * u[8] - u[5] * u[7]) - u[1] * (u[3] * u[8] - u[5] * u[6])
         det += u[2] * (u[3] * u[7] - u[4] * u[6])
@@ -274,8 +273,8 @@ def _add_loss(x: float, modulus: float, work: Array) -> None:
 
 
 @njit(**FAST)
-def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
-    """Fill in the stress, if wanted the energy, what springs store, and the loss; or let the state go on."""
+def _go(work: Array, constants: Array, with_energy: bool, goes_on: bool) -> None:
+    """Fill in the stress, on demand the energy of springs and the dissipation; or advance the state."""
     mu, count, lame = constants[0], int(constants[2]), constants[constants.size - 1]
     dissipated = np.uint64(POINTS * (FIBRE + 6 + 6 * count))
     _begin(work, constants)
@@ -283,17 +282,17 @@ def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
         work[at(_LOSS) + k] = work[dissipated + k]
     for i in range(count):
         _branch(work, constants, i, False)
-        if wanted or goes_on:
+        if with_energy or goes_on:
             _add_loss(constants[1] / constants[4 + 2 * i], mu * constants[3 + 2 * i], work)
         if goes_on:
             for m in range(6):
-                row, one = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+                row, unit = np.uint64(POINTS * (FIBRE + 6 + 6 * i + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
                 for k in range(_W):
-                    work[row + k] = work[at(_NEW + m) + k] - one
+                    work[row + k] = work[at(_NEW + m) + k] - unit
     _second(work, constants)
     for k in range(_W):
         put_first(work, k, six(work, _SECOND, k), 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan)
-    if wanted:
+    if with_energy:
         for k in range(_W):
             volume = work[at(_VOLUME) + k]
             work[ROWS[ENERGY] + k] = work[at(_STORED) + k] + 0.5 * (lame + 2.0 / 3.0 * mu) * volume * volume
@@ -302,15 +301,15 @@ def _go(work: Array, constants: Array, wanted: bool, goes_on: bool) -> None:
         for k in range(_W):
             work[dissipated + k] = work[at(_LOSS) + k]
         for m in range(6):
-            row, one = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
+            row, unit = np.uint64(POINTS * (FIBRE + m)), 1.0 if FIRST[m] == SECOND[m] else 0.0
             for k in range(_W):
-                work[row + k] = work[at(_NOW + m) + k] - one
+                work[row + k] = work[at(_NOW + m) + k] - unit
 
 
 @njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the energy: what springs store."""
-    _go(work, constants, wanted, False)
+def block(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
+    """Fill in the stress, and on demand the energy of springs."""
+    _go(work, constants, with_energy, False)
 
 
 @njit(TANGENT, **FAST)
@@ -321,7 +320,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
     for i in range(int(constants[2])):
         _branch(work, constants, i, True)
         for k in range(_W):
-            # What grows with y and with c, and that between two inverses.
+            # Derivatives by y and by c, multiplied by the inverse from both sides.
             old, before, now = six(work, _OLD, k), six(work, _BEFORE, k), six(work, _NOW, k)
             w, inverse = 1.0 - work[at(_Y) + k], six(work, _INVERSE, k)
             put_six(work, _TURNED, k, _between(inverse, combined(w, before, -w, old, 0.0, now)))
@@ -330,7 +329,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
         for m in range(6):
             for n in range(6):
                 ap, bq, aq, bp = _crossed(m, n)
-                one, other, first, second = _INVERSE + m, _INVERSE + n, _WAYS + n, _WAYS + 6 + n
+                one, other, first, second = _INVERSE + m, _INVERSE + n, _BY_C + n, _BY_C + 6 + n
                 for k in range(_W):
                     crossed = work[at(ap) + k] * work[at(bq) + k] + work[at(aq) + k] * work[at(bp) + k]
                     change = work[at(_Y + 1) + k] * (work[at(one) + k] * work[at(other) + k] / 3.0 - 0.5 * crossed)
@@ -358,7 +357,7 @@ def _between(inverse: Six, one: Six) -> Six:
 
 @njit(**FAST)
 def _isochoric(work: Array, constants: Array, bent: Array, moduli: Array) -> None:
-    """Fill in ``dS/dG`` from the slopes ``bent`` of the stress by ``C`` free of volume (Holzapfel 2000, 6.4)."""
+    """Fill in ``dS/dG`` from the slopes ``bent`` of the stress by isochoric ``C`` (Holzapfel 2000, 6.4)."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     whole = np.zeros(POINTS)
     for m in range(6):
@@ -392,6 +391,6 @@ def _isochoric(work: Array, constants: Array, bent: Array, moduli: Array) -> Non
 
 
 @njit(BLOCK, **FAST)
-def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+def update(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
     _go(work, constants, False, True)

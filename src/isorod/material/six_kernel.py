@@ -9,7 +9,7 @@ from isorod.compiled import FAST, njit
 from isorod.material.functions import bits, number
 from isorod.material.points import GRADIENT, POINTS, ROWS
 
-# Where the components of a symmetric tensor are, and how often each is in a sum over all nine.
+# Numbers of the components of a symmetric tensor, and how often each counts in a sum over all nine.
 PLACE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 FIRST, SECOND = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
 TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
@@ -21,13 +21,13 @@ Six = tuple[float, float, float, float, float, float]
 
 @njit(**FAST)
 def at(row: int) -> Any:
-    """Return where a row begins: a constant, which tells the compiler that rows lie apart."""
+    """Return the offset of a row: a constant, so that the compiler knows that rows do not overlap."""
     return np.uint64(POINTS * row)
 
 
 @njit(**FAST)
 def six(rows: Array, row: int, k: Any) -> Six:
-    """Return a symmetric tensor at a point, whose rows begin at one."""
+    """Return a symmetric tensor at a point from rows from ``row`` on."""
     n = at(row) + k
     return (
         rows[n],
@@ -107,7 +107,7 @@ def product(a: Six, b: Six) -> tuple[float, ...]:
 
 @njit(**FAST)
 def symmetric(a: Six, u: tuple[float, ...]) -> Six:
-    """Return ``a u`` of which it is known that it is symmetric."""
+    """Return ``a u`` if it is known to be symmetric."""
     return (
         a[0] * u[0] + a[1] * u[3] + a[2] * u[6],
         a[0] * u[1] + a[1] * u[4] + a[2] * u[7],
@@ -144,20 +144,20 @@ def trace_of(u: tuple[float, ...], v: tuple[float, ...]) -> float:
 @njit(**FAST)
 def largest(rows: Array, row: int) -> float:
     """Return the largest of the numbers in a row, none of which is negative, or NaN where one is not a number."""
-    # Their bits are in the same order, and of these the largest is a vector instruction.
-    found = bits(0.0)
+    # Their bits are in the same order, and the maximum of integers is a vector instruction.
+    best = bits(0.0)
     for k in range(_W):
-        found = max(found, bits(rows[at(row) + k]))
-    return number(found)
+        best = max(best, bits(rows[at(row) + k]))
+    return number(best)
 
 
 @njit(**FAST)
 def least(rows: Array, row: int) -> float:
-    """Return the least of the numbers in a row, none of which is negative."""
-    found = bits(np.inf)
+    """Return the smallest of the numbers in a row, none of which is negative."""
+    best = bits(np.inf)
     for k in range(_W):
-        found = min(found, bits(rows[at(row) + k]))
-    return number(found)
+        best = min(best, bits(rows[at(row) + k]))
+    return number(best)
 
 
 @njit(**FAST)

@@ -18,7 +18,7 @@ def _energy() -> "Energy":
     from isorod.material.symbols import C
 
     mu, lame = symbols("mu lame", nonnegative=True)
-    # Of invariants of C small strains would be rounding.
+    # By components of C: with invariants small strains would be lost to rounding.
     strain = (C - eye(3)) / 2
     return Energy(mu * sum(one**2 for one in strain) + lame / 2 * strain.trace() ** 2, (mu, lame))
 
@@ -27,10 +27,10 @@ def _energy() -> "Energy":
 class StVenantKirchhoff(Isotropic):
     """``W = mu E:E + lame/2 (tr E)^2``, ``E = (F^T F - 1)/2``.
 
-    It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
+    It softens in compression: the force in a bar with ``nu = 0`` is largest at the stretch ``1/sqrt 3``.
     """
 
-    # The trace of E is no change of volume.
+    # The trace of E is not a function of the volume.
     splits: ClassVar[bool] = False
     recipe = (_energy,)
 

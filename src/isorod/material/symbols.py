@@ -1,11 +1,11 @@
-"""Symbols of which stored energies are written (`isorod.material.energy`).
+"""Symbols for stored energies (`isorod.material.energy`).
 
 ``F`` is the deformation gradient and ``C = F^T F``, matrices of symbols ``(3, 3)``; ``I1`` and ``I2`` are the principal
 invariants of ``C``, ``J = det F``; ``stretches`` are the three principal stretches, in which an energy is symmetric;
 ``a`` and ``b`` are unit vectors ``(3,)`` along two families of fibres at rest, ``I4a = a.C a`` and ``I4b = b.C b`` the
 squares of the stretches of these, and ``I8 = a.C b``.  ``I1bar`` and ``I2bar`` are the invariants of
 ``J^(-2/3) C``.  ``activation`` is 0 at rest and 1 at full activation; energies are linear in it.  ``temperature`` is
-that of the point, ``heat`` that of the whole body or the share of it that is there (`isorod.material.thermal`).
+that of the point, ``heat`` that of the body or the current fraction of ``temperature`` (`isorod.material.thermal`).
 """
 
 from typing import Any
@@ -31,10 +31,10 @@ STRAINS = tuple(C[A, B] for A in range(3) for B in range(A, 3))
 """The components of ``C``: 00, 01, 02, 11, 12, 22."""
 
 INVARIANTS = (I1, I2, J, I4a, I4b, I8, *stretches)
-"""What an energy without components of tensors may depend on, and in what order derivatives by these stand."""
+"""Arguments of an energy without components of tensors, in the order of derivatives."""
 
 strain = Matrix(3, 3, lambda A, B: Symbol(f"strain{min(A, B)}{max(A, B)}", real=True))
-"""The logarithmic strain ``ln(C)/2``, of laws of two potentials (`isorod.material.dissipative`)."""
+"""The logarithmic strain ``ln(C)/2``, for laws of two potentials (`isorod.material.dissipative`)."""
 
 ENTRIES = tuple(strain[A, B] for A in range(3) for B in range(A, 3))
 """Its components: 00, 01, 02, 11, 12, 22."""
@@ -48,7 +48,7 @@ def internal(name: str, kind: str) -> tuple[Any, Any]:
     Parameters
     ----------
     name, kind
-        What it is called, and ``"scalar"``, ``"symmetric"`` or ``"deviatoric"``: without trace.
+        Its name, and ``"scalar"``, ``"symmetric"`` or ``"deviatoric"``: without trace.
     """
     words = name, f"{name}_rate"
     if kind == "scalar":

@@ -1,8 +1,8 @@
-"""Thermal expansion of any law: the stress follows what strain is left when the free expansion is taken off."""
+"""Thermal expansion of any law: the stress is that of the strain minus the free expansion."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -13,7 +13,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError, finite, numbers
 from isorod.material.fibre import Fibre
 from isorod.material.law import Material
-from isorod.material.memory import has_memory, states_after
+from isorod.material.memory import compiled_in, has_memory, states_after
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places
 from isorod.material.points import STATES, Compiled
@@ -21,25 +21,18 @@ from isorod.material.points import STATES, Compiled
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
-# Strains beyond these are no thermal expansion of a solid: a mistaken unit.
+# Larger free strains are taken for a mistaken unit.
 _MOST = 0.2
 
-# How far beyond its table a temperature is rounding, as a share of the table's reach.
+# Excess of a temperature over the range of its table, relative to this, that is rounding.
 _ROUNDED = 1e-9
 
 
 def _expanded(module: str, name: str, kind: tuple[int, int, bool], *given: Any) -> "Energy":
-    """Return the expanded energy that a function of a module returns, which has one name in all processes."""
+    """Return the expanded energy of a function given by module and name, which are the same in all processes."""
     from isorod.material.expansion import expanded
 
     return expanded(getattr(import_module(module), name)(*given), *kind)
-
-
-@cache
-def _warm() -> Compiled:
-    from isorod.material.warm_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 def bare(law: Material) -> Material:
@@ -54,24 +47,24 @@ class Thermal(Material):
     Parameters
     ----------
     law
-        Of the stress at rest temperature.
+        The law at the reference temperature.
     expansion
         Coefficient of linear expansion, 1 / temperature; or several: along the fibres of a law with one family and
         across them, or along the three axes of an orthotropic one.
     temperature
-        Change of temperature from that without stress, reached at the full load: it grows with the load factor.  A
-        number, or a function of the rod's places (`isorod.material.places.Places`) that returns one for each.
+        Change of temperature from the stress-free state at full load; it grows with the load factor.  A number, or a
+        function of the rod's places (`isorod.material.places.Places`) that returns one for each.
     stiffness
-        What the law's stiffness is multiplied by, points ``(temperature, share)``, temperatures ascending, straight
-        between them; the same at all temperatures where not given.
+        Factor of the law's stiffness: points ``(temperature, factor)``, temperatures ascending, linear between them;
+        1 at all temperatures if not given.
     history
-        In statics its factor by time, rows of time and factor (`isorod.model.history.InTime`).
+        In statics the factor of the temperature by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
     InputError
-        If a value is not finite, a free strain is above 0.2, there are other numbers of expansion than the law has
-        directions, or a temperature lies outside the table.
+        If a value is not finite, a free strain is above 0.2, the number of coefficients does not fit the law, or a
+        temperature lies outside the table.
     """
 
     law: Material
@@ -80,7 +73,7 @@ class Thermal(Material):
     stiffness: Sequence[tuple[float, float]] = ()
     history: Any = None
 
-    # Share of the temperature that is there.
+    # Current factor of the temperature.
     _heat: ClassVar[float] = 1.0
 
     def _check(self) -> None:
@@ -94,8 +87,8 @@ class Thermal(Material):
             raise InputError("temperature: the law has too many states for one that differs by place; give a number")
         along = numbers("expansion", self.expansion)
         finite("expansion", along.ravel())
-        one_way = self.law.families == 1 or isinstance(self.law, TransverselyIsotropic)
-        most = 3 if isinstance(self.law, Orthotropic) else 2 if one_way else 1
+        along_and_across = self.law.families == 1 or isinstance(self.law, TransverselyIsotropic)
+        most = 3 if isinstance(self.law, Orthotropic) else 2 if along_and_across else 1
         if along.ndim > 1 or along.size not in (1, most):
             several = {1: "", 2: ", or two: along its fibres and across", 3: ", or three along its axes"}[most]
             raise InputError(f"expansion: got {along.size} numbers, need one{several}")
@@ -104,24 +97,24 @@ class Thermal(Material):
             finite("temperature", self.temperature)
             self._refuse(np.asarray(float(self.temperature)))
         if along.size > 1:
-            # That the energy can be written.
+            # Raises if there is no such energy.
             _ = self.stored
 
     def _check_table(self) -> None:
         table = self._table
         if not (table.ndim == 2 and table.shape[1] == 2 and len(table) != 1 and np.isfinite(table).all()):
-            raise InputError("stiffness: need two or more points (temperature, share of the stiffness), all finite")
+            raise InputError("stiffness: need two or more points (temperature, factor of the stiffness), all finite")
         if not (np.diff(table[:, 0]) > 0.0).all():
             raise InputError("stiffness: temperatures must ascend")
         if not (table[:, 1] > 0.0).all():
-            raise InputError(f"stiffness: got a share of {table[:, 1].min():g}, need positive ones")
+            raise InputError(f"stiffness: got a factor of {table[:, 1].min():g}, need positive ones")
 
     def _refuse(self, temperature: Array) -> None:
-        """Raise `InputError` for temperatures that are too high, or outside of the table of stiffness."""
+        """Raise `InputError` for temperatures that are too high, or outside the table of stiffness."""
         if not np.isfinite(temperature).all():
             raise InputError("temperature: it is not finite everywhere")
-        # On the way to the full load all in between is passed.
-        ends = np.outer(self._shares, [temperature.min(initial=0.0), temperature.max(initial=0.0)])
+        # All temperatures up to that at full load are passed.
+        ends = np.outer(self._factors, [temperature.min(initial=0.0), temperature.max(initial=0.0)])
         low, high = float(ends.min(initial=0.0)), float(ends.max(initial=0.0))
         strain = max(map(abs, self._along)) * max(-low, high)
         if not strain <= _MOST:
@@ -144,8 +137,8 @@ class Thermal(Material):
         return numbers("stiffness", self.stiffness) if len(self.stiffness) else np.zeros((0, 2))
 
     @property
-    def _shares(self) -> Array:
-        """Factors of the temperature between which all others are."""
+    def _factors(self) -> Array:
+        """Factors of the temperature that bound all others."""
         if self.history is None:
             return np.ones(1)
         factors = getattr(self.history, "factors", None)
@@ -153,32 +146,32 @@ class Thermal(Material):
 
     @property
     def _field(self) -> bool:
-        """Whether the temperature is another at each point."""
+        """Whether the temperature differs by point."""
         return callable(self.temperature) or isinstance(self.temperature, np.ndarray)
 
     @property
     def kind(self) -> tuple[int, int, bool]:
-        """Number of coefficients, of points of the table of stiffness, and whether temperatures differ by place."""
+        """Number of coefficients and of points of the table of stiffness, and whether temperatures differ by point."""
         return len(self._along), len(self._table), self._field
 
     @property
     def _uniform(self) -> float:
-        """What is told of the temperature by a constant: all of it, or the share that is there."""
+        """The constant ``heat``: the temperature, or its current factor if it differs by point."""
         return self._heat if self._field else self._heat * cast(float, self.temperature)
 
     @property
     def heated(self) -> bool:
-        """Whether there is a free strain, or another stiffness."""
+        """Whether there is a free strain, or the stiffness changes."""
         hot = self._field or bool(self.temperature)
         return hot and (any(self._along) or bool((self._table[:, 1] != 1.0).any()))
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The law's constants, coefficients of expansion, share of the temperature, and the table."""
+        """The law's constants, coefficients of expansion, ``heat``, and the table."""
         if has_memory(self.law):
-            one, loses = self.law.compiled, "dissipated" in self.law.states
-            told = one.block, one.tangent, one.update, self.law.width, loses
-            return (*map(float, told), *self._along, self._uniform, float(self._field), *self.law.constants)
+            kernels, loses = self.law.compiled, "dissipated" in self.law.states
+            given = kernels.block, kernels.tangent, kernels.update, self.law.width, loses
+            return (*map(float, given), *self._along, self._uniform, float(self._field), *self.law.constants)
         return (*self.law.constants, *self._along, self._uniform, *self._table[:, 0], *self._table[:, 1])
 
     @cached_property
@@ -199,7 +192,7 @@ class Thermal(Material):
         from isorod.material.written import compiled, named
 
         if self.law.remembers:
-            return _warm()
+            return compiled_in("warm_kernel")
         if not hasattr(self.law, "recipe"):
             return compiled(self.stored)
         make, *given = self.law.recipe
@@ -207,13 +200,13 @@ class Thermal(Material):
 
     @property
     def identity(self) -> str:
-        """What tells the law from others, in any process."""
-        own = self._along, self._field or self.temperature, self._table.tolist(), self.history
-        return f"{type(self).__name__} {self.kind} {own} {self.law.identity}"
+        """A text that identifies the law in any process."""
+        given = self._along, self._field or self.temperature, self._table.tolist(), self.history
+        return f"{type(self).__name__} {self.kind} {given} {self.law.identity}"
 
     @property
     def objective(self) -> bool:  # type: ignore[override]
-        """Whether the law is."""
+        """Whether the law is objective."""
         return self.law.objective
 
     @property
@@ -223,32 +216,32 @@ class Thermal(Material):
 
     @property
     def families(self) -> int:  # type: ignore[override]
-        """How many directions the law asks for."""
+        """Number of directions of the law."""
         return self.law.families
 
     @property
     def splits(self) -> bool:  # type: ignore[override]
-        """Whether the law does."""
+        """Whether the law has a volumetric energy."""
         return self.law.splits
 
     @property
     def logarithmic(self) -> bool:  # type: ignore[override]
-        """What the law's change of volume is."""
+        """Whether the law's ``theta`` is ``ln J``."""
         return self.law.logarithmic
 
     @property
     def lame(self) -> float:  # type: ignore[override]
-        """That of the law."""
+        """The modulus of the law's volumetric energy, force / area."""
         return self.law.lame
 
     @property
     def E(self) -> Any:
-        """Young's modulus of the law, not a number where it has none."""
+        """Young's modulus of the law, NaN if it has none."""
         return getattr(self.law, "E", np.nan)
 
     @property
     def nu(self) -> Any:
-        """Poisson's ratio of the law, 0 where it has none."""
+        """Poisson's ratio of the law, 0 if it has none."""
         return getattr(self.law, "nu", 0.0)
 
     @property
@@ -257,9 +250,9 @@ class Thermal(Material):
         return self._with(law=self.law.shear)
 
     def complementary(self, p: Array) -> tuple[Array, Array, Array]:
-        """Return Legendre's transform of the volumetric energy, of ``theta`` less that of the free expansion."""
-        own = cast(Array, self.temperature) if self._field else 1.0
-        temperature = np.broadcast_to(self._uniform * own, p.shape)
+        """Return the Legendre transform of the volumetric energy, ``theta`` without that of the free expansion."""
+        field = cast(Array, self.temperature) if self._field else 1.0
+        temperature = np.broadcast_to(self._uniform * field, p.shape)
         strains = [one * temperature for one in self._along]
         strains = [*strains, *[strains[-1]] * (3 - len(strains))]
         free, size = sum(strains), np.ones(p.shape)
@@ -273,49 +266,49 @@ class Thermal(Material):
 
     @property
     def follows(self) -> bool:
-        """Whether law or temperature depend on the rod's places and have not been told them."""
+        """Whether law or temperature depend on the rod's places and lack them (`placed`)."""
         return self.law.follows or callable(self.temperature)
 
     def placed(self, places: Places) -> Self:
         """Return the law at places of a rod."""
         temperature: Any = self.temperature
         if callable(temperature):
-            found = numbers("temperature", temperature(places))
+            values = numbers("temperature", temperature(places))
             try:
-                temperature = np.array(np.broadcast_to(found, places.shape))
+                temperature = np.array(np.broadcast_to(values, places.shape))
             except ValueError:
                 raise InputError(
-                    f"temperature: the function returns shape {found.shape}, need what broadcasts to {places.shape}"
+                    f"temperature: the function returns shape {values.shape}, need what broadcasts to {places.shape}"
                 ) from None
             self._refuse(temperature)
         return self._with(law=self.law.placed(places), temperature=temperature)
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places that it was told."""
+        """Return the law at some of its places."""
         temperature = self.temperature[places] if isinstance(self.temperature, np.ndarray) else self.temperature
         return self._with(law=self.law.some(places), temperature=temperature)
 
     @property
     def width(self) -> int:
-        """Number of values that it knows of a point: the law's, and a temperature that is another at each."""
+        """Number of values for each point: the law's, and the temperature if it differs by point."""
         return self.law.width + self._field
 
     def known(self, shape: tuple[int, ...]) -> Array:
-        """Return what it knows of points of some shape, ``(*shape, width)``."""
-        found = self.law.known(shape)
+        """Return its values at points of some shape, ``(*shape, width)``."""
+        values = self.law.known(shape)
         if not self._field:
-            return found
+            return values
         if callable(self.temperature):
             raise InputError("temperature: only a body knows its rod's places; give the law to one")
         temperature = np.broadcast_to(cast(Array, self.temperature), shape)
-        return np.concatenate([found, temperature[..., None]], axis=-1)
+        return np.concatenate([values, temperature[..., None]], axis=-1)
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along the law's fibres at points."""
         return self.law.fibres(shape)
 
     def _fibres(self) -> tuple[Fibre, ...]:
-        # They are the law's, which has checked them.
+        # The law has checked its own.
         return ()
 
     def at(self, factor: float) -> Self:
@@ -323,7 +316,7 @@ class Thermal(Material):
         return self._with(law=self.law.at(factor), _heat=factor * self._heat)
 
     def growing(self, over: "Callable[[Any], Callable[[float], float]]") -> Self:
-        """Return the law with a temperature that grows by its own table, or as what has none does."""
+        """Return the law with a temperature that grows by its own table, or the common one."""
         return self._with(law=self.law.growing(over), grows=over(self.history))
 
     def reached(self, factor: float) -> Self:
@@ -334,67 +327,67 @@ class Thermal(Material):
 
     @property
     def remembers(self) -> bool:  # type: ignore[override]
-        """Whether the law does."""
+        """Whether the law has memory."""
         return self.law.remembers
 
     @property
     def timed(self) -> bool:  # type: ignore[override]
-        """Whether the law is."""
+        """Whether the law depends on time."""
         return self.law.timed
 
     @property
     def kinks(self) -> bool:  # type: ignore[override]
-        """Whether the law has some."""
+        """Whether the law has kinks."""
         return self.law.kinks
 
     @property
     def clock(self) -> int:  # type: ignore[override]
-        """That of the law, whose constants are the last."""
+        """Number of the time's constant; the law's constants are the last ones."""
         return self.law.clock if self.law.clock < 0 else len(self.values) - self.law.constants.size + self.law.clock
 
     @property
     def states(self) -> Mapping[str, int]:  # type: ignore[override]
-        """Those of the law, of what strain is left."""
+        """State variables of the law, at the strain without expansion."""
         return self.law.states
 
     @property
     def stores(self) -> bool:
-        """Whether its energy is what it stores."""
+        """Whether its energy is the stored energy."""
         return not has_memory(self.law) or self.law.stores
 
     def advanced(self, F: Array, factor: float) -> Self:
-        """Return the law with the state at the end of a step, ``F`` and load factor there."""
+        """Return the law with its state at the end of a step, of ``F`` and load factor there."""
         return self.knowing(states_after(self, F, factor), factor) if self.remembers else self
 
     def knowing(self, states: Array, factor: float | None = None) -> Self:
-        """Return the law with states of a load factor (`isorod.material.memory.Memory.knowing`)."""
+        """Return the law with states at a load factor (`isorod.material.memory.Memory.knowing`)."""
         return self._with(law=self.law.knowing(states, factor)) if has_memory(self.law) else self
 
     def lasting(self, step: float) -> Self:
-        """Return the law in a step of a motion that takes so long."""
+        """Return the law in a step of a motion of some time."""
         return self._with(law=self.law.lasting(step)) if has_memory(self.law) else self
 
     @property
     def frozen(self) -> Self:
-        """The law where nothing flows."""
+        """The law without flow."""
         return self._with(law=self.law.frozen) if has_memory(self.law) else self
 
     @property
     def shear_modulus(self) -> float:
-        """That of the law."""
+        """Smallest modulus of plane waves of the law, force / area."""
         return self.law.shear_modulus
 
     @property
     def modulus(self) -> float:
-        """That of the law."""
+        """Modulus of pressure waves of the law, force / area."""
         return self.law.modulus
 
     @property
     def surface_modulus(self) -> float:
-        """That of the law."""
+        """Stiffness of a surface of the law, force / area."""
         return self.law.surface_modulus
 
     @property
     def activation_work(self) -> float:
-        """That of the law."""
+        """Maximum work of activation of the law, force / area."""
         return self.law.activation_work

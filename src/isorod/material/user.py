@@ -15,55 +15,48 @@ from numba import carray, cfunc, types
 
 from isorod.errors import InputError, finite
 from isorod.material.memory import Timed
-from isorod.material.points import STATES, Compiled
+from isorod.material.points import STATES
+from isorod.material.proof import check_waves
 from isorod.material.user_kernel import FUNCTION, MFRONT, TIME, UMAT, VARIABLES
 
-# Angle by which a routine is turned when it is checked, radians.
+# Angle of the rotation in which a routine is checked, radians.
 _ANGLE = 0.3
 
 # Releases of TFEL whose generic interface has the mass density.
 _TFEL = 4
 
-# What MFront calls a function of a behaviour ends so, but not what it says of the behaviour.
+# Suffix of MFront's functions of a behaviour, but not of its metadata.
 _THREE = "_Tridimensional"
-
-
-@cache
-def _compiled() -> Compiled:
-    from isorod.material.user_kernel import block, tangent, update
-
-    return Compiled(block, tangent, update)
 
 
 @dataclass(frozen=True, eq=False)
 class UserMaterial(Timed):
-    """A law whose stress a routine of the user's computes, step by step.
+    """A law whose stress is computed by a user routine, step by step.
 
-    The routine is asked for the stress at the end of a step, of which it knows both deformation gradients, its state
-    variables at the beginning, the time and its constants.  Newton's method has the symmetric part of the tangent.
+    The routine returns the stress at the end of a step from both deformation gradients, its state variables at the
+    start, the time of the step and its constants.  Newton's method takes the symmetric part of the tangent.
 
     Parameters
     ----------
     routine
-        A function ``update(F_old, F, state, dt, constants)`` in what Numba compiles, which returns the first
-        Piola-Kirchhoff stress ``(3, 3)`` and replaces the state variables ``(n,)`` in their array by those at the end;
-        its tangent is taken by differences.  Or the address of a routine with another interface
-        (`library`).
+        A function ``update(F_old, F, state, dt, constants)`` that Numba can compile; it returns the first
+        Piola-Kirchhoff stress ``(3, 3)`` and overwrites the state variables ``(n,)`` by those at the end; its tangent
+        is computed by differences.  Or the address of a routine with another interface (`library`).
     variables
         Number of its state variables.  All are zero at rest.
     parameters
         Its constants.
     interface
-        ``"function"``; ``"umat"``, Abaqus' subroutine, of which temperature, fields and the place of the point are
-        zero, KSTEP is 1, and KINC 1 in the first step and 2 later; or ``"mfront"``, MFront's generic interface of a
-        finite strain behaviour (TFEL 4 or later).
+        ``"function"``; ``"umat"``, Abaqus' subroutine, with temperature, fields and coordinates zero, KSTEP 1, and KINC
+        1 in the first step and 2 later; or ``"mfront"``, MFront's generic interface of a finite strain behaviour (TFEL
+        4 or later).
     name
-        What it is called in errors.
+        Its name in errors.
 
     Raises
     ------
     InputError
-        If it fails at rest or has a stress there; a rotation makes a stress; a plane wave has no positive modulus; a
+        If it fails at rest or has a stress there; a rotation causes stress; a plane wave has no positive modulus; a
         constant is not finite; there are too many state variables.
     """
 
@@ -73,6 +66,7 @@ class UserMaterial(Timed):
     interface: Literal["function", "umat", "mfront"] = "function"
     name: str = "routine"
 
+    kernel: ClassVar[str] = "user_kernel"
     clock: ClassVar[int] = TIME
     stores: ClassVar[bool] = False
     splits: ClassVar[bool] = False
@@ -82,7 +76,7 @@ class UserMaterial(Timed):
         self._prove()
 
     def _check(self) -> None:
-        """Raise `InputError` if a constant or the number of state variables cannot be."""
+        """Raise `InputError` if a constant or the number of state variables is invalid."""
         finite(f"{self.name}, constants", list(self.parameters))
         most = STATES - VARIABLES
         if not 0 <= self.variables <= most:
@@ -90,7 +84,7 @@ class UserMaterial(Timed):
 
     @property
     def states(self) -> dict[str, int]:  # type: ignore[override]
-        """The deformation gradient, stress and strain of the step's beginning, the work; then the routine's own."""
+        """Components of its state: ``F``, stress and strain at the start of the step, work; then the routine's own."""
         known = {"_F": 9, "_stress": 9, "_strain": 6, "_work": 1}
         return known | {f"state_{number}": 1 for number in range(1, self.variables + 1)}
 
@@ -102,20 +96,15 @@ class UserMaterial(Timed):
         return float(address), self.step, kind, float(self.variables), self.since, *map(float, self.parameters)
 
     @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        return _compiled()
-
-    @property
     def identity(self) -> str:
-        """Its name, code and interface, wherever in memory they are."""
-        own = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
+        """Its name, code and interface, independent of addresses."""
+        code = "" if isinstance(self.routine, int) else sha256(repr(_code(self.routine)).encode()).hexdigest()[:8]
         given = self.interface, self.variables, tuple(self.parameters)
-        return f"{type(self).__name__} {self.name} {own} {given}"
+        return f"{type(self).__name__} {self.name} {code} {given}"
 
     @property
     def frozen(self) -> "UserMaterial":
-        """The law where nothing flows: raises, a routine does not say."""
+        """Raises `InputError`: a routine defines no law without flow."""
         raise InputError(f"{self.name}: modes and motions do not take routines; leave them out")
 
     def _prove(self) -> None:
@@ -126,8 +115,6 @@ class UserMaterial(Timed):
         InputError
             If something is not finite, a stress is not zero, or a plane wave has no positive modulus.
         """
-        from isorod.material.law import plane_waves
-
         law, rest = self.lasting(1.0), np.eye(3)[None]
         moduli = law.tangent(rest)
         scale = float(np.abs(moduli).max())
@@ -138,13 +125,11 @@ class UserMaterial(Timed):
             stress = float(np.abs(law.stress(F[None])).max())
             if not stress <= 1e-8 * scale:
                 raise InputError(f"{self.name}: a stress of {stress:.3g} {what}, need none")
-        waves = float(plane_waves(law).min())
-        if not waves > 1e-12 * scale:
-            raise InputError(f"{self.name}: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+        check_waves(self.name, law, scale)
 
 
 def _code(made: Any, known: Mapping[str, Any] = MappingProxyType({}), within: tuple[Any, ...] = ()) -> Any:
-    """Return what a function does, the same in any process: its code, and what that knows by its names."""
+    """Return the definition of a function, the same in any process: its code, and the values its names refer to."""
     made = getattr(made, "py_func", made)
     if any(made is one for one in within):
         return None
@@ -162,18 +147,18 @@ def _code(made: Any, known: Mapping[str, Any] = MappingProxyType({}), within: tu
 
 @cache
 def _wrapped(routine: Callable[..., Any]) -> Any:
-    """Return the compiled function that calls one of the user's with arrays; it lives as long as the process."""
+    """Return a C callback that calls a user function with arrays; kept as long as the process."""
     inner = routine if hasattr(routine, "py_func") else numba.njit(routine)
 
     number = types.CPointer(types.float64)
 
     @cfunc(types.void(number, number, number, types.int64, number, number, types.int64, number))
     def called(F_old: Any, F: Any, state: Any, m: int, dt: Any, constants: Any, c: int, stress: Any) -> None:
-        found = inner(carray(F_old, (3, 3)), carray(F, (3, 3)), carray(state, (m,)), dt[0], carray(constants, (c,)))
-        # One by one: arrays assigned to each other take longer to compile than all the rest.
-        fits = found.shape == (3, 3)
+        result = inner(carray(F_old, (3, 3)), carray(F, (3, 3)), carray(state, (m,)), dt[0], carray(constants, (c,)))
+        # By component: assignment of arrays takes longer to compile than all the rest.
+        fits = result.shape == (3, 3)
         for k in range(9):
-            stress[k] = found[k // 3, k % 3] if fits else np.nan
+            stress[k] = result[k // 3, k % 3] if fits else np.nan
 
     return called
 
@@ -192,7 +177,7 @@ def library(
     path
         The library, for example made by `gfortran -shared -fPIC -O2 -o law.so law.f`.
     function
-        Its name there; compilers of Fortran put an underscore behind it: `umat_`.
+        Its symbol there; Fortran compilers append an underscore: `umat_`.
     interface
         `"umat"`, Abaqus' subroutine, or `"mfront"`, MFront's generic interface of a finite strain behaviour.
     states
@@ -215,7 +200,7 @@ def library(
 
 
 def _released(loaded: ctypes.CDLL, path: Path, function: str) -> None:
-    """Raise `InputError` for a behaviour made by a release of TFEL whose interface is another."""
+    """Raise `InputError` for a behaviour made by a release of TFEL with an older interface."""
     try:
         text = ctypes.c_char_p.in_dll(loaded, f"{function.removesuffix(_THREE)}_tfel_version").value
     except ValueError:

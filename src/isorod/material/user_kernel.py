@@ -1,11 +1,11 @@
-"""The compiled side of materials of the user's own (`isorod.material.user`): their routines, called by address.
+"""The compiled part of user materials (`isorod.material.user`): their routines, called by address.
 
 Three interfaces: a function compiled by Numba, Abaqus' UMAT, and the generic interface of MFront for finite strains
 (TFEL 4 or later).  Address, interface and number of state variables are constants of the law, so that these functions
-are compiled once, whatever routines there are.
+are compiled once for all routines.
 
-What a routine reads and writes is in one array, which is read again after the call: Numba gives back an array after its
-last use, and does not know of uses by address.
+What a routine reads and writes is in one array, which is read again after the call: Numba frees an array after its last
+use, and does not see uses by address.
 """
 
 from typing import Any
@@ -29,22 +29,22 @@ from isorod.material.points import (
     modulus_row,
 )
 
-# Constants of the law; those of the routine are behind them.
+# Constants of the law; those of the routine follow.
 ADDRESS, TIME, INTERFACE, COUNT, SINCE, OWN = range(6)
 FUNCTION, UMAT, MFRONT = 0.0, 1.0, 2.0
 
-# State: the deformation gradient of the step's beginning less the identity (9), the stress there (9; of UMAT Cauchy's,
-# 6), UMAT's strain (6), the work since rest, the routine's own variables.
+# State: the deformation gradient at the start of the step minus the identity (9), the stress there (9; for UMAT the
+# Cauchy stress, 6), UMAT's strain (6), the work since rest, the routine's own variables.
 STRESSED, STRAINED, WORKED, VARIABLES = 9, 18, 24, 25
 
-# Of a function compiled by Numba: deformation gradients at the start and the end, state variables and their number,
-# time of the step, constants and their number, the first Piola-Kirchhoff stress, all by address.
+# Arguments of a function compiled by Numba, all by address: deformation gradients at the start and the end, state
+# variables and their number, time of the step, constants and their number, the first Piola-Kirchhoff stress.
 _call_function, _call_umat, _call_mfront = caller(void(*[u8] * 8)), caller(void(*[u8] * 38)), caller(i4(u8))
 
-# Step of the differences that are the tangent of a function.
+# Step of the differences for the tangent of a function.
 _STEP = 1e-6
 
-# Where what is handed over stands in the common array, some 8 bytes each.
+# Places of arguments in the common array, in units of 8 bytes.
 _F0, _F, _STRESS, _OWN, _STEPPED, _K, _MORE = 0, 9, 18, 32, 64, 72, 180
 _STRAIN, _GROWN, _TURN, _SHORTER, _SIZES, _NAME, _ZEROS, _DATA = 180, 186, 192, 201, 202, 212, 222, 250
 _BEFORE, _OLD = 186, 222
@@ -66,7 +66,7 @@ def _put(six: Array, full: Array, shear: float) -> None:
 
 @njit(**FAST)
 def _grown(F0: Array, F: Array, strain: Array, turn: Array) -> None:
-    """Fill in strain and rotation from one deformation gradient to another by the midpoint between them.
+    """Fill in strain and rotation increments between two deformation gradients by their midpoint.
 
     T. J. R. Hughes & J. Winget, Int. J. Numer. Meth. Eng. 15 (1980) 1862-1867.
     """
@@ -94,7 +94,7 @@ def _grown(F0: Array, F: Array, strain: Array, turn: Array) -> None:
 
 @njit(**FAST)
 def _turned(six: Array, shear: float, turn: Array, out: Array) -> None:
-    """Fill in the six components of a symmetric tensor that has turned; ``shear`` is that of `_put`."""
+    """Fill in the six components of a rotated symmetric tensor; ``shear`` as for `_put`."""
     full = np.empty((3, 3))
     _put(six, full, shear)
     for m in range(6):
@@ -107,7 +107,7 @@ def _turned(six: Array, shear: float, turn: Array, out: Array) -> None:
 
 @njit(**FAST)
 def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress: Array, moduli: Array) -> None:
-    """Call a UMAT: fill in the first Piola-Kirchhoff stress and the moduli, and go on to the state at the end."""
+    """Call a UMAT: fill in the first Piola-Kirchhoff stress and the moduli, and update the state."""
     strain, turn, full, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     _grown(F0, F, strain, turn)
     _turned(state[STRESSED:STRAINED], 1.0, turn, w[_STRESS : _STRESS + 6])
@@ -130,7 +130,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
             # Fortran has columns one after the other.
             w[_TURN + 3 * b + a], w[_F0 + 3 * b + a], w[_F + 3 * b + a] = turn[a, b], F0[a, b], F[a, b]
     at, integer = u8(w.ctypes.data), u8(w.ctypes.data) + u8(8 * _SIZES)
-    zero, one, own = at + u8(8 * _ZEROS), integer + u8(20), u8(constants.ctypes.data) + u8(8 * OWN)
+    zero, one, properties = at + u8(8 * _ZEROS), integer + u8(20), u8(constants.ctypes.data) + u8(8 * OWN)
     _call_umat(
         u8(constants[ADDRESS]),
         (
@@ -161,7 +161,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
             integer + u8(4),
             integer + u8(8),
             integer + u8(12),
-            own,
+            properties,
             integer + u8(16),
             zero + u8(184),
             at + u8(8 * _TURN),
@@ -184,7 +184,7 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
         state[STRAINED + m] = w[_STRAIN + m] + w[_GROWN + m]
     _put(w[_STRESS : _STRESS + 6], full, 1.0)
     det = cofactors(F, inverse)
-    # So a routine asks for a shorter step.
+    # PNEWDT below 1: the routine asks for a shorter step.
     if w[_SHORTER] < 1.0:
         full[:] = np.nan
     for a in range(3):
@@ -199,26 +199,26 @@ def _umat(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress:
 
 @njit(**FAST)
 def _from_jaumann(jacobian: Array, cauchy: Array, cofactor: Array, det: float, moduli: Array) -> None:
-    """Fill in ``dP/dF`` from UMAT's DDSDDE: Jaumann's rate of Kirchhoff's stress over ``J``, by strain."""
-    way, rate, six = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
+    """Fill in ``dP/dF`` from UMAT's DDSDDE: the Jaumann rate of Kirchhoff stress over ``J``, by strain."""
+    gradient, rate, six = np.empty((3, 3)), np.empty((3, 3)), np.empty(6)
     for b in range(3):
         for B in range(3):
-            # The gradient of the rate at which F's component bB grows.
-            way[:] = 0.0
+            # Velocity gradient for a one rate of F's component bB.
+            gradient[:] = 0.0
             for c in range(3):
-                way[b, c] = cofactor[c, B] / det
+                gradient[b, c] = cofactor[c, B] / det
             for m in range(6):
                 six[m] = 0.0
                 for n in range(6):
                     i, j = _FIRST[n], _SECOND[n]
-                    six[m] += det * jacobian[n, m] * (way[i, j] if n < 3 else way[i, j] + way[j, i])
+                    six[m] += det * jacobian[n, m] * (gradient[i, j] if n < 3 else gradient[i, j] + gradient[j, i])
             _put(six, rate, 1.0)
             for a in range(3):
                 for c in range(3):
                     total = 0.0
                     for d in range(3):
-                        total += 0.5 * (way[a, d] - way[d, a]) * cauchy[d, c]
-                        total -= cauchy[a, d] * 0.5 * (way[d, c] + way[c, d])
+                        total += 0.5 * (gradient[a, d] - gradient[d, a]) * cauchy[d, c]
+                        total -= cauchy[a, d] * 0.5 * (gradient[d, c] + gradient[c, d])
                     rate[a, c] += det * total
             for a in range(3):
                 for A in range(3):
@@ -230,13 +230,13 @@ def _from_jaumann(jacobian: Array, cauchy: Array, cofactor: Array, det: float, m
 
 @njit(**FAST)
 def _mfront(F0: Array, F: Array, state: Array, constants: Array, w: Array, stress: Array, moduli: Array) -> None:
-    """Call a behaviour of MFront: fill in the stress and the moduli, and go on to the state at the end."""
+    """Call a behaviour of MFront: fill in the stress and the moduli, and update the state."""
     for m in range(9):
         w[_F0 + m], w[_F + m] = F0[_ROW[m], _COLUMN[m]], F[_ROW[m], _COLUMN[m]]
         w[_BEFORE + m] = w[_STRESS + m] = state[STRESSED + m]
     for m in range(state.size - VARIABLES):
         w[_OLD + m] = state[VARIABLES + m]
-    # The consistent tangent, if any; stress and tangent are those of Piola and Kirchhoff.
+    # The consistent tangent, if any; first Piola-Kirchhoff stress and its derivative.
     w[_K : _K + 3] = 2.0
     w[_K] = 4.0 if moduli.size else 0.0
     # Proposed step, speed of sound, mass density, stored and dissipated energy, temperature.
@@ -264,15 +264,15 @@ def _mfront(F0: Array, F: Array, state: Array, constants: Array, w: Array, stres
 
 @njit(**FAST)
 def _function(F0: Array, F: Array, constants: Array, w: Array, stress: Array) -> None:
-    """Call a function compiled by Numba: fill in the stress, and go on to its variables at the end."""
+    """Call a function compiled by Numba: fill in the stress, and update its state variables."""
     for a in range(3):
         for A in range(3):
             w[_F0 + 3 * a + A], w[_F + 3 * a + A] = F0[a, A], F[a, A]
     w[_STEPPED] = constants[TIME]
     at = u8(w.ctypes.data)
-    own = u8(constants.ctypes.data) + u8(8 * OWN)
+    properties = u8(constants.ctypes.data) + u8(8 * OWN)
     given = at + u8(8 * _F0), at + u8(8 * _F), at + u8(8 * _OWN), u8(constants[COUNT]), at + u8(8 * _STEPPED)
-    _call_function(u8(constants[ADDRESS]), (*given, own, u8(constants.size - OWN), at + u8(8 * _STRESS)))
+    _call_function(u8(constants[ADDRESS]), (*given, properties, u8(constants.size - OWN), at + u8(8 * _STRESS)))
     for a in range(3):
         for A in range(3):
             stress[a, A] = w[_STRESS + 3 * a + A]
@@ -281,23 +281,23 @@ def _function(F0: Array, F: Array, constants: Array, w: Array, stress: Array) ->
 @njit(**FAST)
 def _differences(F0: Array, F: Array, state: Array, constants: Array, w: Array, moduli: Array) -> None:
     """Fill in the moduli of a function compiled by Numba by differences of its stress."""
-    aside, one, other = F.copy(), np.empty((3, 3)), np.empty((3, 3))
+    aside, ahead, behind = F.copy(), np.empty((3, 3)), np.empty((3, 3))
     for b in range(3):
         for B in range(3):
-            for way, stress in ((_STEP, one), (-_STEP, other)):
-                aside[b, B] = F[b, B] + way
+            for step, stress in ((_STEP, ahead), (-_STEP, behind)):
+                aside[b, B] = F[b, B] + step
                 for m in range(state.size - VARIABLES):
                     w[_OWN + m] = state[VARIABLES + m]
                 _function(F0, aside, constants, w, stress)
             aside[b, B] = F[b, B]
             for a in range(3):
                 for A in range(3):
-                    moduli[3 * a + A, 3 * b + B] = (one[a, A] - other[a, A]) / (2.0 * _STEP)
+                    moduli[3 * a + A, 3 * b + B] = (ahead[a, A] - behind[a, A]) / (2.0 * _STEP)
 
 
 @njit(**FAST)
 def _evaluate(work: Array, k: Any, constants: Array, w: Array, state: Array, stress: Array, moduli: Array) -> None:
-    """Fill in stress, state at the end and, unless empty, ``dP/dF`` (9, 9), of one point; NaN where none can be."""
+    """Fill in stress, state at the end and, unless empty, ``dP/dF`` (9, 9), of one point; NaN if inverted."""
     F0, F = np.empty((3, 3)), np.empty((3, 3))
     for m in range(state.size):
         state[m] = work[np.uint64(POINTS * (FIBRE + m)) + k]
@@ -322,7 +322,7 @@ def _evaluate(work: Array, k: Any, constants: Array, w: Array, state: Array, str
         _function(F0, F, constants, w, stress)
     for m in range(state.size - VARIABLES):
         state[VARIABLES + m] = w[_OWN + m]
-    # Work of the step by the mean of the stresses at its ends is no energy, but as large as one.
+    # Work of the step by the mean stress of its ends: not an energy, but of its size.
     for a in range(3):
         for A in range(3):
             state[WORKED] += 0.5 * stress[a, A] * (F[a, A] - F0[a, A])
@@ -331,17 +331,17 @@ def _evaluate(work: Array, k: Any, constants: Array, w: Array, state: Array, str
 
 @njit(**FAST)
 def _width(constants: Array) -> int:
-    """Return how many numbers the state has."""
+    """Return the number of components of the state."""
     return VARIABLES + int(constants[COUNT])
 
 
 @njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the work since rest in the place of the energy."""
+def block(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
+    """Fill in the stress, and on demand the work since rest instead of the energy."""
     w, state, stress, none = np.zeros(_ROOM), np.empty(_width(constants)), np.empty((3, 3)), np.empty((0, 9))
     for k in range(np.uint64(POINTS)):
         _evaluate(work, k, constants, w, state, stress, none)
-        if wanted:
+        if with_energy:
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = state[WORKED], 0.0
         for a in range(3):
             for A in range(3):
@@ -362,7 +362,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
 
 
 @njit(BLOCK, **FAST)
-def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+def update(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
     w, state, stress, none = np.zeros(_ROOM), np.empty(_width(constants)), np.empty((3, 3)), np.empty((0, 9))
     for k in range(np.uint64(POINTS)):

@@ -1,10 +1,10 @@
-"""Norton's creep by logarithmic strain, compiled: all of the shear stress relaxes.
+"""Norton creep by logarithmic strain, compiled: all of the shear stress relaxes.
 
-Von Mises' stress falls as ``q' = -c q^n`` while nothing moves.  A step relaxes for half of its time, is strained, and
-relaxes for the other half, each exactly: an error of second order in the time, and none where nothing moves.
+The von Mises stress falls as ``q' = -c q^n`` at constant strain.  A step relaxes for half of its time, is strained, and
+relaxes for the other half, each exactly: an error of second order in the time, and none at constant strain.
 
 Constants: shear modulus, time of the step, ``c``, ``n``, Lame's first parameter.  State: the strain at the start of the
-step, the viscous strain, and what was dissipated: what both halves of the time take, at their strains.
+step, the viscous strain, and the dissipated energy, that of both halves at their strains.
 """
 
 import numpy as np
@@ -18,17 +18,17 @@ from isorod.material.six_kernel import FIRST, SECOND, Six, at, combined, double,
 
 _W = np.uint64(POINTS)
 
-# Where the row of what was dissipated begins.
+# Offset of the row of dissipated energy.
 _DISSIPATED = ROWS[FIBRE + 12]
 
-# Rows of a block: the elastic strain at the end of the step, its norm, or before that is known its square, what is left
-# of it in half a step, and what the step dissipates.
+# Rows of a block: the elastic strain at the end of the step, its norm (first its square), the fraction of it that
+# remains after half a step, and the dissipation of the step.
 _ELASTIC, _SIZE, _KEPT, _LOSS, _ROWS = LOGARITHM, *(LOGARITHM + 6 + m for m in range(4))
 
 
 @njit(**FAST)
 def _relax(work: Array, constants: Array) -> None:
-    """Fill in what is left of the elastic strain after half of the time, whose square is given; add what is lost."""
+    """Fill in the remaining fraction of the elastic strain, given its square, after half of the time; add the loss."""
     mu, c, n, half = constants[0], constants[2], constants[3], 0.5 * constants[1]
     if n == 1.0:
         kept = np.exp(-c * half)
@@ -37,7 +37,7 @@ def _relax(work: Array, constants: Array) -> None:
     else:
         rate, scale = (n - 1.0) * c * half, 6.0 * mu * mu
         for k in range(_W):
-            # Where there is no strain: of the smallest number.
+            # Positive without strain.
             fast = power(max(scale * work[at(_SIZE) + k], 1e-300), 0.5 * (n - 1.0))
             work[at(_KEPT) + k] = power(1.0 + rate * fast, -1.0 / (n - 1.0))
     for k in range(_W):
@@ -47,14 +47,14 @@ def _relax(work: Array, constants: Array) -> None:
 
 @njit(**FAST)
 def _deviator(a: Six) -> Six:
-    """Return a symmetric tensor less a third of its trace."""
+    """Return the deviator of a symmetric tensor."""
     third = (a[0] + a[3] + a[5]) / 3.0
     return a[0] - third, a[1], a[2], a[3] - third, a[4], a[5] - third
 
 
 @njit(**FAST)
 def _respond(work: Array, constants: Array) -> int:
-    """Fill in the stress at the end of the step, and what comes with it; return the rule of Gauss points."""
+    """Fill in the stress and the other rows at the end of the step; return the rule of Gauss points."""
     mu = constants[0]
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * mu
     rule = sums(work)
@@ -83,12 +83,12 @@ def _respond(work: Array, constants: Array) -> int:
 
 
 @njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the energy, that of the elastic strain."""
+def block(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
+    """Fill in the stress, and on demand the energy of the elastic strain."""
     bulk = constants[constants.size - 1] + 2.0 / 3.0 * constants[0]
     _respond(work, constants)
     put_stress(work)
-    if wanted:
+    if with_energy:
         for k in range(_W):
             stored = constants[0] * work[at(_SIZE) + k] ** 2 + 0.5 * bulk * work[at(TRACE) + k] ** 2
             work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = stored, 0.0
@@ -102,16 +102,16 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
     mu, lame, n = constants[0], constants[constants.size - 1], constants[3]
     bulk, rule = lame + 2.0 / 3.0 * mu, _respond(work, constants)
     for k in range(_W):
-        # The second half leaves as much of a change across the strain, and the power of that of one along it.
+        # Of a change of strain the second half leaves the fraction kept across the strain, and its power along it.
         size, kept = work[at(_SIZE) + k], work[at(_KEPT) + k]
         work[at(_LOSS) + k] = 2.0 * mu * (power(kept, n) - kept) / (size * size) if size > 0.0 else 0.0
     for m in range(6):
         for p in range(6):
-            own = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
+            same = (1.0 if FIRST[m] == SECOND[m] else 0.5) if m == p else 0.0
             both = 1.0 if FIRST[m] == SECOND[m] and FIRST[p] == SECOND[p] else 0.0
             for k in range(_W):
                 moduli[at(6 * m + p) + k] = (
-                    2.0 * mu * work[at(_KEPT) + k] * (own - both / 3.0)
+                    2.0 * mu * work[at(_KEPT) + k] * (same - both / 3.0)
                     + bulk * both
                     + work[at(_LOSS) + k] * work[at(_ELASTIC + m) + k] * work[at(_ELASTIC + p) + k]
                 )
@@ -119,7 +119,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
 
 
 @njit(BLOCK, **FAST)
-def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+def update(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
     _respond(work, constants)
     put_stress(work)

@@ -1,11 +1,11 @@
-"""Laws with memory of solids that expand, compiled: those of ``F / g``, ``g`` the free stretch, called by address.
+"""Laws with memory and thermal expansion, compiled: the law is called by address with ``F / g``, ``g`` free stretch.
 
-The energy is ``g^3 W``, so that the stress is ``g^2 P`` and moduli ``g A`` of the law's own, and of what it loses in a
-step there is ``g^3``.  Its state is that of ``F / g``.
+The energy is ``g^3 W``, so that the stress is ``g^2 P``, moduli are ``g A``, and the dissipation of a step is ``g^3``
+times the law's.  Its state is that of ``F / g``.
 
-Constants: addresses of the law's functions of a block, of moduli and of the next state; number of values of its state,
-and 1 where the last is what was dissipated; coefficient of expansion; temperature, or its share where 1 follows and
-points have one each, behind the state; then the law's own.
+Constants: addresses of the law's functions of a block, of moduli and of the next state; number of values of its state;
+1 if the last is the dissipated energy; coefficient of expansion; temperature, or its fraction if 1 follows and each
+point has one, behind the state; then the law's own.
 """
 
 from typing import Any
@@ -38,11 +38,11 @@ _W = np.uint64(POINTS)
 
 @njit(**FAST)
 def _free(work: Array, constants: Array, kept: Array, g: Array) -> int:
-    """Take the free stretch off a block's deformation gradients, which are kept; return where its loss stands."""
+    """Divide a block's deformation gradients by the free stretch and keep them; return the offset of its loss."""
     width = int(constants[_WIDTH])
     for k in range(_W):
-        own = work[np.uint64(POINTS * (FIBRE + width)) + k] if constants[_FIELD] > 0.0 else 1.0
-        g[k] = 1.0 + constants[_EXPANSION] * constants[_HEAT] * own
+        factor = work[np.uint64(POINTS * (FIBRE + width)) + k] if constants[_FIELD] > 0.0 else 1.0
+        g[k] = 1.0 + constants[_EXPANSION] * constants[_HEAT] * factor
     kept[:] = work[POINTS * GRADIENT : POINTS * (DETERMINANT + 1)]
     for a in range(9):
         for k in range(_W):
@@ -54,7 +54,7 @@ def _free(work: Array, constants: Array, kept: Array, g: Array) -> int:
 
 @njit(**FAST)
 def _loaded(work: Array, kept: Array, g: Array) -> None:
-    """Put a block's deformation gradients back, and make the law's stress that of the whole."""
+    """Restore a block's deformation gradients, and scale the law's stress."""
     work[POINTS * GRADIENT : POINTS * (DETERMINANT + 1)] = kept
     for a in range(9):
         for k in range(_W):
@@ -62,34 +62,34 @@ def _loaded(work: Array, kept: Array, g: Array) -> None:
 
 
 @njit(**FAST)
-def _ask(address: Any, work: Array, constants: Array, activation: float, wanted: bool, row: int) -> None:
-    """Call a function of the law; of a step's loss, which is added to that before in a row, there is ``g^3``."""
+def _ask(address: Any, work: Array, constants: Array, activation: float, with_energy: bool, row: int) -> None:
+    """Call a function of the law; scale by ``g^3`` the energy, and the increment of the loss in a row."""
     kept, g = np.empty(10 * POINTS), np.empty(POINTS)
     place = _free(work, constants, kept, g)
     before = work[place : place + POINTS].copy()
-    call_block(np.uint64(address), (work, constants[OWN:], activation, wanted))
+    call_block(np.uint64(address), (work, constants[OWN:], activation, with_energy))
     _loaded(work, kept, g)
     row = place if row < 0 else row
     for k in range(POINTS):
-        if wanted:
+        if with_energy:
             work[ROWS[ENERGY] + np.uint64(k)] *= g[k] ** 3
         if constants[_LOSES] > 0.0:
             work[row + k] = before[k] + g[k] ** 3 * (work[row + k] - before[k])
 
 
 @njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress, and if wanted the energy."""
-    if not wanted:
-        # There is no loss to be told.
+def block(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
+    """Fill in the stress, and on demand the energy."""
+    if not with_energy:
+        # The law does not fill in its loss.
         work[POINTS * LOST : POINTS * (LOST + 1)] = 0.0
-    _ask(constants[_BLOCK], work, constants, activation, wanted, POINTS * LOST)
+    _ask(constants[_BLOCK], work, constants, activation, with_energy, POINTS * LOST)
 
 
 @njit(BLOCK, **FAST)
-def update(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+def update(work: Array, constants: Array, activation: float, with_energy: bool) -> None:
     """Fill in the stress, and replace the state by that at the end of the step."""
-    _ask(constants[_UPDATE], work, constants, activation, wanted, -1)
+    _ask(constants[_UPDATE], work, constants, activation, with_energy, -1)
 
 
 @njit(TANGENT, **FAST)

@@ -1,7 +1,6 @@
-"""Where the modules of laws' functions are kept, which are made from their energies, and what is read from them.
+"""Modules of laws' functions, generated from their energies and kept as files.
 
-Each stands in a file of its own, so that what Numba compiles it to is found by the next process, in the folders of
-`isorod.keeping`.
+Each is a file in the folders of `isorod.keeping`, so that the next process loads what Numba compiled it to.
 """
 
 import os
@@ -39,14 +38,14 @@ def of_text(text: str) -> Compiled:
 
 @cache
 def named(make: Callable[..., "Energy"], *given: Any) -> Compiled:
-    """Return the compiled functions of the energy that a function returns; SymPy is loaded where none are kept.
+    """Return the compiled functions of the energy that a function returns; SymPy is loaded if none are kept.
 
     Parameters
     ----------
     make
-        A function of a module of this folder, which is known by its name and the text of the folder.
+        A function of a module of this folder, identified by its name and the text of the folder.
     given
-        What it is called with, known by their representations.
+        Its arguments, identified by their representations.
     """
 
     def text() -> str:
@@ -64,17 +63,17 @@ def _name(text: str) -> str:
 
 @cache
 def _texts() -> str:
-    """Return what energies and what writes their functions are made of, in short."""
+    """Return a hash of the source of energies and of the generator."""
     return sha256(b"".join(file.read_bytes() for file in sorted(_OWN.glob("*.py")))).hexdigest()
 
 
 @cache
 def _functions(name: str, text: Callable[[], str]) -> Compiled:
-    """Return the functions of a module, which is kept from then on."""
+    """Return the functions of a module, which is written if not kept."""
     folders = [folder / "isorod-laws" for folder in (*keeping.places(), keeping.room())]
     path = next((path for folder in folders if (path := folder / f"{name}.law").is_file()), None)
     path = path or _write(folders[-1] / f"{name}.law", text())
-    # Its name does not end as those do that are taken for files of the package.
+    # The suffix differs from that of files of the package.
     loader = SourceFileLoader(f"isorod_{name}", str(path))
     spec = spec_from_loader(loader.name, loader)
     assert spec is not None
@@ -85,7 +84,7 @@ def _functions(name: str, text: Callable[[], str]) -> Compiled:
 
 
 def _write(path: Path, text: str) -> Path:
-    """Write a file that others may read; they see the whole of it or none."""
+    """Write a file atomically, readable by others."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, draft = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     with os.fdopen(handle, "w") as file:

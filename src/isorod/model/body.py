@@ -393,7 +393,7 @@ class Body(Checked):
     def known(self, table: Table) -> Array:
         """Return what laws know of the quadrature points, ``(E, t, q, width)``; zero where one knows less."""
         result = np.zeros((*table.weights.shape, self.width))
-        for law, first, last, points in self.laws_at(table.u, table.xi).pieces:
+        for law, first, last, points in self.laws_at(table.u, table.xi).segments:
             own = result[first:last, :, points]
             own[..., : law.width] = law.known(own.shape[:-1])
             result[first:last, :, points] = own

@@ -78,7 +78,7 @@ def known(
     """
     _, F = body.space.displacement(nodal, xi, u)
     laws = body.laws_at(np.asarray(u, dtype=float), xi).advanced(F, factor)
-    return {name: laws.told(name, F.shape[:-2]) for name in names}
+    return {name: laws.state(name, F.shape[:-2]) for name in names}
 
 
 def of_six(values: Array, name: str) -> Array:

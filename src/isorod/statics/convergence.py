@@ -57,7 +57,7 @@ def _without_stress(assembler: Assembler, x: PETSc.Vec, factor: float) -> tuple[
     found = []
     for part in assembler.parts:
         F = deformation_gradients(part.table, moved[part.nodes].reshape(part.shape))
-        for piece in part.laws.at(factor).pieces:
+        for piece in part.laws.at(factor).segments:
             own = piece.of(F)
             bad = ~np.isfinite(piece.law.stress(own)).all(axis=(-2, -1))
             if piece.law.remembers and bad.any():
