@@ -11,12 +11,12 @@ from isorod.errors import InputError
 from isorod.petsc.matrix import create_matrix, set_values
 from isorod.tensors import cross
 
-# Pairs of components that they couple.
+# Pairs of components coupled by Coriolis forces.
 _PAIRS = [(a, b) for a in range(3) for b in range(3) if a != b]
 
 
 def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
-    """Return the antisymmetric matrix ``G`` of a model with a spin, as fast as it is at load factor 1."""
+    """Return the antisymmetric matrix ``G`` of a model with a spin, at load factor 1."""
     model = assembler.model
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
         raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
