@@ -54,8 +54,8 @@ class Plane(Checked):
         if self.travel and self.motion is not None:
             raise InputError("plane: travel and motion are given, need one of the two")
         if self.travel:
-            path = self.travel * np.array(self.normal, dtype=float) / np.linalg.norm(self.normal)
-            self._set(motion=ObstacleMotion(tuple(path)))
+            displacement = self.travel * np.array(self.normal, dtype=float) / np.linalg.norm(self.normal)
+            self._set(motion=ObstacleMotion(tuple(displacement)))
         if self.motion is not None:
             self._set(motion=self.motion.about(self.point))
 
