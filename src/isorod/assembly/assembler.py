@@ -373,8 +373,8 @@ class Assembler(Loaded):
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:
         """Return this rank's parts of the bodies with other rules, each with the same elements by its rule."""
         return [
-            (part, Part(share, self._exchange, rules[part.which]))
-            for part, share in zip(self.parts, self.shares, strict=True)
+            (part, Part(element_range, self._exchange, rules[part.which]))
+            for part, element_range in zip(self.parts, self.shares, strict=True)
             if part.which in rules
         ]
 

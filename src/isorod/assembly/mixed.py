@@ -20,7 +20,7 @@ from isorod.assembly.gradients import deformation_gradients, pulled_stress
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.space.space import Table
@@ -32,9 +32,9 @@ _SOME = 64
 class MixedPart(Part):
     """The elements of one mixed body; a layer holds its displacements, then its pressures."""
 
-    def __init__(self, share: Share, exchange: Exchange) -> None:
-        super().__init__(share, exchange)
-        body = share.body
+    def __init__(self, element_range: ElementRange, exchange: Exchange) -> None:
+        super().__init__(element_range, exchange)
+        body = element_range.body
         assert body.pressures is not None
         self.moves = 3 * body.space.layer_nodes
         self.across, self.along = body.pressures.tabulate(self.table)
@@ -144,9 +144,9 @@ class MixedAssembler(Assembler):
 
     formulations = ("displacement", "mixed")
 
-    def _part(self, share: Share) -> Part:
-        kind = Part if share.body.pressures is None else MixedPart
-        return kind(share, self._exchange)
+    def _part(self, element_range: ElementRange) -> Part:
+        kind = Part if element_range.body.pressures is None else MixedPart
+        return kind(element_range, self._exchange)
 
     @staticmethod
     def layer_dofs(body: Body) -> int:

@@ -13,7 +13,7 @@ from isorod.assembly.gradients import deformation_gradients, displacement_gradie
 from isorod.assembly.pattern import Layers
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.geometry.quadrature import Rule
 from isorod.material.along_rod import Laws
 from isorod.model.load import Spin
@@ -24,7 +24,7 @@ class Part:
 
     Parameters
     ----------
-    share
+    element_range
         Which they are.
     exchange
         Storage of their values on this rank.
@@ -39,15 +39,15 @@ class Part:
         Degrees of freedom of a layer, displacements first.
     """
 
-    def __init__(self, share: Share, exchange: Exchange, rule: Rule | None = None) -> None:
-        body = share.body
-        self.body, self.which = body, share.which
-        self.first_node, self.first_dof = share.first_node, share.first_dof
-        self.table = body.space.tabulate(share.first, share.last, rule)
+    def __init__(self, element_range: ElementRange, exchange: Exchange, rule: Rule | None = None) -> None:
+        body = element_range.body
+        self.body, self.which = body, element_range.which
+        self.first_node, self.first_dof = element_range.first_node, element_range.first_dof
+        self.table = body.space.tabulate(element_range.first, element_range.last, rule)
         self.laws = body.laws_at(self.table.u, self.table.xi)
-        self.layers = share.layers
-        self.width = share.width
-        self.share = share
+        self.layers = element_range.layers
+        self.width = element_range.width
+        self.element_range = element_range
         self.starts = exchange.slots(self.first_dof + self.width * self.layers)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
         self._extrapolates = False
@@ -56,7 +56,7 @@ class Part:
     @cached_property
     def dofs(self) -> Index:
         """Degrees of freedom of each element, shape ``(E, l width)``."""
-        return self.share.dofs
+        return self.element_range.dofs
 
     @cached_property
     def slots(self) -> Index:

@@ -12,7 +12,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.mass import masses
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.assembly.unknowns import Unknowns
 from isorod.model.model import Model
 from isorod.petsc.matrix import componentwise, create_matrix, keep_symmetric, set_values
@@ -43,11 +43,11 @@ class Parts(Unknowns):
         with self._timed():
             super().__init__(model, comm)
             memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
-            self.parts = [self._part(share) for share in self.shares]
+            self.parts = [self._part(element_range) for element_range in self.shares]
 
-    def _part(self, share: Share) -> Part:
+    def _part(self, element_range: ElementRange) -> Part:
         """Return the elements of a body that this rank has."""
-        return Part(share, self._exchange)
+        return Part(element_range, self._exchange)
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.assembly.twisting import Twisting
 from isorod.model.load import Pressure, SectionLoad
 
@@ -38,20 +38,20 @@ class Pressing:
 
     Parameters
     ----------
-    share
+    element_range
         Which elements they are.
     loads
         Follower pressures and moments on that body.
     """
 
-    def __init__(self, share: Share, loads: Sequence[Pressure | SectionLoad]) -> None:
-        space = share.body.space
+    def __init__(self, element_range: ElementRange, loads: Sequence[Pressure | SectionLoad]) -> None:
+        space = element_range.body.space
         # The present factor of each load.
         self._loads, self._factors = loads, [1.0] * len(loads)
-        nodes = space.element_nodes[share.first : share.last]
-        shape = (*share.layers.shape, space.layer_nodes, 3)
+        nodes = space.element_nodes[element_range.first : element_range.last]
+        shape = (*element_range.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)
-        moments = [(k, Twisting(share, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
+        moments = [(k, Twisting(element_range, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
         self._twisting = bool(moments)
         self._moments = [(k, one) for k, one in moments if one.element >= 0]
         self._surfaces = []
@@ -60,14 +60,14 @@ class Pressing:
                 continue
             xi, u, weights = load.points(space)
             values, gradients = space.basis.functions(xi)
-            own = u[share.first : share.last]
+            own = u[element_range.first : element_range.last]
             _, axial, slopes = space.axis.local(own.ravel())
             surface = Surface(
                 values,
                 gradients[:, :, 1] * xi[:, :1] - gradients[:, :, 0] * xi[:, 1:],
                 axial.reshape(*own.shape, -1),
                 slopes.reshape(*own.shape, -1),
-                weights[share.first : share.last],
+                weights[element_range.first : element_range.last],
             )
             self._surfaces.append((k, surface))
 

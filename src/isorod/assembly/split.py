@@ -10,7 +10,7 @@ from isorod.model.body import Body
 from isorod.model.model import Model
 
 
-class Share(NamedTuple):
+class ElementRange(NamedTuple):
     """The elements ``first .. last - 1`` of a body of the model, number ``which``.
 
     Its degrees of freedom start at ``first_dof``, ``width`` a layer, its nodes at ``first_node``.
@@ -71,7 +71,7 @@ class Split:
             result.append((layers + np.arange(3 * body.space.layer_nodes)).ravel())
         return np.concatenate(result)
 
-    def shares(self, rank: int) -> list[Share]:
+    def shares(self, rank: int) -> list[ElementRange]:
         """Return the elements of a rank, one range for each body with any."""
         nodes, dofs = self._model.first_node, self._first_dof
         result = []
@@ -79,7 +79,7 @@ class Split:
             own = self._bounds[rank : rank + 2] - self._first_element[b]
             low, high = (int(x) for x in np.clip(own, 0, body.space.axis.elements))
             if high > low:
-                result.append(Share(body, b, int(nodes[b]), int(dofs[b]), self._widths[b], low, high))
+                result.append(ElementRange(body, b, int(nodes[b]), int(dofs[b]), self._widths[b], low, high))
         return result
 
     def owners(self) -> Index:

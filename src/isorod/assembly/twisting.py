@@ -8,7 +8,7 @@ has no potential.
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.model.load import SectionLoad
 from isorod.tensors import cross
 
@@ -28,12 +28,12 @@ class Twisting:
         Number of the element among the rank's; negative where another rank has it.
     """
 
-    def __init__(self, share: Share, load: SectionLoad) -> None:
-        space = share.body.space
+    def __init__(self, element_range: ElementRange, load: SectionLoad) -> None:
+        space = element_range.body.space
         trace, axis = load.trace(space), space.axis
         u = axis.breaks[-1] if load.u is None else load.u
         element = int(np.clip(np.searchsorted(axis.breaks, u, "right") - 1, 0, axis.elements - 1))
-        self.element = element - share.first if share.first <= element < share.last else -1
+        self.element = element - element_range.first if element_range.first <= element < element_range.last else -1
         self._moment = np.array(load.moment)
         nodes = space.element_nodes[element]
         order = np.argsort(nodes)

@@ -77,7 +77,7 @@ class Unknowns:
         if size > 1:
             self._owned = split.owners() == rank
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
-            dofs = [share.dofs.ravel() for share in self.shares]
+            dofs = [element_range.dofs.ravel() for element_range in self.shares]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
         vector = self._own_vector() if size > 1 else None
         self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
