@@ -374,7 +374,7 @@ class Assembler(Loaded):
         """Return this rank's parts of the bodies with other rules, each with the same elements by its rule."""
         return [
             (part, Part(element_range, self._exchange, rules[part.which]))
-            for part, element_range in zip(self.parts, self.shares, strict=True)
+            for part, element_range in zip(self.parts, self.element_ranges, strict=True)
             if part.which in rules
         ]
 

@@ -33,7 +33,7 @@ class Loaded(Parts):
         from isorod.assembly.pressing import Pressing
 
         self.note("following loads")
-        return [Pressing(one, [load for load in loads if load.body == one.which]) for one in self.shares]
+        return [Pressing(one, [load for load in loads if load.body == one.which]) for one in self.element_ranges]
 
     def _reach(self, factor: float, step: float | None = None) -> None:
         """Set the loads to those at a load factor, or to their increments in a step."""

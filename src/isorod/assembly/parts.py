@@ -42,8 +42,8 @@ class Parts(Unknowns):
         self._stage = PETSc.Log.Stage("assembly")
         with self._timed():
             super().__init__(model, comm)
-            memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
-            self.parts = [self._part(element_range) for element_range in self.shares]
+            memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.element_ranges), "the tangent with its factor")
+            self.parts = [self._part(element_range) for element_range in self.element_ranges]
 
     def _part(self, element_range: ElementRange) -> Part:
         """Return the elements of a body that this rank has."""

@@ -71,7 +71,7 @@ class Split:
             result.append((layers + np.arange(3 * body.space.layer_nodes)).ravel())
         return np.concatenate(result)
 
-    def shares(self, rank: int) -> list[ElementRange]:
+    def element_ranges(self, rank: int) -> list[ElementRange]:
         """Return the elements of a rank, one range for each body with any."""
         nodes, dofs = self._model.first_node, self._first_dof
         result = []

@@ -32,7 +32,7 @@ class Unknowns:
         First degree of freedom of each body, and their number.
     rows, block
         Number of unknowns of this rank, and how many make a block.
-    shares
+    element_ranges
         The elements of this rank.
     coupling
         Transformation of the unknowns by ties and solids (`isorod.assembly.coupling.Coupling`), None without.  With it,
@@ -70,14 +70,14 @@ class Unknowns:
         """Take this rank's elements and rows."""
         size, rank = self.comm.getSize(), self.comm.getRank()
         split = Split(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
-        self.shares = split.shares(rank)
+        self.element_ranges = split.element_ranges(rank)
         window = None
         self.rows = self.unknowns
         self._owned = np.ones(self.first[-1], dtype=bool)
         if size > 1:
             self._owned = split.owners() == rank
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
-            dofs = [element_range.dofs.ravel() for element_range in self.shares]
+            dofs = [element_range.dofs.ravel() for element_range in self.element_ranges]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
         vector = self._own_vector() if size > 1 else None
         self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
