@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isorod import Body, Model, NeoHookean, Space
-from isorod.assembly.split import Split
+from isorod.assembly.split import Partition
 from isorod.assembly.unknowns import Unknowns
 from isorod.scenes.ring import Ring
 
@@ -20,7 +20,7 @@ def model(cylinder):
 
 
 def split_of(model, size):
-    return Split(model, 3 * model.first_node, [Unknowns.layer_dofs(body) for body in model.bodies], size)
+    return Partition(model, 3 * model.first_node, [Unknowns.layer_dofs(body) for body in model.bodies], size)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 40])

@@ -42,7 +42,7 @@ class ElementRange(NamedTuple):
         return int(layers * min(2 * self.layers.shape[1] - 1, layers) * self.width**2)
 
 
-class Split:
+class Partition:
     """Partition of a model's elements over ranks.
 
     Parameters

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.split import Split
+from isorod.assembly.split import Partition
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.model import Model
@@ -69,18 +69,18 @@ class Unknowns:
     def _split(self) -> None:
         """Take this rank's elements and rows."""
         size, rank = self.comm.getSize(), self.comm.getRank()
-        split = Split(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
-        self.element_ranges = split.element_ranges(rank)
+        partition = Partition(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
+        self.element_ranges = partition.element_ranges(rank)
         window = None
         self.rows = self.unknowns
         self._owned = np.ones(self.first[-1], dtype=bool)
         if size > 1:
-            self._owned = split.owners() == rank
+            self._owned = partition.owners() == rank
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
             dofs = [element_range.dofs.ravel() for element_range in self.element_ranges]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
         vector = self._own_vector() if size > 1 else None
-        self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
+        self._exchange = Exchange(vector, self.free, window, partition.numbers(), self.model.bound)
 
     def _coupled(self) -> "Coupling | None":
         if not self.model.coupled:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly.split import ElementRange, Split
+from isorod.assembly.split import ElementRange, Partition
 from isorod.model.model import Model
 
 
@@ -53,7 +53,7 @@ class Ranks:
         self.communicator = comm
         self.comm: Any = comm.tompi4py() if self.size > 1 else None
         first = 3 * model.first_node
-        split = Split(model, first, [3 * body.space.layer_nodes for body in model.bodies], self.size)
+        split = Partition(model, first, [3 * body.space.layer_nodes for body in model.bodies], self.size)
         self.shares: list[ElementRange] = split.element_ranges(self.rank)
         self.owned = split.owners() == self.rank
         self.mine = order[self.owned]
