@@ -130,8 +130,8 @@ class Assembler(Loaded):
         spin = self.model.spin
         total = self._internal(local, factor)
         if spin is not None:
-            grown = self.model.share(spin.history, factor)
-            total -= grown * self._sums(part.centrifugal(local, spin) for part in self.parts)
+            amplitude = self.model.amplitude(spin.history, factor)
+            total -= amplitude * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
             forces = self.contact.forces(self._everywhere)[0]
             own, self._pushed = np.split(forces, [self.model.dofs])
@@ -354,8 +354,8 @@ class Assembler(Loaded):
         # Only elements at supports.
         self._add_product(k, local, factor, move, part.elements_of(np.flatnonzero(move)), total)
         if self.model.spin is not None:
-            grown = self.model.share(self.model.spin.history, factor, step)
-            part.add(-grown * part.centrifugal(local, self.model.spin), total)
+            amplitude = self.model.amplitude(self.model.spin.history, factor, step)
+            part.add(-amplitude * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
             part.add_activation(local, factor, step, total)
 
@@ -365,7 +365,7 @@ class Assembler(Loaded):
             local = self._state(x, factor)
             energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
             for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
-                energy += solid.energy(moved, self.model.share(None, factor))
+                energy += solid.energy(moved, self.model.amplitude(None, factor))
             if self.coupling is not None and self.coupling.bonds is not None:
                 energy += self.coupling.bonds.energy(self.system_displacement(x, factor))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])

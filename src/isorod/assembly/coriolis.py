@@ -21,7 +21,7 @@ def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
         raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
     assert model.spin is not None
-    across = np.sqrt(model.share(model.spin.history, 1.0)) * cross(model.spin.velocity)
+    across = np.sqrt(model.amplitude(model.spin.history, 1.0)) * cross(model.spin.velocity)
     mass = masses(assembler.parts, [assembler.unknown_of[a::3] for a in range(3)], lumped)
 
     def indices() -> tuple[Index, Index]:

@@ -159,7 +159,7 @@ class Coupling:
 
     def given(self, factor: float) -> Array:
         """Return ``g`` of all degrees of freedom, first those of rods, then of solids."""
-        result = self._model.share(None, factor) * self.constraints.values
+        result = self._model.amplitude(None, factor) * self.constraints.values
         own = self._model.prescribed(factor)
         result[: own.size] = own
         constraints = self.constraints
@@ -169,7 +169,9 @@ class Coupling:
     def _means(self, factor: float) -> Array:
         """Return the values of the mean motions that are held."""
         means = [self._model.means[k] for k in self.constraints.held_means]
-        return np.concatenate([np.empty(0), *(self._model.share(one.history, factor) * one.values for one in means)])
+        return np.concatenate(
+            [np.empty(0), *(self._model.amplitude(one.history, factor) * one.values for one in means)]
+        )
 
     def passed_on(self, forces: Array) -> Array:
         """Return forces on all degrees of freedom, or of rods alone, with those on slaves moved to their masters."""
@@ -208,7 +210,7 @@ class Coupling:
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the internal less the external forces of each solid's degrees of freedom on this rank."""
         return [
-            solid.residual(moved, self._model.share(None, factor))
+            solid.residual(moved, self._model.amplitude(None, factor))
             for solid, moved in zip(self._model.solids, self.solids(x, factor), strict=True)
         ]
 
@@ -245,7 +247,7 @@ class Coupling:
     def carried(self, forces: Sequence[Array], factor: float) -> float:
         """Return the sum of squares of the solids' loads and support forces on this rank."""
         held = (force[self.constraints.held[own]] for own, force in zip(self.own_dofs, forces, strict=True))
-        loads = (self._model.share(None, factor) * solid.external() for solid in self._model.solids)
+        loads = (self._model.amplitude(None, factor) * solid.external() for solid in self._model.solids)
         return float(sum(np.sum(one**2) for one in (*held, *loads)))
 
     def unheld(self, forces: Sequence[Array]) -> Array:
@@ -264,15 +266,15 @@ class Coupling:
             move, force = tangent.createVecs()
             move.array_w[:] = change[own]
             tangent.mult(move, force)
-            forces.append(force.array_r - self._model.share(None, factor, step) * solid.external())
+            forces.append(force.array_r - self._model.amplitude(None, factor, step) * solid.external())
         self.add(forces, out)
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
         """Return the solids' own tangents, assembled only if the state has changed."""
         moved = self.solids(x, factor)
         if not self._is_known(moved, factor):
-            multiplier = self._model.share(None, factor)
-            made = [solid.tangent(one, multiplier) for solid, one in zip(self._model.solids, moved, strict=True)]
+            amplitude = self._model.amplitude(None, factor)
+            made = [solid.tangent(one, amplitude) for solid, one in zip(self._model.solids, moved, strict=True)]
             self._known = moved, factor, [(one, one.stateGet()) for one in made]
         return [matrix for matrix, _ in self._known[2]]
 

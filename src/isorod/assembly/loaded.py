@@ -42,7 +42,7 @@ class Loaded(Parts):
         self._reached = factor, step
         self._external = self._once(self.model.applied(factor, step))
         for pressing in self._pressing:
-            pressing.reach(lambda load: self.model.share(load.history, factor, step))
+            pressing.reach(lambda load: self.model.amplitude(load.history, factor, step))
 
     def _loads(self, local: Array) -> Array:
         """Return the present loads' nodal forces in a state of this rank."""
@@ -78,7 +78,7 @@ class Loaded(Parts):
         part, spin = self.parts[k], self.model.spin
         stiffness = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
         if spin is not None:
-            stiffness -= self.model.share(spin.history, factor) * part.softening(spin)[which]
+            stiffness -= self.model.amplitude(spin.history, factor) * part.softening(spin)[which]
         if self._pressing:
             whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
             stiffness -= whole[which].reshape(stiffness.shape)

@@ -75,9 +75,9 @@ class Pressing:
         """Set the loads to their means over a time interval, or their values at one time."""
         self._factors = [load.factor(begin, end) for load in self._loads]
 
-    def reach(self, multiplier: Callable[[Pressure | SectionLoad], float]) -> None:
+    def reach(self, amplitude: Callable[[Pressure | SectionLoad], float]) -> None:
         """Set the factor of each load."""
-        self._factors = [multiplier(load) for load in self._loads]
+        self._factors = [amplitude(load) for load in self._loads]
 
     def _tangents(self, s: Surface, nodal: Array) -> tuple[Array, Array]:
         """Return ``dx/dtheta`` and ``dx/du``, shape ``(E, t, q, 3)``."""

@@ -164,7 +164,7 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array | N
         nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_control_point[:, None]
         shares = averages.shares(model, model.means[k])
         moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
-        share = 1.0 if model.times is None else model.share(model.means[k].history, factor)
+        share = 1.0 if model.times is None else model.amplitude(model.means[k].history, factor)
         work += share * float(amounts @ model.means[k].values)
     return Carried(forces, reactions, moments, work)
 

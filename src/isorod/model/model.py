@@ -221,17 +221,17 @@ class Model(Checked):
 
         The displacement of a state is ``x[free] + prescribed(factor)``, the first part left out where ``free`` is -1.
         """
-        return self._by_motion(lambda one: one.at(self.share(one.clock.table, factor)))
+        return self._by_motion(lambda one: one.at(self.amplitude(one.clock.table, factor)))
 
-    def share(self, table: "TimeTable | Numbers | None", factor: float, step: float | None = None) -> float:
-        """Return the factor at a load factor of what has a table, or none, or its increment in a step."""
+    def amplitude(self, table: "TimeTable | Numbers | None", factor: float, step: float | None = None) -> float:
+        """Return the amplitude at a load factor of what has a table, or none, or its increment in a step."""
         if self.times is None:
             return factor if step is None else step
         own = table if isinstance(table, TimeTable) else self.times.ramp
         return own.at(factor) if step is None else own.at(factor + step) - own.at(factor)
 
     def pace(self, table: "TimeTable | Numbers | None", factor: float) -> float:
-        """Return the derivative by the load factor of that factor, after a load factor."""
+        """Return the derivative of the amplitude by the load factor, after a load factor."""
         if self.times is None:
             return 1.0
         return (table if isinstance(table, TimeTable) else self.times.ramp).slope(factor)
@@ -245,7 +245,7 @@ class Model(Checked):
         if self.times is None:
             return (factor if step is None else step) * self.external
         pairs = zip(self.loads, self._external_by_load, strict=True)
-        return sum((self.share(load.history, factor, step) * own for load, (_, own) in pairs), np.zeros(self.dofs))
+        return sum((self.amplitude(load.history, factor, step) * own for load, (_, own) in pairs), np.zeros(self.dofs))
 
     @property
     def moves(self) -> bool:
@@ -296,7 +296,7 @@ class Model(Checked):
 
     def drives(self, factor: float) -> Array:
         """Return the same at a load factor, shape ``(dofs,)``."""
-        return self._by_motion(lambda one: one.driven(self.share(one.clock.table, factor)))
+        return self._by_motion(lambda one: one.driven(self.amplitude(one.clock.table, factor)))
 
     @cached_property
     def stages(self) -> list[float]:
