@@ -68,8 +68,8 @@ def apart(means: dict[int, Mean]) -> list[list[int]]:
     return [numbers for numbers, _ in sets]
 
 
-def shares(model: Model, support: MeanSupport) -> Array:
-    """Return what the middle of a support's section is of all nodes, ``(nodes,)``."""
+def centroid_weights(model: Model, support: MeanSupport) -> Array:
+    """Return the weights of all nodes in the position of a support's section centroid, ``(nodes,)``."""
     nodes, values = support.middle(model.bodies[support.body].space)
     result = np.zeros(model.dofs // 3)
     result[int(model.first_node[support.body]) + nodes] = values
