@@ -334,7 +334,7 @@ class Constraints:
         if isinstance(tie.master, EndFace):
             master = self._model.bodies[tie.master.body].space, tie.master.which
             if faces.coincide(trace, near.gap, size, (space, which), master):
-                radii = faces.shared_radii(space, master[0])
+                radii = faces.common_radii(space, master[0])
                 theirs = self._first(tie.master), faces.moments(*master, origin, size, radii)
         mine = faces.moments(space, which, origin, size, radii)
         nodes = candidates - self._first(tie.slave)

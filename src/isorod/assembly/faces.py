@@ -91,7 +91,7 @@ def coincide(trace: Trace, gap: Array, size: float, slave: tuple[Space, str], ma
     return bool(abs(one - other) < _SAME * other)
 
 
-def shared_radii(slave: Space, master: Space) -> Array:
+def common_radii(slave: Space, master: Space) -> Array:
     """Return the radii at which both rods have a boundary between rings, where stresses may jump."""
     inner = np.array(slave.rod.rings[1:-1])
     return inner[[bool(np.isclose(master.rod.rings, radius).any()) for radius in inner]] if inner.size else inner
