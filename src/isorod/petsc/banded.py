@@ -14,7 +14,7 @@ import weakref
 from petsc4py import PETSc
 
 from isorod.petsc.library import forget, set_singular
-from isorod.petsc.shared_band import SharedFactors
+from isorod.petsc.shared_band import DistributedFactors
 
 NAME = f"{__name__}.Banded"
 
@@ -29,7 +29,7 @@ class Banded:
     """
 
     def __init__(self) -> None:
-        self._factors = SharedFactors()
+        self._factors = DistributedFactors()
         self.handle = 0
 
     def create(self, pc: PETSc.PC) -> None:

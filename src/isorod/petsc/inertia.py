@@ -9,7 +9,7 @@ from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.banded import is_banded
 from isorod.petsc.direct import WORK_SPACE
 from isorod.petsc.rows import Compressed, local_rows
-from isorod.petsc.shared_band import SharedFactors
+from isorod.petsc.shared_band import DistributedFactors
 
 # Up to so many rows a dense factorisation takes less time than MUMPS' (measured on blades: 243 rows, 1.5 against 3.2
 # ms; 486 rows, 5.3 against 7.5 ms).
@@ -67,7 +67,7 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
 
     Without such options a banded matrix is factorised as a band, without keeping the factors.
     """
-    factors = SharedFactors()
+    factors = DistributedFactors()
     if not _typed() and factors.eliminate(matrix, keep=False, fill=_FILL):
         assert factors.negative is not None
         return factors.negative

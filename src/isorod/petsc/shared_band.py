@@ -23,7 +23,7 @@ from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.rows import P1, Compressed, LocalRows, local_rows
 
 
-class SharedFactors:
+class DistributedFactors:
     """Factors over the ranks of a matrix.
 
     Attributes
