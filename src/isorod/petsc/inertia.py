@@ -23,7 +23,7 @@ _PREFIX = "sturm_"
 
 # With this option, read at MUMPS' start, its factors of a symmetric matrix give the number of negative eigenvalues on
 # any number of ranks.
-TELLING = {"mat_mumps_icntl_13": 1}
+COUNT_NEGATIVE = {"mat_mumps_icntl_13": 1}
 
 
 def prepare(pc: PETSc.PC) -> None:
@@ -49,7 +49,7 @@ def of_factors(pc: PETSc.PC) -> int | None:
     if pc.getType() != PETSc.PC.Type.CHOLESKY or pc.getFactorSolverType() != "mumps":
         return None
     factor = pc.getFactorMatrix()
-    # With ScaLAPACK at the root node it is not known (`TELLING`).
+    # With ScaLAPACK at the root node it is not known (`COUNT_NEGATIVE`).
     known = factor.getComm().getSize() == 1 or factor.getMumpsIcntl(13) == 1
     return int(factor.getMumpsInfog(12)) if known else None
 
