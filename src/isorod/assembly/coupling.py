@@ -53,7 +53,7 @@ class Coupling:
     """
 
     # Derivative by the unknowns of the displacement at which bonds are evaluated.
-    _share = 1.0
+    _bond_factor = 1.0
 
     def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
         self._model, self._comm = model, comm
@@ -111,7 +111,7 @@ class Coupling:
             first = int(np.count_nonzero(rank < comm.getRank()))
             self._pushed = csr_array(whole.T.tocsr()[first : first + self.rows])
             self._of_dofs = of_dofs, slave_of
-            self.bonds.set(np.zeros(of_dofs.size), self._share)
+            self.bonds.set(np.zeros(of_dofs.size), self._bond_factor)
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
         """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
@@ -233,7 +233,7 @@ class Coupling:
     def set_bonds(self, x: PETSc.Vec, factor: float) -> None:
         """Update the tangent of bonds to a state."""
         if self.bonds is not None and not self.bonds.linear:
-            self.bonds.set(self._seen(self._everything(x, factor)), self._share)
+            self.bonds.set(self._seen(self._everything(x, factor)), self._bond_factor)
 
     def _everything(self, x: PETSc.Vec, factor: float) -> Array:
         """Return all degrees of freedom, on every rank."""
