@@ -73,7 +73,7 @@ class Means:
     def _refer(self, k: int, support: MeanSupport, name: str, place: Array) -> None:
         """Add the reference nodes of a support: of its mean displacement, and of its mean rotation."""
         first = 0
-        for title, vectors in ((f"{name} mean", support.ways), (f"{name} rotation", support.axes)):
+        for title, vectors in ((f"{name} mean", support.directions), (f"{name} rotation", support.axes)):
             if not len(vectors):
                 continue
             components = np.abs(vectors).argmax(axis=1)

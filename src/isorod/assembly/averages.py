@@ -80,6 +80,6 @@ def forces_of(model: Model, amounts: dict[int, Array]) -> Array:
     """Return the resultant force of each support of mean motions, zero of others, ``(supports, 3)``."""
     result = np.zeros((max(len(model.supports), 1), 3))
     for k, amount in amounts.items():
-        ways = model.means[k].ways
-        result[k] = amount[: len(ways)] @ ways
+        directions = model.means[k].directions
+        result[k] = amount[: len(directions)] @ directions
     return result

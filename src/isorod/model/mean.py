@@ -37,13 +37,13 @@ class MeanSupport(InTime):
     ----------
     u
         Axis parameter of the section.
-    ways, axes
+    directions, axes
         Unit vectors ``(k, 3)`` along which its mean displacement is held, and ``(m, 3)`` about which its mean rotation.
     displacement
-        Mean displacement at load factor 1 along the ``ways``, shape ``(3,)``, units of length.
+        Mean displacement at load factor 1 along the ``directions``, shape ``(3,)``, units of length.
     stiffness
-        Stiffness of springs instead of the constraints, for each of ``ways`` and ``axes``: force per length, and moment
-        per radian.
+        Stiffness of springs instead of the constraints, for each of ``directions`` and ``axes``: force per length, and
+        moment per radian.
     body
         Index of the body in the model.
     ring
@@ -57,7 +57,7 @@ class MeanSupport(InTime):
     """
 
     u: float
-    ways: Array
+    directions: Array
     axes: Array
     displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stiffness: Array | None = None
@@ -124,7 +124,7 @@ class MeanSupport(InTime):
             raise InputError(f"components: got {components!r}, need some of 'xyz'")
         if (mean == "hinge") != (axis is not None):
             raise InputError("axis: a hinge has one, and nothing else does")
-        ways = np.eye(3)[[letter in components for letter in "xyz"]]
+        directions = np.eye(3)[[letter in components for letter in "xyz"]]
         axes = np.eye(3) if mean == "fixed" else np.zeros((0, 3))
         if mean == "fork":
             trace = section_trace(space, u)
@@ -138,9 +138,9 @@ class MeanSupport(InTime):
                     f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely"
                 )
         section_trace(space, u)
-        if not len(ways) and not len(axes):
+        if not len(directions) and not len(axes):
             raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
-        return cls(u, ways, axes, displacement, None, body, space=space, history=history)
+        return cls(u, directions, axes, displacement, None, body, space=space, history=history)
 
     @classmethod
     def end(
@@ -217,8 +217,8 @@ class MeanSupport(InTime):
             raise InputError(
                 f"stiffness: got {(*stiffness, *rotational)}, need numbers, none negative and not all zero"
             )
-        ways, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
-        return cls(u, ways, axes, stiffness=whole[whole > 0.0], body=body, space=space)
+        directions, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
+        return cls(u, directions, axes, stiffness=whole[whole > 0.0], body=body, space=space)
 
     @classmethod
     def rigid(cls, space: Space, body: int = 0) -> "MeanSupport":
@@ -241,7 +241,7 @@ class MeanSupport(InTime):
     @property
     def values(self) -> Array:
         """Prescribed mean motions at load factor 1, shape ``(k + m,)``."""
-        return np.append(self.ways @ np.array(self.displacement), np.zeros(len(self.axes)))
+        return np.append(self.directions @ np.array(self.displacement), np.zeros(len(self.axes)))
 
     def on(self, body: "Body") -> "MeanSupport":
         """Return the support on a body, with Young's moduli of its rings if they differ."""
@@ -269,13 +269,15 @@ class MeanSupport(InTime):
     def rows(self, space: Space) -> tuple[Index, Array]:
         """Return nodes ``(n,)`` and the mean motions' coefficients in their displacements, shape ``(k + m, n, 3)``.
 
-        The dual quantities are forces along the ``ways``, and moments about the ``axes``.
+        The dual quantities are forces along the ``directions``, and moments about the ``axes``.
         """
         return self.rows_on(self.trace(space))
 
     def rows_on(self, trace: Trace) -> tuple[Index, Array]:
         """Return `rows` of other functions on the points of the trace, the same nodes at each."""
-        shifts = np.broadcast_to(self.ways[:, None] / trace.weights.sum(), (len(self.ways), len(trace.points), 3))
+        shifts = np.broadcast_to(
+            self.directions[:, None] / trace.weights.sum(), (len(self.directions), len(trace.points), 3)
+        )
         arms, inverse = _arms(trace)
         turns = np.cross((self.axes @ inverse)[:, None], arms)
         moved = trace.weights[:, None] * np.concatenate([shifts, turns])
