@@ -145,7 +145,7 @@ class Times(NamedTuple):
 
     Attributes
     ----------
-    way, times
+    path, times
         Path parameters, ascending from 0 to 1, and the times there, constant where tables jump, ``(m,)`` each.
     ramp
         Factor over the path of what has no history.
@@ -153,7 +153,7 @@ class Times(NamedTuple):
         The model without times.
     """
 
-    way: Array
+    path: Array
     times: Array
     ramp: TimeTable
     of: Any
@@ -165,14 +165,14 @@ class Times(NamedTuple):
 
     def time(self, place: float) -> float:
         """Return the time at a path parameter."""
-        return float(np.interp(place, self.way, self.times))
+        return float(np.interp(place, self.path, self.times))
 
     def place(self, time: float) -> float:
         """Return the path parameter at a time; at a jump the one after it."""
         k = min(max(int(np.searchsorted(self.times, time, "right")) - 1, 0), len(self.times) - 2)
         gap = self.times[k + 1] - self.times[k]
         fraction = (time - self.times[k]) / gap if gap else 1.0
-        return float(self.way[k] + fraction * (self.way[k + 1] - self.way[k]))
+        return float(self.path[k] + fraction * (self.path[k + 1] - self.path[k]))
 
 
 def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Clock:

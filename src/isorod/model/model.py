@@ -302,7 +302,7 @@ class Model(Checked):
     def stages(self) -> list[float]:
         """Load factors at which the motion of a support or obstacle, or a table, has a kink, and 1."""
         if self.times is not None:
-            return [float(place) for place in self.times.way[1:]]
+            return [float(place) for place in self.times.path[1:]]
         ends = {end for motion in self.motions for end in motion.during}
         ends |= {float(end) for one in self.contacts if one.motion is not None for end in one.motion.track[:, 0]}
         return sorted((ends | {1.0}) - {0.0})
