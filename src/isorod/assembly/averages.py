@@ -59,8 +59,8 @@ def mean_of(model: Model, support: MeanSupport) -> Mean:
 def apart(means: dict[int, Mean]) -> list[list[int]]:
     """Return the numbers of supports in sets without common nodes."""
     sets: list[tuple[list[int], set[int]]] = []
-    for k, one in means.items():
-        nodes = set(one.nodes.tolist())
+    for k, mean in means.items():
+        nodes = set(mean.nodes.tolist())
         meeting = [each for each in sets if not nodes.isdisjoint(each[1])]
         sets = [each for each in sets if nodes.isdisjoint(each[1])]
         joined = [j for numbers, _ in meeting for j in numbers]

@@ -110,11 +110,11 @@ class Condensed:
         self._of_rows = list(self._cross_blocks(rows, columns, tied | self._free))
         self._of_columns = list(self._cross_blocks(columns, rows, self._free))
         places = [(number[rows], number[columns])]
-        for one in self._of_rows:
-            free, blocks = self._split_others(one)
-            places.append(_block(number[one.others[free]], one.group.masters)[::-1])
-            places += [_block(one.group.masters, other.masters) for other, _, _ in blocks]
-        places += [_block(number[one.others], one.group.masters) for one in self._of_columns]
+        for block in self._of_rows:
+            free, blocks = self._split_others(block)
+            places.append(_block(number[block.others[free]], block.group.masters)[::-1])
+            places += [_block(block.group.masters, other.masters) for other, _, _ in blocks]
+        places += [_block(number[block.others], block.group.masters) for block in self._of_columns]
         self.rows, self.columns = (np.concatenate(each) for each in zip(*places, strict=True))
 
     def values(self, own: PETSc.Mat) -> Array:
@@ -122,12 +122,12 @@ class Condensed:
         rows = local_rows(own)
         entries = np.concatenate([rows.own.values, rows.others.values])
         values = [entries]
-        for one in self._of_rows:
-            product = one.product(entries)
-            free, blocks = self._split_others(one)
+        for block in self._of_rows:
+            product = block.product(entries)
+            free, blocks = self._split_others(block)
             values.append(product[free].ravel())
             values += [(product[some].T @ other.rows[own]).ravel() for other, some, own in blocks]
-        values += [one.product(entries).ravel() for one in self._of_columns]
+        values += [block.product(entries).ravel() for block in self._of_columns]
         return np.concatenate(values)
 
     def _cross_blocks(self, mine: Index, others: Index, kept: Mask) -> Iterator[_CrossBlock]:

@@ -53,7 +53,7 @@ class Exchange:
         local[self._slots] += near.array_r
 
     def store(self, local: Array, out: PETSc.Vec) -> None:
-        """Fill a vector of unknowns with the sums of what is in their slots, on all ranks."""
+        """Fill a vector of unknowns with the sums of the values in their slots over all ranks."""
         if self._window is None:
             out.array_w[:] = np.bincount(self._unknowns, local[self._slots], out.getLocalSize())
             return

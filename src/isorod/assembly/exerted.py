@@ -23,9 +23,9 @@ def carried(constraints: Constraints, forces: Array, displacement: Array) -> dic
         count = len(constraints.means[k].rows)
         result[k] = held[first : first + count]
         first += count
-    for k, one in constraints.means.items():
-        if one.stiffness is not None:
-            result[k] = -one.stiffness * one.moved(displacement)
+    for k, mean in constraints.means.items():
+        if mean.stiffness is not None:
+            result[k] = -mean.stiffness * mean.moved(displacement)
     return result
 
 

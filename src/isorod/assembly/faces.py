@@ -87,8 +87,8 @@ def coincide(trace: Trace, gap: Array, size: float, slave: tuple[Space, str], ma
     """Return whether two end faces coincide, given the gaps of the slave's points to the master's body."""
     if gap.max() > _SAME * size:
         return False
-    one, other = (end_trace(*face, finer=_CLOSE).weights.sum() for face in (slave, master))
-    return bool(abs(one - other) < _SAME * other)
+    area, other_area = (end_trace(*face, finer=_CLOSE).weights.sum() for face in (slave, master))
+    return bool(abs(area - other_area) < _SAME * other_area)
 
 
 def common_radii(slave: Space, master: Space) -> Array:

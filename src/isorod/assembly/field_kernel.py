@@ -1,7 +1,7 @@
 """Displacement gradients at quadrature points, block by block, and the law's stresses from them, compiled.
 
 Elements are taken some at a time (`isorod.assembly.region`).  Sums over section functions are products of matrices,
-whose rows are the places along the axis and the components, and left to BLAS; what belongs to single points is done in
+whose rows are the places along the axis and the components, and left to BLAS; evaluations at points are done in
 blocks (`isorod.assembly.block_kernel`).
 """
 
@@ -48,7 +48,7 @@ class Field(NamedTuple):
 FUNCTIONS = types.NamedTuple([i8, i8, F1], Functions)
 FIELD = types.NamedUniTuple(F2, 3, Field)
 
-# Rows of a block that are filled from arrays: gradients across and along, pressures, and what does not change.
+# Rows of a block that are filled from arrays: gradients across and along, pressures, and constant data.
 _ACROSS, _ALONG = np.array([0, 1, 3, 4, 6, 7]), np.array([2, 5, 8])
 PRESSURES, PRESSURES_BEFORE, _DETERMINANT = np.array([PRESSURE]), np.array([BEFORE]), np.array([DETERMINANT])
 _KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(STATES)])
@@ -59,7 +59,7 @@ def fill_runs(block: int, places: int, begin: int, end: int, runs: Index) -> int
     """Fill in the runs of points side by side that a block takes, a row each; return their number.
 
     Points are those of the section from ``begin`` to before ``end``, place after place along the axis; behind the last
-    of them a block keeps what it had.
+    of them a block keeps its former values.
 
     Parameters
     ----------

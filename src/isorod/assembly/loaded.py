@@ -120,6 +120,6 @@ class Loaded(Parts):
                 return changes
             place, rest = self.system_displacement(x, factor), coupling.given(factor)
             return [
-                one + bonds.change(place, self.system_displacement(rate, factor) - rest)
-                for one, rate in zip(changes, rates, strict=True)
+                change + bonds.change(place, self.system_displacement(rate, factor) - rest)
+                for change, rate in zip(changes, rates, strict=True)
             ]

@@ -119,9 +119,9 @@ class Parts(Unknowns):
         if self.block == 1 or PETSc.Options().hasName("mat_type"):
             return self.mass(lumped)
         with self._timed():
-            one = self._mass(lumped, [self.model.free[::3] // 3])
-            matrix = keep_symmetric(componentwise(one, 3))
-            one.destroy()
+            component = self._mass(lumped, [self.model.free[::3] // 3])
+            matrix = keep_symmetric(componentwise(component, 3))
+            component.destroy()
             return matrix
 
     def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:

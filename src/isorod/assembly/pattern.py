@@ -36,7 +36,7 @@ class Pattern:
     bodies
         Layers of the bodies, body by body, at ascending places.
     number
-        Number of what is at each place, negative if it is held.  A layer that is held as a whole has no entries.
+        Number of the unknown at each place, negative if it is held.  A completely held layer has no entries.
     rows
         The communicator and the number of this rank's rows, if a matrix with just these entries is to be laid out.
 
@@ -63,8 +63,8 @@ class Pattern:
             which = np.append(np.searchsorted(pairs.key, mine.key), -1)[which]
         self.blocks: list[Blocks] = []
         end = 0
-        for one in bodies:
-            elements, functions = one.places.shape
+        for layers in bodies:
+            elements, functions = layers.places.shape
             begin, end = end, end + elements * functions**2
             start, width = (
                 values[which[begin:end]].reshape(elements, functions, functions)

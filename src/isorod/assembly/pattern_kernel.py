@@ -156,7 +156,7 @@ def pattern_rows(
     coupling
         Which layers couple.
     number
-        Number of what is at each place, negative where there is none.
+        Number of the unknown at each place, negative where there is none.
     inside
         Whether all columns are within these rows, and counted from the first of them; else none is.
     place

@@ -91,14 +91,14 @@ class Pressing:
         for k, s in self._surfaces:
             pull = self._factors[k] * s.weights[..., None] * np.cross(*self._tangents(s, nodal))
             result += np.einsum("etj,qn,etqa->ejna", s.axial, s.values, pull, optimize=True)
-        for k, one in self._moments:
-            forces = one.forces(self._places(one, nodal)).reshape(nodal.shape[1:])
-            result[one.element] += self._factors[k] * forces
+        for k, moment in self._moments:
+            forces = moment.forces(self._places(moment, nodal)).reshape(nodal.shape[1:])
+            result[moment.element] += self._factors[k] * forces
         return result
 
-    def _places(self, one: Twisting, nodal: Array) -> Array:
+    def _places(self, moment: Twisting, nodal: Array) -> Array:
         """Return the present positions of the nodes of a moment's element."""
-        return (self._positions[one.element] + nodal[one.element]).reshape(-1, 3)
+        return (self._positions[moment.element] + nodal[moment.element]).reshape(-1, 3)
 
     def stiffness(self, nodal: Array) -> Array:
         """Return the derivatives of the forces, without moments made symmetric, shape ``(E, l n 3, l n 3)``.

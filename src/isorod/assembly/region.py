@@ -110,9 +110,9 @@ class Region:
     ) -> tuple[Functions, Steps]:
         """Return law and steps for the compiled loops: with moduli or stress alone, with extrapolated stress or not."""
         law = self.segment.law.reached(factor)
-        one = law.compiled
+        compiled = law.compiled
         trace = not law.logarithmic
-        functions = Functions(one.block, one.tangent if with_moduli else 0, law.constants)
+        functions = Functions(compiled.block, compiled.tangent if with_moduli else 0, law.constants)
         return functions, _steps(with_moduli, extrapolates, pressed, trace)
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:

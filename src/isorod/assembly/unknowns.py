@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Unknowns:
     """Unknowns of a model over a communicator: degrees of freedom that are not held, in their order, tied ones once.
 
-    The displacement of a state ``x`` at load factor ``f`` is ``x`` on those plus what the supports prescribe
+    The displacement of a state ``x`` at load factor ``f`` is ``x`` on those plus the prescribed displacements
     (`Model.prescribed`).
 
     Attributes

@@ -159,9 +159,9 @@ class Body(Checked):
         return len(self.space.rod.rings) - 1
 
     def _on_places(self, given: Any) -> "np.ndarray[Any, np.dtype[Any]] | None":
-        """Return what is given for all, some or each of the places as a table ``(elements, rings)``.
+        """Return values given for the rod, for rings or for elements as a table ``(elements, rings)``.
 
-        None if it is of another shape.
+        None if their shape is another.
         """
         table, elements, rings = np.array(given, dtype=object), self.space.axis.elements, self._rings
         if any(isinstance(one, Sequence) for one in table.flat):
@@ -191,7 +191,7 @@ class Body(Checked):
         Raises
         ------
         InputError
-            If the space has none, or a law is not split for it or has ``nu <= 0``.
+            If the space has none, or a law has no volumetric split or ``nu <= 0``.
         """
         if self.formulation != "mixed":
             return None
@@ -366,7 +366,7 @@ class Body(Checked):
 
     @cached_property
     def remembers(self) -> bool:
-        """Whether a law of it has a memory."""
+        """Whether one of its laws has memory."""
         return any(law.remembers for law in self.laws)
 
     def after(self, past: Sequence[Past] | None, settled: bool = False) -> "Body":

@@ -27,7 +27,7 @@ class BondLaw:
     Raises
     ------
     InputError
-        If the stiffness is negative, or points are no such law.
+        If the stiffness is negative, or the points do not define a law.
     """
 
     def __init__(self, bond: float | Sequence[tuple[float, float]]) -> None:

@@ -149,7 +149,7 @@ class Contact(Checked):
         ``"outer"`` or ``"inner"``: of hollow rods it may be the inner surface that touches the other side, which is in
         the hole.
     across
-        Control points across a small patch for which scenes from files are solved again on closer spaces
+        Control points across a small patch for which scenes from files are solved again on finer spaces
         (`isorod.contact.patches`), 2 to 12; on these the penalty by default is 3.6 over so many times the modulus.
 
     Raises

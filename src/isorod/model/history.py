@@ -26,7 +26,7 @@ class TimeTable:
 
     @classmethod
     def of(cls, given: "TimeTable | Numbers") -> "TimeTable":
-        """Return the table of rows ``[time, factor]``; raises `InputError` for rows that are none."""
+        """Return the table of rows ``[time, factor]``; raises `InputError` if rows are invalid."""
         if isinstance(given, TimeTable):
             return given
         rows = numbers("history", given)
@@ -80,7 +80,7 @@ class TimeTable:
 
 @dataclass(frozen=True)
 class InTime(Checked):
-    """What may have a history.
+    """Base of loads and supports with a history.
 
     Parameters
     ----------

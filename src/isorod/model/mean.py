@@ -102,7 +102,7 @@ class MeanSupport(InTime):
             Axis parameter of the section.
         mean, axis
             What is held besides the mean displacement: with ``"pin"`` nothing, with ``"fork"`` the mean rotation about
-            the normal of the section, with ``"hinge"`` that about all but its ``axis``, with ``"fixed"`` all of it.
+            the normal of the section, with ``"hinge"`` that about axes across its ``axis``, with ``"fixed"`` all of it.
         components
             Letters of ``"xyz"``: which of the mean displacement are held.
         displacement
@@ -116,7 +116,7 @@ class MeanSupport(InTime):
         Raises
         ------
         InputError
-            If there is no such section, or an axis is none.
+            If there is no such section, or the axis is not admissible.
         """
         if mean not in MEANS:
             raise InputError(f"mean: got {mean!r}, need one of {', '.join(MEANS)}")

@@ -51,7 +51,7 @@ class Model(Checked):
     bound, support_of
         Degrees of freedom that supports hold or tie, and by which support.
     free
-        Unknown of each degree of freedom, -1 if it is held; tied ones have the same.
+        Unknown of each degree of freedom, -1 if it is held; the same for tied ones.
     past
         Earlier states, which laws with memory depend on (`after`).
 
@@ -144,13 +144,13 @@ class Model(Checked):
         spin = "" if self.spin is None else ", spin"
         return f"Model({parts}{spin}; {self.dofs} degrees of freedom, {self.unknowns} unknowns)"
 
-    def _space(self, what: str, one: Support | MeanSupport | Load) -> Space:
+    def _space(self, what: str, owner: Support | MeanSupport | Load) -> Space:
         """Return the space of the body that a support or a load names."""
-        if not 0 <= one.body < len(self.bodies):
-            raise InputError(f"{what}: body {one.body} is not one of the {len(self.bodies)} bodies")
-        space, made_for = self.bodies[one.body].space, getattr(one, "space", None)
+        if not 0 <= owner.body < len(self.bodies):
+            raise InputError(f"{what}: body {owner.body} is not one of the {len(self.bodies)} bodies")
+        space, made_for = self.bodies[owner.body].space, getattr(owner, "space", None)
         if made_for is not None and not made_for.matches(space):
-            raise InputError(f"{what}: made for another space than that of body {one.body}; take that body's")
+            raise InputError(f"{what}: made for another space than that of body {owner.body}; take that body's")
         return space
 
     def _refuse_held(self, index: int, load: SectionLoad, moment: Array) -> None:
@@ -162,9 +162,9 @@ class Model(Checked):
             raise InputError(f"load {index}: {problem}") from None
         held = bool((self.free[3 * (self.first_node[load.body] + nodes)[:, None] + np.arange(3)] < 0).all())
         u = space.axis.breaks[-1] if load.u is None else load.u
-        for one in self.means.values():
-            if one.body == load.body and one.u == u and one.stiffness is None and not one.ring:
-                rest = moment - one.axes.T @ (one.axes @ moment)
+        for support in self.means.values():
+            if support.body == load.body and support.u == u and support.stiffness is None and not support.ring:
+                rest = moment - support.axes.T @ (support.axes @ moment)
                 held |= bool(np.linalg.norm(rest) < 1e-9 * np.linalg.norm(moment))
         if held:
             raise InputError(f"load {index}: the section is held: a moment on it does nothing; leave it out")
@@ -319,8 +319,8 @@ class Model(Checked):
 
     def refuse_hold(self, what: str) -> None:
         """Raise `InputError` for a support of rigid motions alone, which ``what`` cannot take."""
-        for k, one in self.means.items():
-            if one.free:
+        for k, support in self.means.items():
+            if support.free:
                 raise InputError(f"support {k}: to hold rigid motions alone is for statics; in {what} leave it out")
 
     @cached_property
@@ -383,7 +383,7 @@ class Model(Checked):
 
 
 def unmoved(model: Model, what: str, timed: bool = False) -> None:
-    """Raise `InputError` for what is no model, or moves in time while ``what`` is not ``timed``."""
+    """Raise `InputError` if it is no model, or anything moves in time, unless the analysis ``what`` is ``timed``."""
     expect("model", model, Model)
     laws = [(f"body {b}: temperature", law) for b, body in enumerate(model.bodies) for law in body.laws]
     several: list[tuple[str, object]] = [(f"support {k}", one) for k, one in enumerate(model.supports)]

@@ -29,7 +29,7 @@ class Past(NamedTuple):
 
 def gone_through(laws: Laws, past: Sequence[Past], space: "Space", u: Array, xi: ArrayLike) -> Laws:
     """Return laws with each point's internal variables after earlier states (`isorod.model.body.Body.laws_at`)."""
-    for one in past:
-        _, F = space.displacement(one.displacement, xi, u.ravel())
-        laws = laws.advanced(F.reshape(*u.shape, *F.shape[1:]), one.factor)
+    for state in past:
+        _, F = space.displacement(state.displacement, xi, u.ravel())
+        laws = laws.advanced(F.reshape(*u.shape, *F.shape[1:]), state.factor)
     return laws

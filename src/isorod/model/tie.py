@@ -170,9 +170,9 @@ class Tie(Checked):
 
     def check(self, index: int, bodies: int, solids: int) -> None:
         """Raise `InputError` if a body or a solid does not exist; ``index`` is the tie's in the model."""
-        for one in (self.slave, self.master):
-            kind, number, count = ("body", getattr(one, "body", 0), bodies)
-            if isinstance(one, SolidSurface):
-                kind, number, count = "solid", one.solid, solids
+        for surface in (self.slave, self.master):
+            kind, number, count = ("body", getattr(surface, "body", 0), bodies)
+            if isinstance(surface, SolidSurface):
+                kind, number, count = "solid", surface.solid, solids
             if number >= count:
                 raise InputError(f"tie {index}: {kind} {number} is not one of the model's {count}")

@@ -110,8 +110,8 @@ def _refuse_short(what: str, last: float, end_time: float) -> None:
 
 def _refuse_by_factor(model: Model) -> None:
     """Raise `InputError` for what is given by load factors, which do not go with an end time."""
-    for k, one in enumerate(model.supports):
-        if isinstance(one, Support) and tuple(one.during) != (0.0, 1.0):
+    for k, support in enumerate(model.supports):
+        if isinstance(support, Support) and tuple(support.during) != (0.0, 1.0):
             raise InputError(f"support {k}: during: it is of load factors, and end_time is given; give a history")
     for k, contact in enumerate(model.contacts):
         motion = contact.motion

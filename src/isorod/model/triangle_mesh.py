@@ -77,14 +77,14 @@ class TriangleMesh:
         Parameters
         ----------
         path, scale
-            The file, and what its lengths are multiplied by.
+            The file, and the factor of its lengths.
         motion
             How it moves and turns; without, it stands.
 
         Raises
         ------
         InputError
-            If the file cannot be read or what is in it is no closed surface: the message names the file.
+            If the file cannot be read or does not contain a closed surface: the message names the file.
         """
         positive("triangle mesh: scale", scale, "a positive number")
         try:

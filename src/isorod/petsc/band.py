@@ -67,9 +67,9 @@ class Factors:
         most = max((sign.size for _, _, sign in odd), default=0)
         self._inverse = np.zeros((len(odd), most, most))
         self._sign = np.ones((len(odd), most))
-        for one, (_, inverse, sign) in enumerate(odd):
-            self._inverse[one, : sign.size, : sign.size] = inverse
-            self._sign[one, : sign.size] = sign
+        for number, (_, inverse, sign) in enumerate(odd):
+            self._inverse[number, : sign.size, : sign.size] = inverse
+            self._sign[number, : sign.size] = sign
         rest = matrix.own + matrix.after - eliminated
         if rest + matrix.border.shape[1]:
             lower = np.tril(self._dense(eliminated - now["band"], rest, 0, rest))
@@ -109,7 +109,7 @@ class Factors:
         return Elimination(cut, end, self._band, border, np.array(matrix.corner), block, progress)
 
     def _dense(self, column: int, columns: int, below: int, rows: int) -> Array:
-        """Return a block of the band by its place in it, a view: ``below`` the diagonal, whose lower part alone is."""
+        """Return a view of a block of the band, ``below`` the diagonal; above the diagonal it is not defined."""
         if not rows or not columns:
             return np.zeros((rows, columns))
         window = self._band.shape[1]
@@ -127,7 +127,7 @@ class Factors:
             return None
         values, vectors = np.linalg.eigh(block.T, "L")
         sizes = np.abs(values)
-        # What rounding leaves of zero has no sign.
+        # The sign of a pivot at round-off level is not known.
         if not sizes.min() > max(n * np.finfo(float).eps * sizes.max(), np.finfo(float).tiny):
             return None
         below = self._dense(place, n, n, h)
@@ -147,7 +147,7 @@ class Factors:
         return inverse, sign
 
     def forward(self, x: Array) -> None:
-        """Solve ``L y = x`` in place; what is left of the other unknowns is their right-hand side."""
+        """Solve ``L y = x`` in place; the other unknowns get their reduced right-hand side."""
         kernel.forward(self._band, self._cut, self._end, self._odd, self._inverse, x)
 
     def back(self, x: Array) -> None:

@@ -81,5 +81,5 @@ def is_banded(pc: PETSc.PC) -> bool:
 @atexit.register
 def _leave() -> None:
     """Detach the instances from PETSc, which ends after Python and could then not destroy them."""
-    for one in list(_ALIVE):
-        forget(one.handle)
+    for instance in list(_ALIVE):
+        forget(instance.handle)

@@ -21,7 +21,7 @@ _LOWER, _RIGHT, _TRANSPOSED, _PLAIN = (np.uint8(ord(letter)) for letter in "LRTN
 
 
 def _function(module: str, name: str, arguments: int) -> Any:
-    """Return one of SciPy's functions of so many arguments, to be called in compiled code.
+    """Return a function of SciPy's for compiled code, given the number of its arguments.
 
     Compiled code refers to it by name, so that it can be cached: importing this module binds the name to the address,
     which differs between processes.

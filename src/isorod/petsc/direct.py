@@ -54,7 +54,7 @@ def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
     matrix, _ = ksp.getOperators()
     right = PETSc.Mat().createDense((forces[0].getSizes(), len(forces)), comm=ksp.getComm())
     right.setUp()
-    right.getDenseArray()[:] = np.stack([one.array_r for one in forces], axis=1)
+    right.getDenseArray()[:] = np.stack([force.array_r for force in forces], axis=1)
     right.assemble()
     solutions = _solved(ksp, right)
     left = matrix.matMult(solutions)
@@ -62,8 +62,8 @@ def refined(ksp: PETSc.KSP, forces: Sequence[PETSc.Vec]) -> list[PETSc.Vec]:
     corrections = _solved(ksp, left)
     solutions.axpy(1.0, corrections)
     result = [force.duplicate() for force in forces]
-    for one, column in zip(result, solutions.getDenseArray().T, strict=True):
-        one.array_w[:] = column
+    for solution, column in zip(result, solutions.getDenseArray().T, strict=True):
+        solution.array_w[:] = column
     for mat in (right, solutions, corrections, left):
         mat.destroy()
     return result
@@ -77,8 +77,8 @@ def _solved(ksp: PETSc.KSP, right: PETSc.Mat) -> PETSc.Mat:
         return solutions
     ksp.setTolerances(rtol=min(ksp.getTolerances()[0], _LEFT))
     force, solution = right.createVecLeft(), right.createVecLeft()
-    for one, column in zip(right.getDenseArray().T, solutions.getDenseArray().T, strict=True):
-        force.array_w[:] = one
+    for values, column in zip(right.getDenseArray().T, solutions.getDenseArray().T, strict=True):
+        force.array_w[:] = values
         ksp.solve(force, solution)
         if ksp.getConvergedReason() < 0:
             raise SolveError(f"the linear solver failed (KSP reason {ksp.getConvergedReason()}); leave out -ksp_type")

@@ -135,8 +135,8 @@ class Arrays:
             more = np.empty(int((squares.size**2).sum()))
             comm.Recv(more, rank, _TAG)
             _add_squares(more, *squares, values)
-        for one in sent:
-            one.Wait()
+        for request in sent:
+            request.Wait()
 
 
 def split_matrix(comm: PETSc.Comm, sizes: tuple[int, int], own: Compressed, others: Compressed) -> PETSc.Mat:

@@ -202,7 +202,7 @@ def has_whole_rows(matrix: PETSc.Mat) -> bool:
 
 
 def absolute_product(matrix: PETSc.Mat, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return this rank's part of the product of a matrix's absolute values with a vector, of this rank's part of it."""
+    """Return this rank's part of the product of a matrix' absolute values with a vector, given this rank's part."""
     rows, result = local_rows(matrix), np.zeros(vector.size)
     _add_absolute_product(*rows.own, np.ascontiguousarray(vector), result)
     if matrix.getComm().getSize() > 1:

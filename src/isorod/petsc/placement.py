@@ -67,8 +67,8 @@ class Placement:
             more = np.empty(count)
             self._comm.Recv(more, rank, _TAG)
             _add(more, *runs, self._bound, own, others)
-        for one in sent:
-            one.Wait()
+        for request in sent:
+            request.Wait()
         matrix.assemble()
 
 

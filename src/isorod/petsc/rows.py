@@ -56,9 +56,9 @@ def component_rows(matrix: PETSc.Mat, components: int) -> LocalRows:
     """Return this rank's rows of a MAIJ matrix' block of one component; its own rows if it has one component."""
     if components == 1:
         return local_rows(matrix)
-    one = POINTER()
-    function("MatMAIJGetAIJ", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(one))
-    return _local_rows(one.value, matrix.getLocalSize()[0] // components, matrix)
+    component = POINTER()
+    function("MatMAIJGetAIJ", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(component))
+    return _local_rows(component.value, matrix.getLocalSize()[0] // components, matrix)
 
 
 def _local_rows(handle: int | None, rows: int, matrix: PETSc.Mat) -> LocalRows:
