@@ -234,7 +234,7 @@ def _pulled(work: Array, k: int) -> tuple[float, ...]:
 
 
 @njit(STEP, **FAST)
-def foresee(work: Array) -> None:
+def extrapolate_stress(work: Array) -> None:
     """Fill in the extrapolated stress at the end of a step from stress and moduli at its start, in the rows.
 
     With ``D`` the change of ``F`` (`isorod.assembly.extrapolation`): ``S0 + F0^-1 (A0 : D - D S0)``.
@@ -305,7 +305,7 @@ def _of_pair(work: Array, k: int, row: int, p: tuple[float, ...], q: tuple[float
 
 
 @njit(STEP, **FAST)
-def press_on(work: Array) -> None:
+def extrapolate_pressure(work: Array) -> None:
     """Add the change of pressure since the start of the step, times ``F0^-1 F0^-T``, to the extrapolated stress."""
     for k in range(_W):
         c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
@@ -320,7 +320,7 @@ def press_on(work: Array) -> None:
 
 
 @njit(STEP, **FAST)
-def exceed(work: Array) -> None:
+def add_stress_change(work: Array) -> None:
     """Add the extrapolated stress less that in the rows to the moduli, as a geometric stiffness."""
     for k in range(_W):
         s0, s1, s2, s3, s4, s5 = _pulled(work, k)
@@ -342,9 +342,9 @@ class Steps(NamedTuple):
     deform: int
     press: int
     press_moduli: int
-    foresee: int
-    press_on: int
-    exceed: int
+    extrapolate_stress: int
+    extrapolate_pressure: int
+    add_stress_change: int
     pull_back: int
 
 

@@ -292,9 +292,9 @@ def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Step
         _deform(),
         maybe(pressed, block_kernel.press_trace if trace else block_kernel.press),
         maybe(pressed and moduli and not trace, block_kernel.press_moduli),
-        maybe(extrapolates, block_kernel.foresee),
-        maybe(extrapolates and pressed, block_kernel.press_on),
-        maybe(extrapolates, block_kernel.exceed),
+        maybe(extrapolates, block_kernel.extrapolate_stress),
+        maybe(extrapolates and pressed, block_kernel.extrapolate_pressure),
+        maybe(extrapolates, block_kernel.add_stress_change),
         address(block_kernel.pull_back_moduli if moduli else block_kernel.pull_back_stress, STEP),
     )
 

@@ -108,7 +108,7 @@ def moduli(
         if steps.press:
             take(now.pressure, PRESSURES, these, work)
         # With extrapolation three passes: F of the present state, stress and moduli of the last, then of the present.
-        for turn in range(0 if steps.foresee else 2, 3):
+        for turn in range(0 if steps.extrapolate_stress else 2, 3):
             if turn == 1:
                 # Swap present and last pressure; swapped back below.
                 if steps.press:
@@ -131,12 +131,12 @@ def moduli(
             if steps.press_moduli:
                 call_step(np.uint64(steps.press_moduli), (work,))
             if turn == 1:
-                call_step(np.uint64(steps.foresee), (work,))
+                call_step(np.uint64(steps.extrapolate_stress), (work,))
                 if steps.press:
                     _swap(work)
-                    call_step(np.uint64(steps.press_on), (work,))
-            elif steps.exceed:
-                call_step(np.uint64(steps.exceed), (work,))
+                    call_step(np.uint64(steps.extrapolate_pressure), (work,))
+            elif steps.add_stress_change:
+                call_step(np.uint64(steps.add_stress_change), (work,))
         call_step(np.uint64(steps.pull_back), (work,))
         for i in range(these.shape[0]):
             place, p, at, length = these[i, 0], these[i, 1] - begin, these[i, 2], these[i, 3]
