@@ -18,7 +18,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly import faces
 from isorod.assembly.averages import apart, mean_of
 from isorod.assembly.bonds import Bond
-from isorod.assembly.faces import Passed
+from isorod.assembly.faces import LinearTractions
 from isorod.assembly.multipliers import (
     Multipliers,
     of_component,
@@ -199,9 +199,9 @@ class Constraints:
         jump = csr_array(other - own)
         candidates = self._first(tie.slave) + trace.independent
         multipliers: dict[int, Multipliers] = {}
-        passed = self._passed(tie, trace, own, other, near, candidates)
+        tractions = self._tractions(tie, trace, own, other, near, candidates)
         slaves, rows = (
-            self._welded(tie, trace, own, jump, candidates, passed, multipliers)
+            self._welded(tie, trace, own, jump, candidates, tractions, multipliers)
             if tie.kind == "weld"
             else self._condensed(tested(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
@@ -222,7 +222,7 @@ class Constraints:
         own: csr_array,
         jump: csr_array,
         candidates: Index,
-        passed: Passed | None,
+        tractions: LinearTractions | None,
         multipliers: dict[int, Multipliers],
     ) -> tuple[Index, csr_array]:
         """Return the slaves of a weld and their rows, the same for each component unless supports hold some of them.
@@ -242,8 +242,8 @@ class Constraints:
                     chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
                 mass = np.asarray(own[:, mine].T @ chosen)
                 solution = projection(jump, mine, chosen, mass)
-                if passed is not None and mine.size == candidates.size:
-                    solution, mass = passed.corrected(solution, mass), mass + passed.shown
+                if tractions is not None and mine.size == candidates.size:
+                    solution, mass = tractions.corrected(solution, mass), mass + tractions.mass_correction
                 known[key] = solution, Multipliers(csr_array(chosen / trace.weights[:, None]), mass)
             if mine.size:
                 slaves.append(3 * mine + a)
@@ -322,9 +322,9 @@ class Constraints:
                 "other surfaces, or give a larger gap"
             )
 
-    def _passed(
+    def _tractions(
         self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, near: Rows, candidates: Index
-    ) -> Passed | None:
+    ) -> LinearTractions | None:
         """Return the forces of linear tractions on both sides, if the slave is an end face."""
         if not isinstance(tie.slave, EndFace):
             return None
@@ -338,7 +338,7 @@ class Constraints:
                 theirs = self._first(tie.master), faces.moments(*master, origin, size, radii)
         mine = faces.moments(space, which, origin, size, radii)
         nodes = candidates - self._first(tie.slave)
-        return faces.passed(mine, nodes, trace, csr_array(own[:, candidates]), other, theirs)
+        return faces.linear_tractions(mine, nodes, trace, csr_array(own[:, candidates]), other, theirs)
 
     def _ordered(self) -> list[int]:
         """Return the ties in an order in which no tie's slaves are masters of later ties."""

@@ -42,7 +42,7 @@ class Moments(NamedTuple):
         return np.asarray(self.fields.T @ self.values)
 
 
-class Passed(NamedTuple):
+class LinearTractions(NamedTuple):
     """Forces on both sides of tractions that are linear on the slave's face.
 
     Attributes
@@ -51,13 +51,13 @@ class Passed(NamedTuple):
         Forces on the slave's nodes.
     master : (nodes, k)
         Forces on all nodes with the same resultants.
-    shown : (s, s)
+    mass_correction : (s, s)
         Correction of the slave's mass on its face by which its forces are those of the tractions.
     """
 
     slave: Array
     master: Array
-    shown: Array
+    mass_correction: Array
 
     def corrected(self, rows: csr_array, mass: Array) -> csr_array:
         """Return the slave's rows ``(s, nodes)``, corrected to transmit these tractions; ``mass`` is ``(s, s)``."""
@@ -104,9 +104,9 @@ def same_resultants(values: Array, resultants: Array, targets: Array) -> Array:
     return np.asarray(values + linear @ np.linalg.pinv(gram, rcond=_NOTHING, hermitian=True) @ (targets - resultants))
 
 
-def passed(
+def linear_tractions(
     own: Moments, nodes: Index, trace: Trace, mine: csr_array, other: csr_array, master: tuple[int, Moments] | None
-) -> Passed:
+) -> LinearTractions:
     """Return the forces of linear tractions on an end face and on the surface it is welded to.
 
     Parameters
@@ -131,7 +131,7 @@ def passed(
     near = mine.T @ weighted
     linear = moments.values.reshape(len(nodes), -1, 4).sum(axis=1)
     inverse = np.linalg.pinv(fields.T @ weighted, rcond=_NOTHING, hermitian=True)
-    return Passed(
+    return LinearTractions(
         moments.values,
         same_resultants(values, resultants, moments.resultants),
         np.asarray((linear - near) @ inverse @ near.T),
