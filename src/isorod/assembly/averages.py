@@ -56,7 +56,7 @@ def mean_of(model: Model, support: MeanSupport) -> Mean:
     return Mean(int(model.first_node[support.body]) + nodes, rows, support.stiffness)
 
 
-def apart(means: dict[int, Mean]) -> list[list[int]]:
+def disjoint(means: dict[int, Mean]) -> list[list[int]]:
     """Return the numbers of supports in sets without common nodes."""
     sets: list[tuple[list[int], set[int]]] = []
     for k, mean in means.items():

@@ -16,16 +16,16 @@ from scipy.sparse import block_diag, csr_array, diags, hstack, vstack
 
 from isorod.arrays import Array, Index
 from isorod.assembly import faces
-from isorod.assembly.averages import apart, mean_of
+from isorod.assembly.averages import disjoint, mean_of
 from isorod.assembly.bonds import Bond
 from isorod.assembly.faces import LinearTractions
 from isorod.assembly.multipliers import (
     Multipliers,
     of_component,
-    passed_on_along,
-    passed_on_near,
     projection,
-    tested,
+    vector_multipliers,
+    weights_along,
+    weights_to_nearest,
 )
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -132,7 +132,7 @@ class Constraints:
                 raise InputError(f"tie {k}: {problem}") from None
         self.means = {k: mean_of(model, one) for k, one in model.means.items()}
         known = [(tied.slaves, tied.rows, np.zeros((tied.slaves.size, 0))) for tied in self.ties]
-        sets = apart({k: one for k, one in self.means.items() if one.held})
+        sets = disjoint({k: one for k, one in self.means.items() if one.held})
         known += [self._averaged(several) for several in sets]
         slaves = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
         order = np.argsort(slaves)
@@ -203,7 +203,7 @@ class Constraints:
         slaves, rows = (
             self._welded(tie, trace, own, jump, candidates, tractions, multipliers)
             if tie.kind == "weld"
-            else self._condensed(tested(tie.kind, trace, own[:, candidates]), jump, candidates)
+            else self._condensed(vector_multipliers(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
         if not slaves.size:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
@@ -239,7 +239,7 @@ class Constraints:
             if mine.size and key not in known:
                 chosen = tests[:, free]
                 if mine.size < candidates.size:
-                    chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
+                    chosen = chosen + tests[:, ~free] @ self._weights_of_held(tie.slave, trace, own, candidates, free)
                 mass = np.asarray(own[:, mine].T @ chosen)
                 solution = projection(jump, mine, chosen, mass)
                 if tractions is not None and mine.size == candidates.size:
@@ -252,13 +252,13 @@ class Constraints:
         nothing = np.empty(0, dtype=np.int64), csr_array((0, 3 * self._nodes))
         return (np.concatenate(slaves), csr_array(vstack(rows, format="csr"))) if slaves else nothing
 
-    def _passed_on(
+    def _weights_of_held(
         self, surface: Surface, trace: Trace, own: csr_array, candidates: Index, free: NDArray[np.bool_]
     ) -> csr_array:
         """Return the weights with which traces of held functions are added to free ones, ``(held, free)``."""
         if isinstance(surface, SolidSurface):
-            return passed_on_near(trace.points, trace.weights, own[:, candidates], free)
-        return passed_on_along(self._model.bodies[surface.body].space, candidates - self._first(surface), free)
+            return weights_to_nearest(trace.points, trace.weights, own[:, candidates], free)
+        return weights_along(self._model.bodies[surface.body].space, candidates - self._first(surface), free)
 
     def _condensed(self, tests: Array, jump: csr_array, candidates: Index) -> tuple[Index, csr_array]:
         """Return slaves and their rows for vector-valued multipliers ``(k, q, 3)``, weights included."""

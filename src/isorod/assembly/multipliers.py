@@ -41,7 +41,7 @@ class Multipliers(NamedTuple):
     forces: Array
 
 
-def passed_on_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_array:
+def weights_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_array:
     """Return the weights with which held functions of a rod are added to free ones, ``(held, free)``.
 
     They are added to those with the same section function.
@@ -87,7 +87,7 @@ def _powers(space: Space) -> Array:
     return np.asarray(np.linalg.lstsq(functions, polynomials, rcond=None)[0].T)
 
 
-def passed_on_near(points: Array, weights: Array, traces: csr_array, free: NDArray[np.bool_]) -> csr_array:
+def weights_to_nearest(points: Array, weights: Array, traces: csr_array, free: NDArray[np.bool_]) -> csr_array:
     """Return the weights with which held functions of a solid are added to free ones, ``(held, free)``.
 
     Parameters
@@ -136,7 +136,7 @@ def of_component(rows: csr_array, a: int) -> csr_array:
     return csr_array((rows.data, 3 * rows.indices + a, rows.indptr), shape=(rows.shape[0], 3 * rows.shape[1]))
 
 
-def tested(kind: str, trace: Trace, own: csr_array) -> Array:
+def vector_multipliers(kind: str, trace: Trace, own: csr_array) -> Array:
     """Return the multipliers of a tie that is no weld, as vectors times weights, shape ``(k, q, 3)``.
 
     Of a slide they are the slave's independent functions ``own`` ``(q, m)`` times the normal, else rigid motions.
