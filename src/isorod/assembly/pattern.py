@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array, Index
 from isorod.assembly import pattern_kernel
 from isorod.assembly.pattern_kernel import Blocks, CompressedRows, Coupling, Pairs
-from isorod.petsc.layout import Layout, Rows, Squares, rows_alone
+from isorod.petsc.layout import Layout, Rows, Squares, layout_on_one_rank
 
 # Pairs of layers: rows and columns of this rank; its rows, columns of other ranks; rows of other ranks.
 _OWN, _OTHERS, _AWAY = range(3)
@@ -100,7 +100,7 @@ class Pattern:
         if comm.size == 1:
             own, self.total = mine.row_by_row(_OWN, 0)
             alone = self._rows(own, 0, count, True, 0, whole)
-            self.layout = None if alone is None else rows_alone(alone)
+            self.layout = None if alone is None else layout_on_one_rank(alone)
             return None if alone is None else mine
         bounds = np.concatenate([[0], np.cumsum(comm.allgather(count))])
         low, high = (int(bound) for bound in bounds[comm.rank : comm.rank + 2])

@@ -19,7 +19,7 @@ from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.model.history import rigid_velocity
 from isorod.model.joints import warn_of_smooth_joints
-from isorod.model.past import Past, gone_through
+from isorod.model.past import Past, advanced_through
 from isorod.space import choice
 from isorod.space.chosen import CHOICES
 from isorod.space.space import Space, Table
@@ -361,7 +361,7 @@ class Body(Checked):
             raise InputError(
                 "law: states with memory are at quadrature points alone in motions; take stress and energy in statics"
             )
-        laws = gone_through(laws, self.past, self.space, u, xi)
+        laws = advanced_through(laws, self.past, self.space, u, xi)
         return laws.frozen if self.settled else laws
 
     @cached_property

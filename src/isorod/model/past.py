@@ -27,7 +27,7 @@ class Past(NamedTuple):
     displacement: Array
 
 
-def gone_through(laws: Laws, past: Sequence[Past], space: "Space", u: Array, xi: ArrayLike) -> Laws:
+def advanced_through(laws: Laws, past: Sequence[Past], space: "Space", u: Array, xi: ArrayLike) -> Laws:
     """Return laws with each point's internal variables after earlier states (`isorod.model.body.Body.laws_at`)."""
     for state in past:
         _, F = space.displacement(state.displacement, xi, u.ravel())

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, I1, STRICT, njit
-from isorod.petsc.library import POINTER, adopted, function
+from isorod.petsc.library import POINTER, function, matrix_of_handle
 from isorod.petsc.rows import INTEGER, Compressed
 
 # Tag of messages with entries.
@@ -67,7 +67,7 @@ class Layout(NamedTuple):
     received: Mapping[int, Squares]
 
 
-def rows_alone(rows: Rows) -> Layout:
+def layout_on_one_rank(rows: Rows) -> Layout:
     """Return the layout of all rows on one rank."""
     nothing = Rows(slice(0, 0), np.zeros(rows.start.size, dtype=PETSc.IntType), np.empty(0, dtype=PETSc.IntType))
     return Layout(rows, nothing, {}, {})
@@ -152,7 +152,7 @@ def split_matrix(comm: PETSc.Comm, sizes: tuple[int, int], own: Compressed, othe
     kinds = (kind, *(INTEGER,) * 4, *(POINTER,) * 7)
     call = function("MatCreateMPIAIJWithSplitArrays", *kinds)
     call(handle, rows, rows, total, total, *arrays, ctypes.byref(made))
-    return adopted(made, comm)
+    return matrix_of_handle(made, comm)
 
 
 @njit(void(F1, I1, I1, I1, F1), **STRICT)

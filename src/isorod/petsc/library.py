@@ -28,7 +28,7 @@ def function(name: str, *kinds: Any) -> Callable[..., None]:
     return call
 
 
-def adopted(handle: Any, comm: PETSc.Comm) -> PETSc.Mat:
+def matrix_of_handle(handle: Any, comm: PETSc.Comm) -> PETSc.Mat:
     """Return the petsc4py matrix of a PETSc handle: petsc4py takes none, but its own matrix can be replaced by it."""
     result = PETSc.Mat().create(comm)
     function("MatHeaderReplace", POINTER, ctypes.POINTER(POINTER))(result.handle, ctypes.byref(handle))

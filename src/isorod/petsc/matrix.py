@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from isorod.compiled import F1, FAST, I1, STRICT, njit
 from isorod.petsc.layout import Arrays, Layout
-from isorod.petsc.library import POINTER, adopted, function
+from isorod.petsc.library import POINTER, function, matrix_of_handle
 from isorod.petsc.placement import Placement, gather
 from isorod.petsc.rows import P1, component_rows, local_rows
 
@@ -233,7 +233,7 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
     """
     made, kinds = POINTER(), (POINTER, ctypes.c_int, ctypes.POINTER(POINTER))
     function("MatCreateMAIJ", *kinds)(matrix.handle, components, ctypes.byref(made))
-    result = adopted(made, matrix.getComm())
+    result = matrix_of_handle(made, matrix.getComm())
     result.setAttr(_COMPONENTS, components)
     return result
 
