@@ -12,7 +12,7 @@ from isorod.assembly.parts import Parts
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
-    from isorod.assembly.pressing import Pressing
+    from isorod.assembly.pressing import FollowerLoads
 
 
 class Loaded(Parts):
@@ -25,15 +25,15 @@ class Loaded(Parts):
         with self._timed():
             self._pressing = self._followers()
 
-    def _followers(self) -> "list[Pressing]":
+    def _followers(self) -> "list[FollowerLoads]":
         """Return the follower loads on each part, if there are any."""
         loads = self.model.following
         if not loads:
             return []
-        from isorod.assembly.pressing import Pressing
+        from isorod.assembly.pressing import FollowerLoads
 
         self.note("following loads")
-        return [Pressing(one, [load for load in loads if load.body == one.which]) for one in self.element_ranges]
+        return [FollowerLoads(one, [load for load in loads if load.body == one.which]) for one in self.element_ranges]
 
     def _reach(self, factor: float, step: float | None = None) -> None:
         """Set the loads to those at a load factor, or to their increments in a step."""

@@ -33,7 +33,7 @@ class Surface(NamedTuple):
     weights: Array
 
 
-class Pressing:
+class FollowerLoads:
     """The loads that depend on the state, on the elements of one body that a rank assembles.
 
     Parameters

@@ -16,11 +16,11 @@ from isorod.assembly.pattern import Pattern, add
 from isorod.space.space import Table
 
 if TYPE_CHECKING:
-    from isorod.assembly.pressing import Pressing
+    from isorod.assembly.pressing import FollowerLoads
 
 
 def entries(
-    parts: Sequence[Part], pattern: Pattern, states: Sequence[Array], step: float, pressing: "Sequence[Pressing]"
+    parts: Sequence[Part], pattern: Pattern, states: Sequence[Array], step: float, pressing: "Sequence[FollowerLoads]"
 ) -> Array:
     """Return the entries of a pattern.
 
