@@ -10,7 +10,7 @@ from scipy import sparse
 
 from comparisons.fem.contact.facets import facet_of, gauss
 from comparisons.fem.rods.elements import Elements
-from isorod.assembly.twisting import Twisting, spread_of
+from isorod.assembly.twisting import SectionMoment, spread_of
 from isorod.model.load import SectionLoad
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
@@ -105,7 +105,7 @@ class Mean:
         return self.carried[: len(ways)] @ ways, self.carried[len(ways) :] @ axes
 
 
-class Moment(Twisting):
+class Moment(SectionMoment):
     """The moment of a load on a section that turns, as `comparisons.fem.pressed.Touching`."""
 
     def __init__(self, elements: Elements, model: Model, load: SectionLoad) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.split import ElementRange
-from isorod.assembly.twisting import Twisting
+from isorod.assembly.twisting import SectionMoment
 from isorod.model.load import Pressure, SectionLoad
 
 # Permutation symbol: ``(a x b)_i = _CROSS[i, j, k] a_j b_k``.
@@ -51,7 +51,9 @@ class FollowerLoads:
         nodes = space.element_nodes[element_range.first : element_range.last]
         shape = (*element_range.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)
-        moments = [(k, Twisting(element_range, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
+        moments = [
+            (k, SectionMoment(element_range, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)
+        ]
         self._twisting = bool(moments)
         self._moments = [(k, one) for k, one in moments if one.element >= 0]
         self._surfaces = []
@@ -96,7 +98,7 @@ class FollowerLoads:
             result[moment.element] += self._factors[k] * forces
         return result
 
-    def _places(self, moment: Twisting, nodal: Array) -> Array:
+    def _places(self, moment: SectionMoment, nodal: Array) -> Array:
         """Return the present positions of the nodes of a moment's element."""
         return (self._positions[moment.element] + nodal[moment.element]).reshape(-1, 3)
 

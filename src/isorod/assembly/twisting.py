@@ -19,7 +19,7 @@ def spread_of(weights: Array, values: Array) -> Array:
     return np.asarray((weights[:, None] * values).T @ values - np.outer(mean, mean) / weights.sum())
 
 
-class Twisting:
+class SectionMoment:
     """The moment of a load on an element that a rank assembles.
 
     Attributes
