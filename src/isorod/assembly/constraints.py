@@ -122,8 +122,8 @@ class Constraints:
                 self.values[3 * first + dofs] = values
             owned = [end - begin for begin, end in solid.comm.allgather(solid.owned)]
             self.ranks_of_solids.append(np.repeat(np.arange(len(owned)), 3 * np.array(owned)))
-        self._taken = self.held.copy()
-        self._taken[model.bound] = True
+        self._constrained = self.held.copy()
+        self._constrained[model.bound] = True
         self.ties: list[Tied] = []
         for k, tie in enumerate(model.ties):
             try:
@@ -133,7 +133,7 @@ class Constraints:
         self.means = {k: mean_of(model, one) for k, one in model.means.items()}
         known = [(tied.slaves, tied.rows, np.zeros((tied.slaves.size, 0))) for tied in self.ties]
         sets = disjoint({k: one for k, one in self.means.items() if one.held})
-        known += [self._averaged(several) for several in sets]
+        known += [self._solved_means(several) for several in sets]
         slaves = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
         order = np.argsort(slaves)
         self.slaves = slaves[order]
@@ -144,11 +144,11 @@ class Constraints:
         whole = csr_array(
             hstack([rows, block_diag([csr_array((0, 0)), *(csr_array(one) for _, _, one in known)])], format="csr")
         )
-        whole = self._resolved(whole[order])
+        whole = self._without_slaves(whole[order])
         self.rows, self.offsets = whole[:, : 3 * self._nodes], whole[:, 3 * self._nodes :].toarray()
         self.held_means = [k for several in sets for k in several]
 
-    def _averaged(self, several: Sequence[int]) -> tuple[Index, csr_array, Array]:
+    def _solved_means(self, several: Sequence[int]) -> tuple[Index, csr_array, Array]:
         """Return the slaves of mean supports, their rows, and their coefficients in terms of the mean motions."""
         known = [self.means[k] for k in several]
         nodes = np.unique(np.concatenate([one.nodes for one in known]))
@@ -162,7 +162,7 @@ class Constraints:
                     f"support {several[last - 1]}: other supports or ties hold the section already, or some of its "
                     "mean motions; leave one of them out"
                 )
-        self._taken[slaves] = True
+        self._constrained[slaves] = True
         return slaves, rows, values / np.concatenate(sizes)
 
     def _nodes_of(self, surface: Surface) -> tuple[int, int]:
@@ -192,7 +192,7 @@ class Constraints:
 
     def _tied(self, tie: Tie) -> Tied:
         """Return a tie in terms of the nodes."""
-        trace, near = self._met(tie)
+        trace, near = self._traces(tie)
         self._refuse_gap(tie, trace, near)
         own = self._on_nodes(tie.slave, trace.nodes, trace.values)
         other = self._on_nodes(tie.master, near.nodes, near.values)
@@ -207,7 +207,7 @@ class Constraints:
         )
         if not slaves.size:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
-        self._taken[slaves] = True
+        self._constrained[slaves] = True
         bond = None
         if tie.law is not None:
             nodes = np.hstack([self._first(tie.slave) + trace.nodes, self._first(tie.master) + near.nodes])
@@ -233,7 +233,7 @@ class Constraints:
         slaves, rows = [], []
         known: dict[bytes, tuple[csr_array, Multipliers]] = {}
         for a in range(3):
-            free = ~self._taken[3 * candidates + a]
+            free = ~self._constrained[3 * candidates + a]
             mine = candidates[free]
             key = mine.tobytes()
             if mine.size and key not in known:
@@ -271,7 +271,7 @@ class Constraints:
         With them their coefficients in terms of other degrees of freedom, and of the values ``(slaves, k)``.
         """
         free = (3 * nodes[:, None] + np.arange(3)).ravel()
-        free = free[~self._taken[free]]
+        free = free[~self._constrained[free]]
         # Independent equations only: as many as there are slaves for them.
         basis, triangle, order = qr(whole[:, free].toarray(), mode="economic", pivoting=True)
         sizes = np.abs(np.diag(triangle))
@@ -287,7 +287,7 @@ class Constraints:
         rows = csr_array((solution.data, columns[solution.indices], solution.indptr), shape=(count, whole.shape[1]))
         return slaves, rows, np.linalg.solve(left, basis[:, :count].T)
 
-    def _met(self, tie: Tie) -> tuple[Trace, Rows]:
+    def _traces(self, tie: Tie) -> tuple[Trace, Rows]:
         """Return the traces of slave and master at the same points, enough of them for the master's nodes."""
         finer = 1
         while True:
@@ -351,7 +351,7 @@ class Constraints:
         except CycleError:
             raise InputError("ties go round in a circle, each slave the master of another; turn one round") from None
 
-    def _resolved(self, rows: csr_array) -> csr_array:
+    def _without_slaves(self, rows: csr_array) -> csr_array:
         """Return the slaves' rows with slaves of other ties eliminated."""
         keep = np.ones(rows.shape[1])
         keep[self.slaves] = 0.0

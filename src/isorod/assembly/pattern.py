@@ -105,9 +105,9 @@ class Pattern:
         bounds = np.concatenate([[0], np.cumsum(comm.allgather(count))])
         low, high = (int(bound) for bound in bounds[comm.rank : comm.rank + 2])
         owner, _ = self._owners(mine.row, mine.size, bounds)
-        inbox = comm.alltoall([mine.some(owner == rank) if rank != comm.rank else None for rank in range(comm.size)])
+        inbox = comm.alltoall([mine.subset(owner == rank) if rank != comm.rank else None for rank in range(comm.size)])
         received = {rank: one for rank, one in enumerate(inbox) if one is not None and one.key.size}
-        pairs = mine.joined(received.values())
+        pairs = mine.union(received.values())
         owner, _ = self._owners(pairs.row, pairs.size, bounds)
         beside, whole = self._owners(pairs.column, pairs.size, bounds)
         pairs.kind = np.where(owner != comm.rank, _AWAY, np.where(beside == comm.rank, _OWN, _OTHERS))
@@ -176,11 +176,11 @@ class _Pairs:
         self.kind = np.full(key.size, _OWN)
         self.start, self.width = np.full((2, key.size + 1), -1)
 
-    def some(self, which: Any) -> "_Pairs":
+    def subset(self, which: Any) -> "_Pairs":
         """Return some of the pairs, not yet placed."""
         return _Pairs(self.key[which], self.size[which], self._places)
 
-    def joined(self, more: "Iterable[_Pairs]") -> "_Pairs":
+    def union(self, more: "Iterable[_Pairs]") -> "_Pairs":
         """Return the union of these pairs and others, not yet placed."""
         everything = [self, *more]
         key, index = np.unique(np.concatenate([one.key for one in everything]), return_index=True)

@@ -81,7 +81,7 @@ class Region:
         self.segment = self.segment._replace(law=law)
         self.__dict__.pop("_known", None)
 
-    def _of(self, values: Array, first: int, last: int) -> Array:
+    def _rows_of(self, values: Array, first: int, last: int) -> Array:
         """Return the rows of some elements from those of all, equally many for each."""
         each = values.shape[0] // self.shape[0]
         return values[first * each : last * each]
@@ -115,7 +115,7 @@ class Region:
         functions = Functions(compiled.block, compiled.tangent if with_moduli else 0, law.constants)
         return functions, _steps(with_moduli, extrapolates, pressed, trace)
 
-    def _some(self, count: int) -> Iterator[tuple[int, int]]:
+    def _batches(self, count: int) -> Iterator[tuple[int, int]]:
         """Yield the bounds of ``count`` elements at a time, at least one."""
         elements, step = self.shape[0], max(1, count)
         for first in range(0, elements, step):
@@ -130,7 +130,7 @@ class Region:
     def _field(self, moves: tuple[Array, Array], pressures: Array, first: int, last: int) -> Field:
         """Return gradients of displacements on disk x axis, and pressures, at the points of some elements."""
         across, whole = self._section
-        values, slopes, pressures = (self._of(one, first, last) for one in (*moves, pressures))
+        values, slopes, pressures = (self._rows_of(one, first, last) for one in (*moves, pressures))
         return Field((values @ across).reshape(-1, self.shape[2]), slopes @ whole, pressures)
 
     def add_forces(
@@ -165,9 +165,9 @@ class Region:
         pressures, starts = self.at_points(pressure), self.own(starts)
         across, whole = self._section
         energy, moves = 0.0, self._coefficients(local, starts)
-        for first, last in self._some(_POINTS // (along * points)):
+        for first, last in self._batches(_POINTS // (along * points)):
             field = self._field(moves, pressures, first, last)
-            energy += stresses(*law, self._of(self._known, first, last), field, with_energy)
+            energy += stresses(*law, self._rows_of(self._known, first, last), field, with_energy)
             if forces.size:
                 sums = field.across.reshape(-1, 2 * points) @ across.T, field.along @ whole.T
                 add_resultants(self.table, *sums, first, last, starts, forces)
@@ -178,9 +178,9 @@ class Region:
         _, along, points = self.shape
         deform, moves = _deform(), self._coefficients(local, self.own(starts))
         result = np.empty((self.shape[0] * along, points))
-        for first, last in self._some(_POINTS // (along * points)):
+        for first, last in self._batches(_POINTS // (along * points)):
             field = self._field(moves, NONE, first, last)
-            determinants(deform, self._of(self._known, first, last), field, self._of(result, first, last))
+            determinants(deform, self._rows_of(self._known, first, last), field, self._rows_of(result, first, last))
         self.own(out)[:, :, self.segment.points] = result.reshape(self.shape)
 
     def add_stiffness(
@@ -215,14 +215,14 @@ class Region:
         volumes, moves = self._volumes, self._coefficients(local, starts)
         past = None if last is None else self._coefficients(last.local, starts)
         # Allocated once: fresh memory from the system is slow.
-        pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
-        products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
-        sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
-        for k, some in enumerate(self._some(count) if volumes is None else [(0, 1)]):
+        pulled = _FourMatrices((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
+        products = _FourMatrices((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
+        sums, more = (_FourMatrices((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
+        for k, some in enumerate(self._batches(count) if volumes is None else [(0, 1)]):
             places = (some[1] - some[0]) * along
             now = self._field(moves, pressures, *some)
             old = now if past is None else self._field(past, before, *some)
-            known = self._of(self._known, *some)
+            known = self._rows_of(self._known, *some)
             for begin in range(0, points, tile):
                 end = min(begin + tile, points)
                 left, right = pulled.of(places, end - begin), products.of(end - begin, squared)
@@ -238,7 +238,7 @@ class Region:
             if volumes is None:
                 add_blocks(self.table, *some, rows, there, entries)
                 continue
-            for first, end in self._some(count):
+            for first, end in self._batches(count):
                 many = tuple(volumes[first * along : end * along, None] * one[0] for one in rows)
                 add_blocks(self.table, first, end, many, there, entries)
 
@@ -248,7 +248,7 @@ def _rows(values: Array) -> Array:
     return np.ascontiguousarray(values.swapaxes(2, 3)).reshape(-1, values.shape[2])
 
 
-class _Four:
+class _FourMatrices:
     """Work space for four contiguous matrices, whose rows and columns are multiples of two sizes."""
 
     def __init__(self, *times: tuple[int, int], size: int) -> None:

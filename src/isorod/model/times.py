@@ -38,7 +38,7 @@ def until(model: Model, end_time: float) -> Model:
         model = model.times.of
     positive("end_time", end_time, "a positive time")
     _refuse_by_factor(model)
-    known = {name: TimeTable.of(one.history) for name, one in _several(model) if one.history is not None}
+    known = {name: TimeTable.of(one.history) for name, one in _with_history(model) if one.history is not None}
     tables = [*known.values()]
     for name, table in known.items():
         _refuse_short(f"{name}: history", table.times[-1] if len(table.times) > 1 else np.inf, end_time)
@@ -90,7 +90,7 @@ def until(model: Model, end_time: float) -> Model:
         )
 
 
-def _several(model: Model) -> Iterator[tuple[str, Any]]:
+def _with_history(model: Model) -> Iterator[tuple[str, Any]]:
     """Yield what may have a history, with its name in messages."""
     for kind, several in (("support", model.supports), ("load", model.loads)):
         yield from ((f"{kind} {k}", one) for k, one in enumerate(several))
