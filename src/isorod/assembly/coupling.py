@@ -98,10 +98,7 @@ class Coupling:
         # The solids' last state, load factor and tangents, each with PETSc's counter of its changes.
         self._known: tuple[list[Array], float, list[tuple[PETSc.Mat, int]]] = [], np.nan, []
         # The matrix T of all degrees of freedom.
-        plain = np.flatnonzero(of_dofs >= 0)
-        whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
-        place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
-        self._whole = whole = csr_array(whole + place @ dependent)
+        self._whole = self._coefficients(of_dofs, slave_of, dependent)
         bonds: list[Bond | Spring] = [tied.bond for tied in constraints.ties if tied.bond is not None]
         bonds += [Spring.of(one) for one in constraints.means.values() if not one.held]
         # Linear bonds always add the same.
@@ -109,19 +106,23 @@ class Coupling:
         self.bonds = Bonds(bonds, of_dofs.size // 3, comm) if bonds else None
         if self.bonds is not None:
             first = int(np.count_nonzero(rank < comm.getRank()))
-            self._pushed = csr_array(whole.T.tocsr()[first : first + self.rows])
+            self._pushed = csr_array(self._whole.T.tocsr()[first : first + self.rows])
             self._of_dofs = of_dofs, slave_of
             self.bonds.set(np.zeros(of_dofs.size), self._bond_factor)
 
-    def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
-        """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
+    def _coefficients(self, number: Index, slave: Index, dependent: csr_array) -> csr_array:
+        """Return rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
         plain = np.flatnonzero(number >= 0)
         free = csr_array((np.ones(plain.size), (plain, number[plain])), shape=(number.size, self.unknowns))
         some = np.flatnonzero(slave >= 0)
         place = csr_array((np.ones(some.size), (some, slave[some])), shape=(number.size, dependent.shape[0]))
-        whole = csr_array(free + place @ dependent)
-        whole.sort_indices()
-        arrays = whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data
+        return csr_array(free + place @ dependent)
+
+    def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
+        """Return this rank's rows of ``T`` (`_coefficients`) as a matrix."""
+        rows = self._coefficients(number, slave, dependent)
+        rows.sort_indices()
+        arrays = rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data
         sizes = (number.size, None), (self.rows, self.unknowns)
         made = PETSc.Mat().createAIJ(sizes, csr=arrays, comm=self._comm)
         made.assemble()

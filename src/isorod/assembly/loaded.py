@@ -78,7 +78,7 @@ class Loaded(Parts):
         part, spin = self.parts[k], self.model.spin
         stiffness = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
         if spin is not None:
-            stiffness -= self.model.amplitude(spin.history, factor) * part.softening(spin)[which]
+            stiffness -= self.model.amplitude(spin.history, factor) * part.masses_of(spin.field)[which]
         if self._pressing:
             whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
             stiffness -= whole[which].reshape(stiffness.shape)

@@ -128,10 +128,6 @@ class Part:
         arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
         return self.padded(self.mass @ arm @ spin.field)
 
-    def softening(self, spin: Spin) -> Array:
-        """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
-        return self.masses_of(spin.field)
-
     def masses_of(self, tensor: Array) -> Array:
         """Return the element mass matrices times a tensor ``(3, 3)`` of components, shape of ``matrices``."""
         size = 3 * self.mass.shape[1]
