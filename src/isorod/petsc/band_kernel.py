@@ -1,11 +1,11 @@
 """Cholesky's factors of banded symmetric matrices in panels, by LAPACK and BLAS, and solves with them.
 
 Columns are taken in panels of those that reach equally far down, as the unknowns of one layer of a rod do.  The lower
-band is kept column by column, entry ``(i, j)`` at ``j W + i`` of the whole, where ``W + 1`` is the length of a column:
-with ``W`` for the leading dimension, every block of the band is a dense matrix to BLAS.  Thus a panel takes three
-calls, and no entries but those in the band's envelope.
+band is stored column by column, entry ``(i, j)`` at ``j W + i``, where ``W + 1`` is the length of a column: with ``W``
+as the leading dimension, every block of the band is a dense matrix to BLAS.  Thus a panel takes three calls, on entries
+in the band's envelope only.
 
-Only the first columns need be eliminated: what is left in the others is the Schur complement.
+If only the first columns are eliminated, the others hold the Schur complement.
 """
 
 from typing import Any, NamedTuple
@@ -18,8 +18,7 @@ from isorod.compiled import F1, F2, F3, FAST, I1, STRICT, njit
 from isorod.petsc.blas import add_product, add_square, divide, factorise
 from isorod.petsc.rows import P1, Compressed
 
-# Columns that reach differently far are one panel up to so many, and those that reach equally far are cut after so
-# many (measured: widths from 40 to 300).
+# Fewest columns of a panel, whether or not they reach equally far, and most columns (measured: widths from 40 to 300).
 _LEAST, MOST = 8, 64
 
 # A negative pivot is taken where it adds no more than this many times the largest entry on the diagonal to it.
@@ -41,7 +40,7 @@ class Ordered(NamedTuple):
     after
         Number of unknowns that come behind and have no rows here.
     border, corner : (own, s), (s, s)
-        What couples the border to the first columns, and its own block.
+        Coupling of the border to the first columns, and its own block.
     """
 
     rows: Compressed
@@ -54,7 +53,7 @@ class Ordered(NamedTuple):
     corner: Array = np.empty((0, 0))
 
 
-# How far `eliminate` is.
+# Progress of `eliminate`.
 PROGRESS = np.dtype(
     [
         # The next panel, the number of panels, and of negative pivots so far.
@@ -75,7 +74,7 @@ PROGRESS = np.dtype(
 
 
 class Elimination(NamedTuple):
-    """What `eliminate` works on.
+    """Work space of `eliminate`.
 
     Attributes
     ----------
@@ -169,7 +168,7 @@ def eliminate(matrix: Ordered, work: Elimination) -> int:
                 for i in range(j, n):
                     diagonal[j * width + i] = work.block[j, i]
             if failed > 1:
-                # What comes before the pivot that is not positive is a panel.
+                # The columns before the pivot that is not positive are a panel.
                 _cut_panel(work, k, c + failed - 1)
                 continue
             if not _is_mild(diagonal[: bottom - c], now.scale):
@@ -210,7 +209,7 @@ def eliminate(matrix: Ordered, work: Elimination) -> int:
 
 @njit(**STRICT)
 def _make_room(work: Elimination, c: int, bottom: int) -> None:
-    """Forget columns before ``c`` where there is no room for those before ``bottom``, and clear what is new."""
+    """Drop columns before ``c`` if there is no room for those before ``bottom``, and clear the new ones."""
     now, band, border = work.progress[0], work.band, work.border
     if bottom - now.band > band.shape[0]:
         # Number by number: rows at once are 30 functions more to compile.
@@ -274,7 +273,7 @@ def _cut_panel(work: Elimination, k: int, column: int) -> None:
 
 @njit(**STRICT)
 def _is_mild(column: Any, scale: float) -> bool:
-    """Return whether a column with a negative pivot adds little to what is below it, and the pivot is not huge."""
+    """Return whether a column with a negative pivot adds little below it, and the pivot is not huge."""
     pivot = -column[0]
     if not 0.0 < pivot <= _GROWTH * scale:
         return False
@@ -286,7 +285,7 @@ def _is_mild(column: Any, scale: float) -> bool:
 
 @njit(void(F2, I1, I1, I1, F3, F1), **FAST)
 def forward(band: Any, cut: Any, end: Any, odd: Any, inverse: Any, x: Any) -> None:
-    """Solve ``L y = x`` in place; what is left of the unknowns that were not eliminated is their right-hand side.
+    """Solve ``L y = x`` in place; unknowns that were not eliminated get their reduced right-hand side.
 
     Of the panels that were not positive definite, ``odd``, ``inverse`` has those of their blocks of ``L``.
     """
@@ -299,7 +298,7 @@ def forward(band: Any, cut: Any, end: Any, odd: Any, inverse: Any, x: Any) -> No
             for i in range(j, c1):
                 _subtract(band[i, c1 - i :], x[i], x[c1:bottom])
             continue
-        # Two columns at a time: what is subtracted from passes through memory half as often.
+        # Two columns at a time: the right-hand side is read from memory half as often.
         while j + 1 < c1:
             one, two = band[j], band[j + 1]
             a = x[j] / one[0]

@@ -182,7 +182,7 @@ def _identity(model: Model, told: tuple[Any, ...]) -> dict[str, Any]:
         arrays += [one.turn, one.path]
         digest.update(repr(one.clock).encode())
     if model.times is not None:
-        arrays += [model.times.way, model.times.times]
+        arrays += [model.times.path, model.times.times]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return {"version": __version__, "analysis": "statics", "settings": repr(told), "model": digest.hexdigest()}

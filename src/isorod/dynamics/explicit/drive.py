@@ -14,7 +14,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.assembly import averages, exerted
 from isorod.assembly.constraints import Constraints
-from isorod.assembly.pressing import Pressing
+from isorod.assembly.pressing import FollowerLoads
 from isorod.dynamics.explicit.step_kernel import DISSIPATED, FOLLOWED, PUSHED, Course
 from isorod.errors import InputError
 
@@ -54,7 +54,7 @@ class Drive:
         self._constraints = Constraints(model) if model.means else None
         self._carriers = model.is_control_point.repeat(3)
         self._following = [
-            (share.which, Pressing(share, [one for one in model.following if one.body == share.which]))
+            (share.which, FollowerLoads(share, [one for one in model.following if one.body == share.which]))
             for share in (system.ranks.shares if model.following else ())
         ]
         self._before = self._impulse = self._loads = self._outside = np.empty(0)
