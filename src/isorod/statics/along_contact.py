@@ -95,7 +95,7 @@ class Touching:
         return self._assembler.touching(end, factor + step)
 
     def go(self, ahead: Array, points: Sequence[list[tuple[int, int]]]) -> None:
-        """Take the step, with its predicted end ``(dofs,)`` and the points of contact, initial and after each addition."""
+        """Take the step, with its predicted end ``(dofs,)`` and the points of contact, initial and after changes."""
         self._before = self._here
         self._contact.foresee(ahead)
         for each in points[1:]:

@@ -20,7 +20,7 @@ from isorod.output.largest import TIED
 # Results by their names: numbers or arrays of them.
 Measured = dict[str, Array]
 
-# Building perturbed models is most of the cost of a derivative: two, at this relative step of the parameter, are enough.
+# Building perturbed models is most of the cost of a derivative: two, at this relative step of it, are enough.
 # At the same displacement forces are rounded alike, and errors are below 1e-9 of the derivative.
 NEAR = 1e-6
 
