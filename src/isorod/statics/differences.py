@@ -103,7 +103,7 @@ class Derivatives:
         none = {name: why for name, why in self.none.items() if name not in self.means}
         return replace(self, by={**self.by, **self.means}, none=none, means={})
 
-    def told(self) -> "Derivatives":
+    def checked(self) -> "Derivatives":
         """Return them; raises `InputError` where there is none by one of the parameters."""
         for name, why in self.none.items():
             raise InputError(f"derivative by {name}: there is none here: {why}")
