@@ -126,7 +126,7 @@ def _solve(
     tangents, path, mass = Tangents(assembler), Primary(assembler), assembler.mass()
     try:
         if display is not None and assembler.comm.getRank() == 0:
-            path.solver.tell = display
+            path.solver.report = display
         setup = perf_counter() - start
         assembler.seconds = 0.0
         seeker = Seeker(assembler, tangents, path, mass)

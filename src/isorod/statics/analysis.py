@@ -202,7 +202,7 @@ def _solve(
         assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
     solver, display, keeper = Newton(assembler, loose), Teller(), None
     if progress and assembler.comm.getRank() == 0:
-        solver.tell = display
+        solver.report = display
     try:
         if stable:
             stability.refuse_unknown(solver)

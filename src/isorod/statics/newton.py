@@ -67,7 +67,7 @@ class Newton:
         Limits of load steps.
     cuts
         Number of load steps cut so far.
-    tell
+    report
         Called in each iteration with a function that returns the progress as text.
     guess
         Initial guess of the next load step in place of its predictor, or None.
@@ -84,7 +84,7 @@ class Newton:
         self.linear_iterations = 0
         self.norms: list[float] = []
         self.cuts = 0
-        self.tell: Callable[[Callable[[], str]], None] = lambda line: None
+        self.report: Callable[[Callable[[], str]], None] = lambda line: None
         self.guess: PETSc.Vec | None = None
         self.left: Callable[[PETSc.Vec, float], None] = lambda x, factor: None
         self._trial = assembler.vector()
@@ -149,7 +149,7 @@ class Newton:
 
     def _monitor(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
         self.norms.append(norm)
-        self.tell(lambda: self._line(iteration, norm))
+        self.report(lambda: self._line(iteration, norm))
 
     def _line(self, iteration: int, norm: float) -> str:
         """Return the progress as text."""
