@@ -207,7 +207,7 @@ def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[fl
     """Take a run to its end; return the wall time of its steps, and the methods at work."""
     loop, saved, ranks = 0.0, perf_counter(), run.system.ranks
     shown = Progress(run.time, run.settings.end_time)
-    run.tell = shown if progress and ranks.rank == 0 else run.tell
+    run.report = shown if progress and ranks.rank == 0 else run.report
     try:
         while run.index < run.outputs:
             loop += run.advance()

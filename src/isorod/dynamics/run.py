@@ -50,7 +50,7 @@ class Run(ABC):
         Time and value of each estimate of the critical step.
     newton_iterations, cuts
         Of implicit steps, so far: Newton iterations, and steps halved and tried again.
-    tell
+    report
         Is called with the time reached, a few times a second where steps are short.
     """
 
@@ -66,7 +66,7 @@ class Run(ABC):
         self.index, self.taken, self.count = 0, 0, 1
         self.newton_iterations = self.cuts = 0
         self.rows: dict[str, list[Any]] = {}
-        self.tell: Callable[[float], object] = lambda time: None
+        self.report: Callable[[float], object] = lambda time: None
         self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
         # Steps taken, activation, and area in contact at the last estimate.

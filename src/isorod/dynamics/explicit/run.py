@@ -193,7 +193,7 @@ class Run(run.Run):
                 seconds += spent
                 block = max(1, int(_BLOCK * (last - first) / max(spent, 1e-9)))
                 self._block = self.system.ranks.first(block)
-                self.tell(self.time + taken * self.step)
+                self.report(self.time + taken * self.step)
         return taken, outcome, seconds
 
     def _follow(self, time: float, most: int) -> int:

@@ -164,7 +164,7 @@ class Run(run.Run):
             self._allowed, self._shortest = self.cuts + _CUTS, self.step
             self._step(self.time + k * self.step, self.step, 0)
             self._phase.add(self._unturned(self._displacement, self.time + (k + 1) * self.step))
-            self.tell(self.time + (k + 1) * self.step)
+            self.report(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
         seen = self._measure()
