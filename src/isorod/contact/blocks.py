@@ -1,4 +1,4 @@
-"""Entries of a sparse matrix to which dense blocks add up, one block for each patch where sides touch."""
+"""Entries of a sparse matrix, the sum of dense blocks, one for each patch of contact."""
 
 from collections.abc import Callable
 from itertools import count
@@ -8,26 +8,26 @@ import numpy as np
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Row, Table
 
-# A matrix may be that of one model after the other.
+# Numbers are unique, also across models: a matrix may be used for one after the other.
 _NUMBERS = count(1)
 
 
 class Blocks:
-    """The pattern of blocks, which is made anew where a patch comes that is not in it, of those of now and of last.
+    """The pattern of blocks, which is rebuilt from the present and last patches where a new one is not in it.
 
     Parameters
     ----------
     kind
-        Of the rows of patches.
+        Type of the rows of patches.
 
     Attributes
     ----------
     rows, columns
-        Of all entries, each once: patches side by side have most of their nodes in common.
+        Of all entries, each once: adjacent patches have most of their nodes in common.
     room
         Size of all blocks, one after the other.
     version
-        A number of the pattern, another one each time that it changes, of all blocks; 0 as long as there is none.
+        Number of the pattern, unique among all blocks, new at each change; 0 before the first.
     """
 
     def __init__(self, kind: np.dtype) -> None:  # type: ignore[type-arg]
@@ -53,7 +53,7 @@ class Blocks:
             Rows of patches, in any order.
         nodes
             Returns the nodes of a patch whose degrees of freedom are a block's rows, and those of its columns.  It is
-            not kept: whose method it is has these blocks, and each would hold the other.
+            not kept, to avoid a reference cycle with the object whose method it is.
         """
         touched, which = np.unique(patches, return_inverse=True)
         if not np.isin(touched, self._patches).all():
@@ -66,7 +66,7 @@ class Blocks:
         return np.bincount(self._entry, blocks, self.rows.size).astype(np.float64, copy=False)
 
     def _renew(self, patches: Table, nodes_of: Callable[[Row], tuple[Index, Index]]) -> None:
-        """Make the pattern anew, of these patches, sorted."""
+        """Rebuild the pattern from these patches, sorted."""
         self._patches = patches
         self.version = next(_NUMBERS)
         nodes = [nodes_of(patch) for patch in patches]

@@ -1,8 +1,8 @@
-"""Points of contact in their order, and the cells in which surfaces tell them apart.
+"""Points of contact in their order, and the cells that surfaces can resolve.
 
 The points of a pass are a grid: elements, points along each, arcs round the section, points of each arc.  A cell is
-what one function round the section, an arc where these are of control points, and one along the axis have to
-themselves: what varies faster the surface cannot follow, and pressures that do make it no flatter.
+the area per function round the section (an arc where these are of control points) and along the axis: the surface
+cannot follow anything that varies faster, and pressures that do so do not flatten it.
 """
 
 from collections.abc import Iterator
@@ -19,30 +19,30 @@ if TYPE_CHECKING:
 
 
 def grids(packed: Packed, values: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Yield what points have, ``(Q,)``, pass by pass: views ``(elements, along, arcs, across)``."""
-    for one in packed.passes:
-        surface = packed.surfaces[one["slave"]]
-        shape = surface["elements"], one["along"], surface["around"], one["across"]
-        first = one["first_point"]
+    """Yield values of points ``(Q,)`` pass by pass: views ``(elements, along, arcs, across)``."""
+    for pass_ in packed.passes:
+        surface = packed.surfaces[pass_["slave"]]
+        shape = surface["elements"], pass_["along"], surface["around"], pass_["across"]
+        first = pass_["first_point"]
         yield values[first : first + np.prod(shape)].reshape(shape)
 
 
 def functions(space: "Space") -> int:
-    """Return how many functions along the axis an element has to itself: as many as its knots stand there times."""
+    """Return the number of functions along the axis per element: the mean multiplicity of its inner knots."""
     inner = space.axis.multiplicities[1:-1]
     return round(float(inner.mean())) if inner.size else space.axis.degree
 
 
 def numbers(packed: Packed) -> Index:
     """Return the number of the cell of each point, ``(Q,)``."""
-    found, count = np.zeros(packed.areas.size, dtype=np.int64), 0
-    for slave, number in zip(packed.passes["slave"], grids(packed, found), strict=True):
+    result, count = np.zeros(packed.areas.size, dtype=np.int64), 0
+    for slave, number in zip(packed.passes["slave"], grids(packed, result), strict=True):
         elements, along, arcs, _ = number.shape
-        parts, round_it = min(int(packed.surfaces["cells"][slave]), along), int(packed.surfaces["cells_round"][slave])
+        parts, around = min(int(packed.surfaces["cells"][slave]), along), int(packed.surfaces["cells_round"][slave])
         rows = np.arange(elements)[:, None] * parts + np.arange(along) * parts // along
-        number[:] = count + rows[..., None, None] * round_it + (np.arange(arcs) * round_it // arcs)[:, None]
-        count += elements * parts * round_it
-    return found
+        number[:] = count + rows[..., None, None] * around + (np.arange(arcs) * around // arcs)[:, None]
+        count += elements * parts * around
+    return result
 
 
 def means(packed: Packed, values: Array) -> Array:
@@ -53,12 +53,12 @@ def means(packed: Packed, values: Array) -> Array:
 
 
 def moved(old: Packed, values: Array, new: Packed) -> Array:
-    """Return what points of other rules have that lie where these do, ``(Q,)``."""
-    # Motions need none of it.
+    """Return values transferred from points of one rule to those of another at the same place, ``(Q,)``."""
+    # Imported late: motions do not need it.
     from scipy.spatial import cKDTree
 
-    found = np.zeros(new.areas.size)
-    for k, (value, other) in enumerate(zip(grids(old, values), grids(new, found), strict=True)):
+    result = np.zeros(new.areas.size)
+    for k, (value, other) in enumerate(zip(grids(old, values), grids(new, result), strict=True)):
         _, along, _, across = other.shape
         if is_facets(new.surfaces[new.passes["slave"][k]]):
             places = [_on_facets(one, k) for one in (old, new)]
@@ -67,7 +67,7 @@ def moved(old: Packed, values: Array, new: Packed) -> Array:
         rows = np.arange(along) * value.shape[1] // along
         columns = np.arange(across) * value.shape[3] // across
         other[:] = value[:, rows][..., columns]
-    return found
+    return result
 
 
 def is_facets(surface: Row) -> bool:
@@ -76,26 +76,26 @@ def is_facets(surface: Row) -> bool:
 
 
 def _on_facets(packed: Packed, k: int) -> Array:
-    """Return where the points of a pass are: their facets, well apart, and shape functions there, ``(q, 1 + l)``."""
-    one, values = packed.passes[k], packed.along[packed.passes[k]["first_along"] :]
-    count = int(packed.surfaces[one["slave"]]["elements"]) * int(one["along"])
-    return np.column_stack([10.0 * (np.arange(count) // one["along"]), values[:count]])
+    """Return coordinates of points of a pass: their facets, well apart, and shape functions there, ``(q, 1 + l)``."""
+    pass_, values = packed.passes[k], packed.along[packed.passes[k]["first_along"] :]
+    count = int(packed.surfaces[pass_["slave"]]["elements"]) * int(pass_["along"])
+    return np.column_stack([10.0 * (np.arange(count) // pass_["along"]), values[:count]])
 
 
 def sense(surfaces: Table) -> Array:
-    """Return which way angles are counted round surfaces: -1 where backwards (`isorod.contact.traces`), else 1."""
+    """Return the sense of angles round surfaces: -1 where backwards (`isorod.contact.traces`), else 1."""
     return np.where(surfaces["deep"] > 0.0, -1.0, 1.0)
 
 
 def parameters(packed: Packed) -> Array:
     """Return axis parameter and angle of all points, ``(Q, 2)``."""
-    found = np.empty((packed.areas.size, 2))
-    for one, u, angle in zip(packed.passes, *(grids(packed, column) for column in found.T), strict=True):
-        surface = packed.surfaces[one["slave"]]
+    result = np.empty((packed.areas.size, 2))
+    for pass_, u, angle in zip(packed.passes, *(grids(packed, column) for column in result.T), strict=True):
+        surface = packed.surfaces[pass_["slave"]]
         _, along, arcs, across = u.shape
         low, high = packed.elements["u"][surface["first_element"] :][: surface["elements"], :, None].swapaxes(0, 1)
-        u[:] = (low + (high - low) * packed.shares[one["first_along"] :][:along])[..., None, None]
+        u[:] = (low + (high - low) * packed.fractions[pass_["first_along"] :][:along])[..., None, None]
         x = np.polynomial.legendre.leggauss(across)[0]
         angle[:] = sense(surface) * (surface["arcs"][:arcs, :1] + np.pi * surface["arcs"][:arcs, 6:] * x)
 
-    return found
+    return result

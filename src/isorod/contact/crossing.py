@@ -1,4 +1,4 @@
-"""Centre lines of rods that go through facets of finite element bodies from one state to the next."""
+"""Tunnelling of centre lines of rods through facets of finite element bodies."""
 
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Corners of the two triangles of a quadrilateral, whose corners are numbered as in a tensor product; of a triangle one.
 _TRIANGLES = {3: ((0, 1, 2),), 4: ((0, 1, 2), (1, 3, 2))}
 
-# Triangles are by so much larger: each moves in its own way, and between two of them nothing gets through.
+# Relative enlargement of triangles: each has a motion of its own, and no gaps may open between them.
 _EDGE = 0.1
 
 
@@ -35,43 +35,43 @@ class Crossing:
         self._corners: Index = np.concatenate([own.nodes[:, list(one)] for one in _TRIANGLES[corners]])
 
     def first(self, points: tuple[Array, Array], moved: tuple[Array, Array], ahead: Array) -> int | None:
-        """Return which of some points goes through a facet, if one does.
+        """Return the number of a point that goes through a facet, if there is one.
 
         Parameters
         ----------
         points
-            Where they are before and after, shape ``(p, 3)`` each.
+            Their positions before and after, shape ``(p, 3)`` each.
         moved
             Displacements of `nodes_of` before and after, shape ``(3 k,)`` each.
         ahead
-            How far ahead of each point its body reaches, on its way relative to a facet, ``(p,)``.
+            Distance by which its body reaches ahead of each point, on its path relative to a facet, ``(p,)``.
         """
         before, after = ((self._places + one.reshape(-1, 3))[self._corners] for one in moved)
         middle = before.mean(axis=1)
         size = np.linalg.norm(before - middle[:, None], axis=2).max(axis=1)
-        path = np.linalg.norm(points[1] - points[0], axis=1) + ahead
+        reach = np.linalg.norm(points[1] - points[0], axis=1) + ahead
         drift = np.linalg.norm((after - before).mean(axis=1), axis=1)
-        near = cKDTree(middle).query_ball_point(points[0], path + drift.max() + size.max())
-        which = np.repeat(np.arange(path.size), [len(one) for one in near])
+        near = cKDTree(middle).query_ball_point(points[0], reach + drift.max() + size.max())
+        which = np.repeat(np.arange(reach.size), [len(one) for one in near])
         if not which.size:
             return None
         facet = np.concatenate([np.array(one, dtype=np.int64) for one in near])
-        # The way relative to the facet.
+        # The path relative to the facet.
         start = points[0][which]
-        way = points[1][which] - start - (after[facet] - before[facet]).mean(axis=1)
-        length = np.linalg.norm(way, axis=1)[:, None]
-        way = way * (1.0 + ahead[which, None] / np.where(length > 0.0, length, np.inf))
-        hit = _cross(start, way, before[facet])
+        path = points[1][which] - start - (after[facet] - before[facet]).mean(axis=1)
+        length = np.linalg.norm(path, axis=1)[:, None]
+        path = path * (1.0 + ahead[which, None] / np.where(length > 0.0, length, np.inf))
+        hit = _cross(start, path, before[facet])
         return int(which[hit.argmax()]) if hit.any() else None
 
 
-def _cross(start: Array, way: Array, corners: Array) -> Array:
-    """Return which ways cross their triangles (Moeller & Trumbore, J. Graph. Tools 2 (1997) 21-28)."""
-    one, other, apart = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
-    normal = np.cross(one, other)
-    det = -np.einsum("ma,ma->m", way, normal)
+def _cross(start: Array, path: Array, corners: Array) -> Array:
+    """Return which paths cross their triangles (Moeller & Trumbore, J. Graph. Tools 2 (1997) 21-28)."""
+    first, second, offset = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
+    normal = np.cross(first, second)
+    det = -np.einsum("ma,ma->m", path, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.einsum("ma,ma->m", apart, normal) / det
-        turned = np.cross(apart, way)
-        u, v = np.einsum("ma,ma->m", other, turned) / det, -np.einsum("ma,ma->m", one, turned) / det
+        t = np.einsum("ma,ma->m", offset, normal) / det
+        turned = np.cross(offset, path)
+        u, v = np.einsum("ma,ma->m", second, turned) / det, -np.einsum("ma,ma->m", first, turned) / det
         return np.asarray((t >= 0.0) & (t <= 1.0) & (np.minimum(u, v) >= -_EDGE) & (u + v <= 1.0 + _EDGE))

@@ -1,4 +1,4 @@
-"""Penalty and points of contacts where nobody gave them, and the sizes of surfaces that they come from."""
+"""Default penalty and points of contacts, and the sizes of surfaces from which they follow."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 # second moment) errs by 4 % at most and the largest pressure by 11 %, with 4 by 7 and 47 %.
 _STIFF = 2.0
 
-# Where control points are closer at a patch, this share of the default penalty times how many are across: the surfaces'
+# Where a space is refined at a patch, the default penalty times this over the control points across: the surfaces'
 # misfit, times the penalty, is a wave in the pressure.  Of crossing cylinders with four and six across, the largest
 # pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default one by 1 and 5 %.
-_CLOSER = 1.8
+_REFINED = 1.8
 
-# In motions, which have no multipliers, what a penalty lets through makes hits longer: twice the default one there.  Of
+# In motions, which have no multipliers, penetration makes impacts longer: twice the default penalty there.  Of
 # crossing bars with four across it is 1.3 % too long by the default one, 0.4 % by four times that.
-_CLOSER_IN_MOTION = 2.0
+_REFINED_IN_MOTION = 2.0
 
 
 def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float, float]:
     """Return mean and largest distance of a section's outline from its centre, of the elements where it is smallest.
 
-    Outlines are those at the middles of elements, of all where none are named.
+    Outlines are those at the middles of elements, by default of all.
     """
     breaks = space.axis.breaks
     middles = 0.5 * (breaks[1:] + breaks[:-1])
@@ -46,20 +46,20 @@ def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float,
 
 def smallest_radius(model: "Model", contact: Contact) -> float:
     """Return the smallest mean radius of the elements that take part in a contact."""
-    found = []
+    result = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        found.append(contact.disk_radius(body, space.rod) * radii(space, elements)[0])
-    return min(found)
+        result.append(contact.disk_radius(body, space.rod) * radii(space, elements)[0])
+    return min(result)
 
 
 def deepest(space: "Space", inner: bool) -> float:
-    """Return how deep beyond an inner surface a point may be, half of the wall at its thinnest; 0 of an outer one."""
+    """Return the largest penetration into an inner surface, half of the wall at its thinnest; 0 for an outer one."""
     return 0.5 * (1.0 - space.rod.rings[0]) * radii(space)[0] if inner else 0.0
 
 
 def penalty(model: "Model", contact: Contact, in_motion: bool = False) -> float:
-    """Return the pressure per depth of a contact, as it was given or by default; in motions others by default."""
+    """Return the penalty of a contact, pressure per depth: the user's, or the default, another in motions."""
     if contact.penalty is not None:
         return contact.penalty
     stiffness = []
@@ -76,21 +76,21 @@ def penalty(model: "Model", contact: Contact, in_motion: bool = False) -> float:
             size = facets.facets(model, contact, 1, facets.nodes_of(model)[0]).size
             stiffness.append(law.surface_modulus / size)
     if any(isinstance(model.bodies[body].space.basis, Graded) for body, _ in contact.sides):
-        stiffness = [(_CLOSER_IN_MOTION if in_motion else _CLOSER / contact.across) * one for one in stiffness]
+        stiffness = [(_REFINED_IN_MOTION if in_motion else _REFINED / contact.across) * one for one in stiffness]
     return _STIFF * min(stiffness)
 
 
 def points_of(model: "Model") -> list[tuple[int, int]]:
     """Return the points round an arc and along an element of each pass of the contacts of a model, of facets alike.
 
-    Where they are not given they are as close along as round (`isorod.space.choice.touching_points`), 3 to an arc at
-    least, or as many for each function on a surface without control points.  Where elements are short at patches alone
-    (`isorod.space.graded`) that many, and degree + 1 along each, are close enough there.
+    By default they are as dense along as round (`isorod.space.choice.touching_points`), at least 3 on an arc, or for
+    each function on a surface without control points.  Where elements are short only at patches
+    (`isorod.space.graded`), 3 on an arc and degree + 1 along each element are dense enough there.
     """
-    found = []
+    result = []
     for contact in model.contacts:
         if contact.facets is not None:
-            found.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact)))
+            result.append(contact.points or facets.points_of(model, contact, smallest_radius(model, contact)))
             continue
         for body, _ in contact.sides:
             space = model.bodies[body].space
@@ -100,5 +100,5 @@ def points_of(model: "Model") -> list[tuple[int, int]]:
             own = least, space.axis.degree + 1
             if not isinstance(space.basis, Graded):
                 own = touching_points(space.rod, n, space.axis.elements, space.axis.degree, least, MAX_POINTS)
-            found.append(contact.points or own)
-    return found
+            result.append(contact.points or own)
+    return result

@@ -1,7 +1,7 @@
-"""Facets of finite element bodies as contact takes them: each an element whose functions are those of its nodes.
+"""Facets of finite element bodies in contact: each an element with the shape functions of its nodes.
 
 Their points are the slaves, and the lateral surfaces of rods the masters: these are smooth, so that normals do not jump
-from facet to facet.  There are as many points as the rods' curvature asks for, however coarse the mesh is.
+from facet to facet.  The number of points follows from the rods' curvature, however coarse the mesh is.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from isorod.model.contact import Contact
     from isorod.model.model import Model
 
-# Points of all facets of a contact, at most.
+# Most points of all facets of a contact.
 MOST = 2_000_000
 
-# Nodes of facets that are quadrilaterals.
+# Numbers of nodes of quadrilaterals.
 SQUARES = (4, 9)
 
 
@@ -34,7 +34,7 @@ class Facets(NamedTuple):
     Attributes
     ----------
     body
-        Number of the body: finite element bodies come after the rods.
+        Number of the body; finite element bodies come after the rods.
     nodes
         Numbers of nodes among `nodes_of`, shape ``(f, m)``.
     values
@@ -42,7 +42,7 @@ class Facets(NamedTuple):
     areas
         Reference areas of the points, ``(f, n)``.
     size
-        Mean distance of nodes: the root of a node's area.
+        Mean distance of nodes: square root of the area per node.
     """
 
     body: int
@@ -53,7 +53,7 @@ class Facets(NamedTuple):
 
 
 def nodes_of(model: "Model") -> tuple[Index, Array]:
-    """Return the nodes of all facets in contact, and where these are at rest; on every rank.
+    """Return the nodes of all facets in contact, and their positions at rest; on every rank.
 
     Returns
     -------
@@ -62,25 +62,25 @@ def nodes_of(model: "Model") -> tuple[Index, Array]:
     positions : (k, 3)
     """
     firsts = np.cumsum([model.dofs // 3, *(solid.nodes for solid in model.solids)])
-    found, places = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    nodes, places = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
     for k, solid in enumerate(model.solids):
-        own = [one.facets for one in model.contacts if one.facets is not None and one.facets.solid == k]
+        own = [contact.facets for contact in model.contacts if contact.facets is not None and contact.facets.solid == k]
         if own:
-            numbers = np.unique(np.concatenate([solid.trace(one.facets).nodes.ravel() for one in own]))
-            found.append(firsts[k] + numbers)
+            numbers = np.unique(np.concatenate([solid.trace(contact.facets).nodes.ravel() for contact in own]))
+            nodes.append(firsts[k] + numbers)
             places.append(np.concatenate(solid.comm.allgather(solid.positions))[numbers])
-    return np.concatenate(found), np.concatenate(places)
+    return np.concatenate(nodes), np.concatenate(places)
 
 
 def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Facets:
     """Return the facets of a contact, with at least so many points along a side; ``known`` are `nodes_of`."""
     assert contact.facets is not None
     k = contact.facets.solid
-    pieces = max(1, -(-points // 2))
-    trace = model.solids[k].trace(contact.facets.facets, pieces)
+    parts = max(1, -(-points // 2))
+    trace = model.solids[k].trace(contact.facets.facets, parts)
     n, count = trace.each, trace.nodes.shape[1]
     first = model.dofs // 3 + sum(solid.nodes for solid in model.solids[:k])
-    # All points of a facet have its nodes.
+    # All points of a facet have the same nodes.
     nodes = np.searchsorted(known, first + trace.nodes[::n])
     area = float(trace.weights.sum()) / np.unique(nodes).size
     return Facets(
@@ -91,18 +91,18 @@ def facets(model: "Model", contact: "Contact", points: int, known: Index) -> Fac
 def values_of(model: "Model", contact: "Contact", known: Index, points: int) -> csr_matrix:
     """Return the shape functions of so many points of a contact's facets, rows over all nodes of rods and ``known``."""
     assert contact.facets is not None
-    one = model.solids[contact.facets.solid].trace(contact.facets.facets, 1)
-    # Each facet has the points of its rule as often as it has pieces.
-    own = facets(model, contact, 2 * round(np.sqrt(points / len(one.weights))), known)
+    trace = model.solids[contact.facets.solid].trace(contact.facets.facets, 1)
+    # Each facet has the points of its rule once for each of its parts.
+    own = facets(model, contact, 2 * round(np.sqrt(points / len(trace.weights))), known)
     nodes = model.dofs // 3 + np.repeat(own.nodes, own.values.shape[1], axis=0)
     places = np.arange(0, nodes.size + 1, nodes.shape[1])
     return csr_matrix((own.values.ravel(), nodes.ravel(), places), shape=(points, model.dofs // 3 + known.size))
 
 
 def points_of(model: "Model", contact: "Contact", radius: float) -> tuple[int, int]:
-    """Return the points along the sides of facets: two between nodes, and as close as those of rods are to see a patch.
+    """Return the points along the sides of facets: two between nodes at least, and as dense as those of rods.
 
-    That is `AROUND` of a circle of a ``radius``, and two for each function of the rods that are touched.
+    That is `AROUND` on a circle of a ``radius``, and two for each function of the rods that are touched.
     """
     assert contact.facets is not None
     solid = model.solids[contact.facets.solid]
@@ -128,12 +128,12 @@ def _longest(trace: "Trace") -> float:
     """Return the largest distance between points of a facet."""
     points = trace.points.reshape(-1, trace.each, 3)
     apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3).max(initial=0.0)
-    # One rule of degree 2 on each: its points are so far from each other, in the diagonal of a facet.
+    # The ratio of the diagonal of a facet to the distance of points of its rule, which is of degree 2.
     return float(apart * (2.0 if trace.each == 3 else np.sqrt(1.5)))
 
 
 def _spacing(model: "Model", body: int, elements: Sequence[int] | None) -> float:
-    """Return half the length along the axis of a rod that a function has to itself, the shortest."""
+    """Return half the shortest length along the axis of a rod per function."""
     space = model.bodies[body].space
     lengths = np.diff(space.rod.arc_length(space.axis.breaks))
     return 0.5 * float((lengths if elements is None else lengths[list(elements)]).min()) / functions(space)

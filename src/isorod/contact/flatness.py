@@ -1,4 +1,4 @@
-"""Flat facets in the place of curved surfaces: how far that is, beside what contact closes."""
+"""Distance of flat facets from the curved surface that they represent."""
 
 from typing import TYPE_CHECKING
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from isorod.model.contact import Contact
     from isorod.model.model import Model
 
-# The angle between facets from which it is an edge of the body.
+# Angle between facets above which their joint is an edge of the body.
 _EDGE = 0.6
 
 
 def unevenness(model: "Model", contact: "Contact") -> Array:
-    """Return how far flat facets are from the curved surface that they seem to stand for, ``(f,)``.
+    """Return distances of flat facets from the curved surface that they represent, ``(f,)``.
 
-    That is the sagitta of an arc that turns along a facet as much as normals jump over its edges.
+    That is the sagitta of an arc whose angle along a facet is the jump of normals over its edges.
     """
     assert contact.facets is not None
     solid = model.solids[contact.facets.solid]
@@ -34,14 +34,13 @@ def unevenness(model: "Model", contact: "Contact") -> Array:
     facet = np.tile(np.arange(len(corners)), len(around))
     order = np.lexsort(edges.T)
     pairs = np.flatnonzero((edges[order[1:]] == edges[order[:-1]]).all(axis=1))
-    one, other = facet[order[pairs]], facet[order[pairs + 1]]
-    angle = np.arccos(np.clip(np.einsum("ea,ea->e", normals[one], normals[other]), -1.0, 1.0))
-    # What turns by more is an edge of the body.
+    first, second = facet[order[pairs]], facet[order[pairs + 1]]
+    angle = np.arccos(np.clip(np.einsum("ea,ea->e", normals[first], normals[second]), -1.0, 1.0))
     angle = np.where(angle < _EDGE, angle, 0.0)
     ends = places[edges[order[pairs]]]
     along = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     areas = trace.weights.reshape(-1, trace.each).sum(axis=1) * (1.0 if corners.shape[1] == 4 else 2.0)
-    found = np.zeros(len(corners))
-    for own in (one, other):
-        np.maximum.at(found, own, angle * areas[own] / along / 8.0)
-    return found
+    result = np.zeros(len(corners))
+    for own in (first, second):
+        np.maximum.at(result, own, angle * areas[own] / along / 8.0)
+    return result

@@ -1,4 +1,4 @@
-"""Friction as the operator of contact sees it: forces, tangent, and the history from step to step."""
+"""Friction for the contact operator: forces, tangent, and the history from step to step."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -29,13 +29,12 @@ class FrictionOperator:
     Attributes
     ----------
     history
-        Anchors at the start of the step (`isorod.contact.friction_kernel.ANCHOR`).
+        Anchors at the start of the step (`isorod.contact.packed.ANCHOR`).
     before
-        Positions at the start of the step, ``(nodes, 3)``: what was not pressed then has its anchor where it has come
-        into contact since (`isorod.contact.friction_kernel.catch`).  Where there are none, it has one from the end of
-        the step on.
+        Positions at the start of the step, ``(nodes, 3)``: points that were inactive then get anchors where they came
+        into contact (`isorod.contact.friction_kernel.catch`).  If None, they get anchors at the end of the step.
     tables
-        What the compiled loops take and leave.
+        Tables of the compiled loops.
     """
 
     def __init__(self, model: "Model", packed: Packed, ranks: Ranks) -> None:
@@ -44,19 +43,19 @@ class FrictionOperator:
         self.history = self.tables.anchors.copy()
         self.before: Array | None = None
         self._ahead: Array = np.empty((0, 3))
-        # With obstacles where they were then.
+        # With obstacles at the start of the step.
         self._placed = packed.passes.copy()
         # Anchors of points that were first pressed in this step.
         self._caught = self.history.copy()
 
     def _then(self) -> Table:
-        """Return the passes with obstacles where they were at the start of the step."""
+        """Return the passes with obstacles as at the start of the step."""
         passes = self._packed.passes.copy()
         passes[[*PLACED]] = self._placed[[*PLACED]]
         return passes
 
     def keep(self) -> Callable[[], None]:
-        """Return what takes the history, and the points it is of, back to what they are now."""
+        """Return a function that resets the history, and the points that it belongs to, to their present state."""
         now, history = dict(vars(self)), self.history.copy()
 
         def back() -> None:
@@ -66,34 +65,34 @@ class FrictionOperator:
         return back
 
     def take(self, packed: Packed) -> None:
-        """Let other points of the same sides go on: at the start of the step they hang as the nearest of those did."""
+        """Continue with other points of the same sides, with the tractions of the nearest former ones."""
         old, history = self._packed, self.history
         self._packed, self.tables = packed, pack(self._model, packed)
         if self.before is not None:
             now = packed.passes.copy()
-            for one in (old, packed):
-                one.forget()
-                one.look_everywhere()
-                one.passes[[*PLACED]] = self._placed[[*PLACED]]
-                add_forces(one, self.before, np.zeros_like(self.before))
-                # Points of one rank may hang as those of another did.
-                self._ranks.gather(one, one.points, one.states)
+            for tables in (old, packed):
+                tables.forget()
+                tables.look_everywhere()
+                tables.passes[[*PLACED]] = self._placed[[*PLACED]]
+                add_forces(tables, self.before, np.zeros_like(self.before))
+                # The nearest former point may be another rank's.
+                self._ranks.gather(tables, tables.points, tables.states)
             self._ranks.gather(old, history)
             tractions = np.where(history["element"][:, None] >= 0, history["traction"], np.nan)
-            first = [np.append(one.passes["first_point"], one.areas.size) for one in (old, packed)]
-            found = [
+            first = [np.append(tables.passes["first_point"], tables.areas.size) for tables in (old, packed)]
+            nearest = [
                 tractions[a:b][cKDTree(old.points[a:b]).query(packed.points[c:d])[1]]
                 for (a, b), (c, d) in zip(*(pairwise(ends) for ends in first), strict=True)
             ]
-            hang(packed, self.tables, self.before, np.concatenate(found))
-            for one in (old, packed):
-                one.passes[[*PLACED]] = now[[*PLACED]]
-                one.look_everywhere()
+            hang(packed, self.tables, self.before, np.concatenate(nearest))
+            for tables in (old, packed):
+                tables.passes[[*PLACED]] = now[[*PLACED]]
+                tables.look_everywhere()
         self.history = self.tables.anchors.copy()
         self._caught = np.full(self.history.size, NO_ANCHOR)
 
     def foresee(self, positions: Array) -> None:
-        """Say where, without what comes into contact, the step leads."""
+        """Set the predicted positions at the end of the step, without new contacts."""
         self._ahead = positions
         self._caught[:] = NO_ANCHOR
 
@@ -105,7 +104,7 @@ class FrictionOperator:
         return float(add_friction(self._packed, self.tables, positions, False, forces)[0])
 
     def accept(self, positions: Array) -> float:
-        """Make a state, that of the last forces, the start of the next step; return what was dissipated on the way."""
+        """Start the next step from the state of the last forces; return the energy dissipated in this one."""
         spent = add_friction(self._packed, self.tables, positions, True, np.zeros_like(positions))
         self.history[:] = self.tables.anchors
         self._placed, self._ahead = self._packed.passes.copy(), positions

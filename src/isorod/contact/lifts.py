@@ -1,4 +1,4 @@
-"""Tangents of control points of surfaces as tangents of the model's own nodes; loaded where spaces have none there."""
+"""Tangents at control points of surfaces, transformed to the model's nodes where spaces have no control points."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -9,14 +9,14 @@ from isorod.contact.packed import Packed
 
 
 class Lifts:
-    """``P^T K P`` of entries of a tangent, its pattern kept as long as theirs is.
+    """``P^T K P`` of entries of a tangent; its pattern is kept as long as theirs.
 
     Parameters
     ----------
     packed
         Its tables ``lifts`` and ``matrices``.
     nodes
-        How many nodes the model has.
+        Number of the model's nodes.
 
     Attributes
     ----------
@@ -26,13 +26,13 @@ class Lifts:
 
     def __init__(self, packed: Packed, nodes: int) -> None:
         rows, columns, values = [np.arange(nodes)], [np.arange(nodes)], [np.ones(nodes)]
-        for one in packed.lifts:
-            shape = one["layers"], one["around"], one["functions"]
-            size = one["around"] * one["functions"]
+        for lift in packed.lifts:
+            shape = lift["layers"], lift["around"], lift["functions"]
+            size = lift["around"] * lift["functions"]
             layer, point, function = (each.ravel() for each in np.indices(shape))
-            rows.append(one["first_point"] + layer * one["around"] + point)
-            columns.append(one["first_node"] + layer * one["functions"] + function)
-            values.append(np.tile(packed.matrices[one["first_value"] :][:size], one["layers"]))
+            rows.append(lift["first_point"] + layer * lift["around"] + point)
+            columns.append(lift["first_node"] + layer * lift["functions"] + function)
+            values.append(np.tile(packed.matrices[lift["first_value"] :][:size], lift["layers"]))
         row, column, value = (np.concatenate(each) for each in (rows, columns, values))
         three = np.arange(3)
         every = np.repeat(value, 3), ((3 * row[:, None] + three).ravel(), (3 * column[:, None] + three).ravel())
@@ -46,7 +46,7 @@ class Lifts:
         self.rows = self.columns = np.empty(0, dtype=np.int64)
 
     def lower(self, rows: Index, columns: Index, values: Array, version: int) -> Array:
-        """Return the entries at the model's own nodes, of those at ``rows`` and ``columns``, a pattern's version."""
+        """Return the entries at the model's nodes, from those at ``rows`` and ``columns`` of a pattern's version."""
         size = self._lift.getSize()[0]
         if version != self._version:
             self._order = np.lexsort((columns, rows))

@@ -1,7 +1,7 @@
 """Compiled: the distance of a point from a rigid closed mesh of triangles.
 
-The closest point of all triangles is sought through a tree of boxes, nearer ones first.  The sign is that of the
-normal of the face, the edge or the corner on which it lies, the mean of the faces' there weighted by their angles
+The closest point of all triangles is searched in a tree of boxes, nearer ones first.  Its sign follows from the normal
+of the face, the edge or the corner on which it lies, the mean of the faces' normals weighted by their angles
 (Baerentzen & Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253).
 """
 
@@ -11,12 +11,12 @@ from numba import f8, i8, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.packed import NODE_ROW, PACKED, PASS_ROW, Packed, Row
-from isorod.contact.surface_kernel import FOOT, Foot, dot
+from isorod.contact.surface_kernel import PROJECTION, Projection, dot
 
-# Where on a triangle: the face, one of the edges from corner k to the next, one of the corners.
+# Parts of a triangle: the face, one of the edges from corner k to the next, one of the corners.
 FACE, EDGES, CORNERS = 0, 1, 4
 
-# Levels of the tree: halves of halves of more triangles than there can be.
+# Levels of the tree, which is halved at each: more than any number of triangles needs.
 _LEVELS = 64
 
 
@@ -32,7 +32,7 @@ def _away(node: Row, x: Array) -> float:
 
 @njit(i8(F2, F1, F1), **FAST)
 def nearest(corners: Array, x: Array, y: Array) -> int:
-    """Fill ``y`` with the point of a triangle nearest to ``x``; return where on it that is."""
+    """Fill ``y`` with the point of a triangle nearest to ``x``; return the part of it on which that is."""
     a, ab, ac, ax = corners[0], corners[1] - corners[0], corners[2] - corners[0], x - corners[0]
     aa, bb, mixed, right1, right2 = dot(ab, ab), dot(ac, ac), dot(ab, ac), dot(ab, ax), dot(ac, ax)
     det = aa * bb - mixed * mixed
@@ -78,13 +78,13 @@ def aside(normal: Array, out: Array) -> None:
     out /= np.sqrt(dot(out, out))
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def _resting_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
-    """Return `mesh_gap` of a mesh that is as it was at rest."""
-    best, place, found, size = np.inf, FACE, one.masters, 1
+@njit(f8(PACKED, PASS_ROW, F1, PROJECTION), **FAST)
+def _resting_gap(packed: Packed, pass_: Row, x: Array, projection: Projection) -> float:
+    """Return `mesh_gap` of a mesh at rest."""
+    best, place, triangle, size = np.inf, FACE, pass_.masters, 1
     stack = np.empty(_LEVELS, dtype=np.int64)
     y, d, normal, turning = projection.y[0], projection.d, projection.normal, projection.y
-    stack[0] = one.masters
+    stack[0] = pass_.masters
     while size > 0:
         size -= 1
         row = stack[size]
@@ -102,13 +102,13 @@ def _resting_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
             where = nearest(packed.corners[k], x, y)
             square = (x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2
             if square < best:
-                best, place, found = square, where, k
+                best, place, triangle = square, where, k
                 for a in range(3):
                     d[a] = x[a] - y[a]
-    corners = packed.corners[found]
+    corners = packed.corners[triangle]
     for a in range(3):
         y[a] = x[a] - d[a]
-        normal[a] = packed.normals[found, place, a]
+        normal[a] = packed.normals[triangle, place, a]
     height = dot(d, normal)
     turning[1:3] = 0.0
     if place == FACE or best == 0.0:
@@ -126,34 +126,34 @@ def _resting_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
     return gap
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def mesh_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
+@njit(f8(PACKED, PASS_ROW, F1, PROJECTION), **FAST)
+def mesh_gap(packed: Packed, pass_: Row, x: Array, projection: Projection) -> float:
     """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
 
     Parameters
     ----------
-    packed, one
+    packed, pass_
         All contacts, and the pass.
     x
         The point, ``(3,)``.
     projection
         Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
-        its way over the gap: none, across an edge, or two about a corner.
+        the displacement over the gap: none on a face, one across an edge, two about a corner.
     """
-    if one.tracks == 0:
-        return _resting_gap(packed, one, x, projection)
+    if pass_.tracks == 0:
+        return _resting_gap(packed, pass_, x, projection)
     home, out = np.zeros(3), np.empty(3)
     for a in range(3):
         for b in range(3):
-            home[a] += one.frame[b, a] * (x[b] - one.point[b])
-    gap = _resting_gap(packed, one, home, projection)
+            home[a] += pass_.frame[b, a] * (x[b] - pass_.point[b])
+    gap = _resting_gap(packed, pass_, home, projection)
     y = projection.y
     for vector in (projection.d, projection.normal, y[0], y[1], y[2]):
         for a in range(3):
             out[a] = 0.0
             for b in range(3):
-                out[a] += one.frame[a, b] * vector[b]
+                out[a] += pass_.frame[a, b] * vector[b]
         vector[:] = out
     for a in range(3):
-        y[0, a] += one.point[a]
+        y[0, a] += pass_.point[a]
     return gap

@@ -1,7 +1,7 @@
-"""Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model.
+"""Contact for the assembler: forces and exact tangent on the degrees of freedom of a model.
 
-Of several ranks each has all tables and looks at its share of the points (`isorod.contact.ranks`); forces, energies and
-what is told are sums over all, and the same on each, entries of the tangent each rank's own.
+Each rank has all tables and computes its own points (`isorod.contact.ranks`).  Forces, energies and results are sums
+over all ranks, the same on each; entries of the tangent are each rank's own.
 """
 
 from collections.abc import Callable, Collection
@@ -31,39 +31,39 @@ if TYPE_CHECKING:
     from isorod.contact.friction import FrictionOperator
     from isorod.contact.lifts import Lifts
 
-# Penetration up to which multipliers are added by default, relative to the smallest radius.
+# Penetration allowed by default, relative to the smallest radius: multipliers are updated while it is exceeded.
 _DEEPEST = 1e-3
 
-# Change of the load factor by which forces are differentiated where obstacles move.
+# Change of the load factor for differences of forces where obstacles move.
 _DELTA = 1e-6
 
 
 class ContactOperator:
-    """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
+    """Forces and tangent of all contacts of a model; closest points are searched anew at each call, without history.
 
-    Friction has one (`accept`).  Degrees of freedom are those of the model, and behind them three of each node of
-    facets of finite element bodies that rods touch.
+    Friction has history (`accept`).  Degrees of freedom are those of the model, then three for each node of facets of
+    finite element bodies that rods touch.
 
     Attributes
     ----------
     model
-        Whose contacts these are.
+        The model with these contacts.
     packed
-        What the compiled loops take and leave (`isorod.contact.packed`).
+        Tables of the compiled loops (`isorod.contact.packed`).
     points
         Points round an arc and along an element, of each pass of the contacts.
     beyond
-        Which degrees of freedom of rods and finite element bodies together those of facets are.
+        Numbers of the degrees of freedom of facets among those of rods and finite element bodies.
     friction
-        Friction of the contacts that have some, or None.
+        Friction of the contacts, or None.
     ahead
-        Where the step leads, as far as is known (`foresee`), ``(dofs,)``.
+        Predicted displacement at the end of the step (`foresee`), ``(dofs,)``.
     stiffness
-        Share of their defaults that penalties have which nobody gave.
+        Ratio of default penalties, those that the user did not set, to their first values.
     values, rows, columns
-        The last tangent: entries, those of all ranks add up, and their places.
+        The last tangent: entries, to be summed over all ranks, and their rows and columns.
     version
-        A number of the pattern of this rank's entries (`isorod.contact.blocks`).
+        Number of the pattern of this rank's entries (`isorod.contact.blocks`).
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None, in_motion: bool = False) -> None:
@@ -94,7 +94,7 @@ class ContactOperator:
 
     @property
     def _friction(self) -> Friction:
-        """What compiled loops take, of no point where there is no friction."""
+        """Tables for compiled loops, of no points where there is no friction."""
         return self._frictionless if self.friction is None else self.friction.tables
 
     def _nodes_of(self, patch: Row) -> tuple[Index, Index]:
@@ -103,12 +103,12 @@ class ContactOperator:
         return nodes[:forced], nodes[:count]
 
     def place(self, factor: float) -> None:
-        """Put obstacles that move where they are at a load factor; all that follows is there."""
+        """Place obstacles that move as at a load factor, for all later calls."""
         if self._moving.any():
             place_obstacles(self.packed, factor)
 
     def _positions(self, displacement: Array) -> Array:
-        """Return positions of the model's nodes, and behind these of control points of surfaces that have others."""
+        """Return positions of the model's nodes, then of control points of surfaces that have their own."""
         positions = self._base.copy()
         positions[: self._nodes] += displacement.reshape(-1, 3)
         lift(self.packed, positions)
@@ -122,31 +122,31 @@ class ContactOperator:
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
         with self._stage:
-            energy = self._find(self.packed, positions, forces)
+            energy = self._pressures(self.packed, positions, forces)
             if self.friction is not None and np.isfinite(energy):
                 energy += self.friction.add_forces(positions, forces)
             lower(self.packed, forces)
             forces, (energy,) = self.ranks.sums(forces[: self._nodes], energy)
         return forces.ravel(), float(energy)
 
-    def _find(self, packed: Packed, positions: Array, forces: Array) -> float:
-        """Add the forces of this rank's points, and return their energy; the outcome of all is known then."""
+    def _pressures(self, packed: Packed, positions: Array, forces: Array) -> float:
+        """Add the forces of this rank's points, return their energy, and gather the states of all points."""
         energy = add_forces(packed, positions, forces)[0]
         self.ranks.gather(packed, packed.states)
         return energy
 
     def accept(self, displacement: Array) -> float:
-        """Let the next step begin at a displacement ``(dofs,)``; return the energy that friction has dissipated."""
+        """Start the next step at a displacement ``(dofs,)``; return the energy that friction has dissipated."""
         if self.friction is None:
             return 0.0
         self.forces(displacement)
         positions = self._positions(displacement)
-        # In load steps points may slide far as they come into contact: then friction asks where they were.
+        # In load steps points may slide far as they come into contact: friction needs their former positions.
         self.friction.before = None if self._in_motion else positions
         return self.friction.accept(positions)
 
     def foresee(self, displacement: Array) -> None:
-        """Say where a step that has begun leads, as far as is known: what comes into contact does so on that way."""
+        """Set the predicted end of a step that has begun: points are taken to come into contact on the path to it."""
         self.ahead = displacement
         if self.friction is not None:
             self.friction.foresee(self._positions(displacement))
@@ -155,12 +155,12 @@ class ContactOperator:
         """Set and return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``.
 
         Without friction they are the second derivatives of the energy.  Nodes of two sides (three control points by the
-        layers of an element) that touch couple with each other.  Where a patch comes that is not in the pattern, the
-        pattern is made anew of the patches of this call and the last one, and ``version`` is another.
+        layers of an element) that touch are coupled.  Where a new patch is not in the pattern, the pattern is rebuilt
+        from the patches of this call and the last one, and ``version`` changes.
         """
         packed, positions = self.packed, self._positions(displacement)
-        # Where the forces were asked for just before, nothing has moved since: closest points are known.
-        if not np.array_equal(packed.before[packed.carriers], positions[packed.carriers]):
+        # Where the forces were computed just before, at the same positions, closest points are known.
+        if not np.array_equal(packed.before[packed.control_points], positions[packed.control_points]):
             packed.forget()
         self._add_forces(positions)
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
@@ -178,7 +178,7 @@ class ContactOperator:
         return self.values
 
     def _lower_tangent(self) -> None:
-        """Make the tangent one of the model's own nodes."""
+        """Transform the tangent to the model's own nodes."""
         if self._lifts is None:
             from isorod.contact.lifts import Lifts
 
@@ -195,15 +195,15 @@ class ContactOperator:
 
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""
-        own = np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
-        return self.ranks.sums(own)[0]
+        local = np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
+        return self.ranks.sums(local)[0]
 
     def carried_along(self, displacement: Array, factor: float, step: float) -> Array:
-        """Return the change of the forces ``(dofs,)``, linearised, when obstacles move on by ``step`` at a factor."""
+        """Return the change of the forces ``(dofs,)``, linearised, as obstacles move by ``step`` from a factor."""
         if not self._moving.any():
             return np.zeros_like(displacement)
         forces = []
-        # Points that come into contact on the way are none of the derivative.
+        # Points that come into contact between the two do not count in the derivative.
         for ahead in (_DELTA, 0.0):
             self.place(factor + ahead)
             forces.append(self.forces(displacement)[0])
@@ -211,25 +211,25 @@ class ContactOperator:
 
     @property
     def touching(self) -> int:
-        """Number of points that press, as the last forces left them."""
+        """Number of active points of the last forces."""
         return int((self.packed.states["pressure"] > 0.0).sum())
 
     def push(self) -> float:
-        """Return the normal forces of all obstacles that move, as the last forces left them: what drives a model."""
+        """Return the sum of normal forces of all obstacles that move, of the last forces: the driving force."""
         firsts, loads = self.packed.passes["first_point"], self.packed.areas * self.packed.states["pressure"]
         each = np.add.reduceat(loads, firsts)
         return float(each[self._moving].sum())
 
     def obstacle_loads(self) -> Array:
-        """Return force and moment of the obstacle of each contact, as the last forces left them, ``(contacts, 6)``.
+        """Return force and moment of the obstacle of each contact, of the last forces, ``(contacts, 6)``.
 
-        Moments are about the point that it turns about, or its own.
+        Moments are about its centre of rotation, or its point.
         """
         return loads_of(self.model, self.packed, self._friction, self.ranks)
 
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
-        """Return the outcome of each contact at a displacement ``(dofs,)``; ``check``: with the error of points."""
-        others = self._otherwise(displacement) if check else ()
+        """Return the result of each contact at a displacement ``(dofs,)``; ``check``: with the error of points."""
+        others = self._with_more_points(displacement) if check else ()
         uneven = self._unevenness(displacement) if check else ()
         self.packed.look_everywhere()
         self.forces(displacement)
@@ -239,12 +239,12 @@ class ContactOperator:
         return measure(self.model, self.packed, self._friction, others, uneven)
 
     def _unevenness(self, displacement: Array) -> list[tuple[float, float]]:
-        """Return how far flat facets under pressure are from curved ones, and how far points were from rods at rest."""
+        """Return distances of flat facets under pressure from curved ones, and of their points from rods at rest."""
         if not self.beyond.size:
             return []
         from isorod.contact.flatness import unevenness
 
-        found, states = [], []
+        result, states = [], []
         for moved in (displacement, np.zeros_like(displacement)):
             self.packed.look_everywhere()
             self.forces(moved)
@@ -252,33 +252,33 @@ class ContactOperator:
         for contact, _, chosen in of_contacts(self.model, self.packed):
             pressed = states[0]["pressure"][chosen] > 0.0
             if contact.facets is None or not pressed.any():
-                found.append((0.0, np.inf))
+                result.append((0.0, np.inf))
                 continue
-            # Far ones have no gap.
+            # Points that are far away have no gap.
             apart = np.nan_to_num(np.abs(states[1]["gap"][chosen][pressed]), nan=np.inf)
             sizes = unevenness(self.model, contact)
-            found.append((float(np.repeat(sizes, pressed.size // sizes.size)[pressed].max()), float(apart.max())))
-        return found
+            result.append((float(np.repeat(sizes, pressed.size // sizes.size)[pressed].max()), float(apart.max())))
+        return result
 
-    def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
-        """Return force and largest pressure of each contact as half as many points again see them, if they can."""
+    def _with_more_points(self, displacement: Array) -> list[tuple[float, float] | None]:
+        """Return force and largest pressure of each contact with 1.5 times as many points, None if at the limit."""
         finer = [tuple(min(MAX_POINTS, count + (count + 1) // 2) for count in pair) for pair in self.points]
         packed = self._packed([(pair[0], pair[1]) for pair in finer])
         positions = self._positions(displacement)
-        self._find(packed, positions, np.zeros_like(positions))
-        found: list[tuple[float, float] | None] = []
+        self._pressures(packed, positions, np.zeros_like(positions))
+        result: list[tuple[float, float] | None] = []
         for _, passes, chosen in of_contacts(self.model, packed):
             pressure = packed.states["pressure"][chosen]
             same = all(finer[k] == self.points[k] for k in passes)
-            found.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
-        return found
+            result.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
+        return result
 
     def _fresh(self) -> Packed:
         """Return tables without history."""
         return self.ranks.split(pack(self.model, self.points, self._in_motion))
 
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
-        """Return tables with other points, with the multipliers and penalties of now."""
+        """Return tables with other points, with the present multipliers and penalties."""
         packed = self.ranks.split(pack(self.model, points))
         for name in ("penalty", *PLACED):
             packed.passes[name] = self.packed.passes[name]
@@ -286,23 +286,22 @@ class ContactOperator:
         return packed
 
     def look(self, points: list[tuple[int, int]]) -> None:
-        """Take points round an arc and along an element of each pass, without history."""
+        """Set the points round an arc and along an element of each pass, without history."""
         if points != self.points:
             self.points = points
             self._take(self._fresh())
 
     def see_better(self, displacement: Array, between: bool, chosen: Collection[int] | None = None) -> bool:
-        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.
+        """Increase points that the user did not set, if too few are across a patch; return whether there are more.
 
-        Where nothing touches but might ``between`` points, more are taken too, if that is asked for.  Contacts are
-        those ``chosen``, or all.
+        With ``between``, also where nothing touches but might between points.  Contacts are those ``chosen``, or all.
         """
         self.forces(displacement)
         if not self.packed.states["pressure"].any():
-            # How near what does not touch is has not been looked at.
+            # Gaps of points that do not touch have not been computed.
             np.minimum(self.packed.clear, self.packed.travel[0], out=self.packed.clear)
             self.forces(displacement)
-        # What facets touch tells how wide a patch is.
+        # The width of a patch on facets follows from the elements that they touch.
         self.ranks.gather(self.packed, self.packed.starts)
         points = list(self.points)
         for number, (contact, passes, _) in enumerate(of_contacts(self.model, self.packed)):
@@ -315,16 +314,16 @@ class ContactOperator:
         return True
 
     def take(self, points: list[tuple[int, int]]) -> None:
-        """Go on with other points, with multipliers, penalties and friction of those before."""
+        """Continue with other points, with multipliers, penalties and friction of the former ones."""
         self.points = points
         self._take(self._packed(points))
 
     def settled(self) -> Settled:
-        """Return what a solution leaves of points, multipliers and penalties."""
+        """Return points, multipliers and penalties at the end of a solution."""
         return Settled(self.points, self.packed.multipliers.copy(), self.packed.passes["penalty"].copy())
 
     def keep(self) -> Callable[[], None]:
-        """Return what takes points, multipliers, penalties and friction back to what they are now."""
+        """Return a function that resets points, multipliers, penalties and friction to their present state."""
         packed, points, stiffness, friction = self.packed, self.points, self.stiffness, self.friction
         multipliers, penalties = packed.multipliers.copy(), packed.passes["penalty"].copy()
         undo = None if friction is None else friction.keep()
@@ -339,28 +338,28 @@ class ContactOperator:
         return back
 
     def _take(self, packed: Packed) -> None:
-        """Go on with other points."""
+        """Continue with other points."""
         self.packed = packed
         if self.friction is not None:
             self.friction.take(packed)
 
     def excess(self, displacement: Array) -> list[tuple[float, str]]:
-        """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
+        """Return, of each contact whose penetration is limited, its ratio to the limit, and a message with both."""
         self.forces(displacement)
-        found = []
+        result = []
         for k, (contact, _, points) in enumerate(of_contacts(self.model, self.packed)):
             limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
                 depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
-                found.append((depth / limit, f"contact {k}: penetration {depth:.3g}, need {limit:.3g} at most,"))
-        return found
+                result.append((depth / limit, f"contact {k}: penetration {depth:.3g}, need {limit:.3g} at most,"))
+        return result
 
     def augment(self, displacement: Array, in_cells: bool) -> None:
         """Make pressures the multipliers of contacts whose penetration is limited, or add to these by cells."""
         self.forces(displacement)
         pressure = self.packed.states["pressure"]
         if in_cells:
-            # The first ones are as they come; what is added to them has no shape within a cell.
+            # The first multipliers are the pressures; what is added to them is constant within a cell.
             former = np.where(pressure > 0.0, self.packed.multipliers, 0.0)
             if former.any():
                 pressure = np.maximum(0.0, former + cells.means(self.packed, pressure - former))
@@ -369,7 +368,7 @@ class ContactOperator:
                 self.packed.multipliers[points] = pressure[points]
 
     def stiffen(self, times: float) -> None:
-        """Raise penalties that nobody gave."""
+        """Raise penalties that the user did not set."""
         for contact, passes, _ in of_contacts(self.model, self.packed):
             if contact.penalty is None:
                 self.packed.passes["penalty"][passes.start : passes.stop] *= times
@@ -377,11 +376,11 @@ class ContactOperator:
 
     @property
     def has_defaults(self) -> bool:
-        """Whether a contact has a penalty that nobody typed."""
+        """Whether the user did not set the penalty of a contact."""
         return any(contact.penalty is None for contact in self.model.contacts)
 
     def _limit(self, contact: Contact) -> float:
-        """Return how deep a point of a contact may be."""
+        """Return the largest allowed penetration of a contact."""
         if contact.penetration is not None:
             return contact.penetration
         return np.inf if contact.penalty is not None else _DEEPEST * smallest_radius(self.model, contact)

@@ -1,28 +1,28 @@
-"""All contacts of a model as compiled loops take them: tables with named fields, and what calls leave behind.
+"""All contacts of a model as compiled loops take them: tables with named fields, and the state between calls.
 
-A contact is a number of passes, in each of which the points of one surface, the slave, are held against a rigid
-obstacle, or against the nearest of some surfaces, the masters, which may be the slave itself.  There may be any number
-of surfaces, each the slave of one pass, or of none, and a master of any number of passes.
+A contact has one or more passes.  In each the points of one surface, the slave, are checked against a rigid obstacle,
+or against the nearest of some surfaces, the masters, which may be the slave itself.  There may be any number of
+surfaces, each the slave of one pass or of none, and a master of any number of passes.
 
-Of its own body a point meets only what is at least half a turn of its radius away along the axis: a rod that is bent
-as tightly as it can, with no radius left inside, has touched itself there (its centre line then turns with the radius
-of its section), and what is nearer is the point's own neighbourhood.
+Self-contact is considered only between points at least pi times the radius apart along the axis: a rod bent as tightly
+as possible, whose centre line turns with the radius of its section, touches itself there; nearer points are the point's
+own neighbourhood.
 
-What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later calls and for the caller:
+State that `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later calls and for the caller:
 
-- ``starts``: where each point was projected to.  Next time the search begins there, and where a point has two nearest
-  points this decides: it is history, all that there is, and what a checkpoint of a motion keeps.
-- ``before``, ``travel``, ``clear``, ``near``, ``counts``, ``listed``: how far the rods have gone, until when a point
+- ``starts``: the projection of each point.  The next search begins there, which decides where a point has two closest
+  points.  It is the only history, and a checkpoint of a motion keeps it.
+- ``before``, ``travel``, ``clear``, ``near``, ``counts``, ``listed``: how far the rods have moved, until when a point
   needs no search, and which elements are near which.  They save time and change no result (see
   `isorod.contact.search_kernel`).
-- ``states``, ``points``: the outcome of the call, to be read before the next one; of points that need no search, places
-  where they were sought last.
+- ``states``, ``points``: the result of the call, to be read before the next one; points that need no search have the
+  position of their last search.
 - ``boxes``, ``rings``: work space.
 
-Of several ranks each looks at its ``own`` points, and leaves the others' as they are.
+Each rank computes its ``own`` points, and leaves the others unchanged.
 
 ``multipliers`` are the caller's (`isorod.contact.operator.ContactOperator.augment`).  `Packed.forget` makes the next
-call independent of all that went before.
+call independent of all earlier ones.
 """
 
 from typing import Any, NamedTuple
@@ -36,27 +36,27 @@ from isorod.compiled import F1, F2, F3, I1, I2
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
 
-# What a pass has in the place of a master surface.
+# Kinds of obstacles, which a pass has in place of a master surface.
 PLANE, CYLINDER, SPHERE, MESH = -1, -2, -3, -4
 
-# Elements near an element that there is room for in its list; where there are more, all are looked at.
+# Capacity of an element's list of near elements; where there are more, all are searched.
 NEAR = 96
 
-# Functions that an element has room for: ``l``, along an axis, or of a facet of a finite element body of third degree.
+# Capacity of functions of an element: ``l``, along an axis, or of a facet of a finite element body of third degree.
 FUNCTIONS = max(MAX_DEGREE + 1, 10)
 
 # A table of rows with named fields, and one of its rows.
 Table = NDArray[Any]
 Row = Any
 
-# A surface: its body, control points round its section, axis functions of an element, its elements, whether others than
-# obstacles touch it, the number of equal fine arcs round its section, of which each arc has some, and the cells along
-# an element and round the section (`isorod.contact.cells`); the angle of the middle of the first of these, the length
-# of the whole axis where that is closed, else infinity, and of an inner surface, whose angles are counted backwards,
-# how deep beyond it a point may be in the wall, else 0; of each fine arc the arc; and of each arc its middle angle, of
-# the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of the control point before at its beginning and
-# of that after at its end, and its part of the circle.  Facets of a finite element body are a surface whose elements
-# are facets, with one control point round the section.
+# A surface: its body, control points round its section, axis functions of an element, its elements, whether bodies (not
+# only obstacles) touch it, the number of equal fine arcs round its section, each a part of an arc, and the cells along
+# an element and round the section (`isorod.contact.cells`); the middle angle of the first fine arc, the length of the
+# axis where that is closed, else infinity, and for an inner surface, whose angles are counted backwards, how deep a
+# point may be in the wall, else 0; the arc of each fine arc; and of each arc its middle angle, ``cos``, ``cos / sin^2``
+# and ``1 / sin`` of its half, the weight of the control point before at its beginning and of the control point after at
+# its end, and its fraction of the circle.  Facets of a finite element body are a surface whose elements are facets,
+# with one control point round the section.
 SURFACE = np.dtype(
     [
         *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "sought")),
@@ -69,8 +69,8 @@ SURFACE = np.dtype(
 
 # An element of a surface's axis: its surface, the node (of the model) at which each layer begins, the weighted axis
 # functions in powers of ``s`` in [-1, 1], the elements before and after, -1 at an end of the surface; of the undeformed
-# rod, how far along the axis it begins and ends, the largest distance of its surface from the axis, and how far what
-# belongs to one of its rungs may be from that; the first of its rungs, and their number; axis parameters of both ends.
+# rod, the arc length at its ends, the largest distance of its surface from the axis, and the largest distance of a
+# point of the surface from its nearest rung; the first of its rungs, and their number; axis parameters of both ends.
 ELEMENT = np.dtype(
     [
         ("surface", np.int64),
@@ -88,11 +88,11 @@ ELEMENT = np.dtype(
 )
 
 # A pass: slave surface; first of its master surfaces, and their number, or an obstacle's kind, and where it is a mesh
-# the first of its rows in `Packed.nodes`; the first of its points;
-# points round an arc and along an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of
-# an obstacle a point, the unit normal or axis, and the radius; how it is turned, ``R``, and the point that it turns
-# about; point, direction and that at rest, its unit axis, and its first row in `Packed.tracks` and the number of these,
-# none where it stands.  A mesh has its origin for its point.
+# the first of its rows in `Packed.nodes`; the first of its points; points round an arc and along an element; its first
+# rows in `Packed.around` and `Packed.along`; penalty, force per volume; of an obstacle a point, the unit normal or
+# axis, and the radius; its rotation ``R``, and the centre of rotation; point, direction and centre of rotation at rest,
+# the unit axis of rotation, and its first row in `Packed.tracks` and the number of these, zero where it does not move.
+# The point of a mesh is its origin.
 PASS = np.dtype(
     [
         *((name, np.int64) for name in ("slave", "master", "masters", "first_point", "across", "along")),
@@ -106,31 +106,32 @@ PASS = np.dtype(
         *((name, np.int64) for name in ("first_track", "tracks")),
     ]
 )
-# Of these, what says where an obstacle is now.
+# The fields that hold the present placement of an obstacle.
 PLACED = ("point", "direction", "frame", "pivot")
 
-# A box in the tree of a rigid mesh: lower and upper corner; ``count`` triangles from ``first`` on, or, if there are
-# none, two boxes: the next row and row ``first``.
+# A box in the tree of a rigid mesh: lower and upper corner; ``count`` triangles from ``first`` on, or, if ``count`` is
+# 0, two boxes: the next row and row ``first``.
 NODE = np.dtype([("low", np.float64, 3), ("high", np.float64, 3), ("first", np.int64), ("count", np.int64)])
 
-# Control points of a surface whose space has none there (`isorod.contact.traces`), and the model's nodes they are of:
-# the first ones, layers, control points and functions of a layer, and the first of its values in `Packed.matrices`.
+# Control points of a surface whose space has none there (`isorod.contact.traces`), and the model's nodes that they
+# depend on: the first of both, layers, control points and functions of a layer, and the first of the values in
+# `Packed.matrices`.
 LIFT = np.dtype(
     [(name, np.int64) for name in ("first_point", "first_node", "layers", "around", "functions", "first_value")]
 )
 
-# Where a search starts: element (-1: nowhere yet), angle, and ``s``.
+# Where a search starts: element (-1: none yet), angle, and ``s``.
 START = np.dtype([("element", np.int64), ("theta", np.float64), ("s", np.float64)])
 NOWHERE = np.array((-1, 0.0, 0.0), START)
 
 # The result of a call at a point: gap (NaN where no projection was needed), pressure, where that is positive the unit
-# normal along which it acts, and whether the closest point is on a knot with a kink.
+# normal in which it acts, and whether the closest point is on a knot with a kink.
 STATE = np.dtype(
     [("gap", np.float64), ("pressure", np.float64), ("normal", np.float64, 3), ("edge", np.bool_)], align=True
 )
 
-# Friction at a point: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place
-# on an obstacle, as that is at rest, and the traction it had.
+# Friction at a point: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's
+# position on an obstacle at rest, and the last traction.
 ANCHOR = np.dtype(
     [
         ("element", np.int64),
@@ -151,23 +152,23 @@ class Packed(NamedTuple):
     surfaces, elements, passes
         Rows of `SURFACE`, of `ELEMENT` (those of all surfaces), and of `PASS`.
     around, along
-        The three ``Phi`` at the points of each arc ``(., 3)``, and the ``R`` at the points along the elements
-        ``(., l)``.
-    shares
-        Where along its element each row of ``along`` is, 0 to 1.
+        The three section functions ``Phi`` at the points of each arc ``(., 3)``, and the axis functions ``R`` at the
+        points along the elements ``(., l)``.
+    fractions
+        Position along its element of each row of ``along``, 0 to 1.
     rungs
         The ``R`` at sections evenly along the elements, at which searches start, ``(., l)``.
     areas
         Reference areas of the points, halved where both surfaces are slaves in turn, ``(Q,)``.
     corners, normals, nodes
-        Of the triangles of all rigid meshes the corners, counterclockwise seen from outside, ``(T, 3, 3)``, and normals
-        of the face, of the edges from each corner to the next, and of the corners, ``(T, 7, 3)``; rows of `NODE`.
+        Corners of the triangles of all rigid meshes, counterclockwise seen from outside, ``(T, 3, 3)``, and normals
+        of the faces, of the edges from each corner to the next, and of the corners, ``(T, 7, 3)``; rows of `NODE`.
     lifts, matrices
-        Rows of `LIFT`, and what makes control points of a layer's coefficients, row by row, ``(.,)``.
+        Rows of `LIFT`, and the matrices from a layer's coefficients to control points, row by row, ``(.,)``.
     tracks
         How obstacles move (`isorod.model.moving.ObstacleMotion.track`), ``(., 5)``.
-    carriers
-        Control points of all surfaces: nodes of the model, and behind these those of ``lifts``.
+    control_points
+        Control points of all surfaces: nodes of the model, then those of ``lifts``.
     multipliers
         Pressures of the augmented Lagrangian, zero for a plain penalty, ``(Q,)``.
     states, points
@@ -180,14 +181,13 @@ class Packed(NamedTuple):
     boxes
         Lower and upper corners of the elements, ``(E, 2, 3)``.
     rings
-        Centre of the section at each of ``rungs``, and the radius of a ball that holds what is nearer to it than to
-        others, ``(., 4)``.
+        Centre of the section at each of ``rungs``, and the radius of a ball that holds all points of the surface
+        nearer to it than to other centres, ``(., 4)``.
     near, counts, listed
-        Elements whose boxes were no farther than a margin from an element's, when the lists were made, ``(E, NEAR)``,
-        their number ``(E,)`` (more than `NEAR`: not all are in the list), and the margin and the ``travel`` of then,
-        ``(2,)``.
+        Elements whose boxes were within a margin of an element's when the lists were made, ``(E, NEAR)``, their number
+        ``(E,)`` (above `NEAR` the list is incomplete), and that margin and the ``travel`` then, ``(2,)``.
     own
-        Whether this rank looks at a point, ``(Q,)``; an element's points are those of one rank.
+        Whether a point is this rank's, ``(Q,)``; all points of an element belong to one rank.
     """
 
     surfaces: Table
@@ -195,7 +195,7 @@ class Packed(NamedTuple):
     passes: Table
     around: Array
     along: Array
-    shares: Array
+    fractions: Array
     rungs: Array
     areas: Array
     corners: Array
@@ -204,7 +204,7 @@ class Packed(NamedTuple):
     lifts: Table
     matrices: Array
     tracks: Array
-    carriers: Index
+    control_points: Index
     multipliers: Array
     states: Table
     points: Array
@@ -221,11 +221,11 @@ class Packed(NamedTuple):
 
     @property
     def fixed(self) -> tuple[Array | Table, ...]:
-        """What no call changes."""
+        """The tables that no call changes."""
         passes = self.passes.copy()
         for name in PLACED:
             passes[name] = 0.0
-        tables = self.surfaces, self.elements, passes, self.around, self.along, self.shares, self.rungs, self.areas
+        tables = self.surfaces, self.elements, passes, self.around, self.along, self.fractions, self.rungs, self.areas
         return *tables, self.corners, self.normals, self.nodes, self.lifts, self.matrices, self.tracks
 
     def passes_of(self, points: Index) -> Index:
@@ -233,11 +233,11 @@ class Packed(NamedTuple):
         return np.searchsorted(self.passes["first_point"], points, side="right") - 1
 
     def forget(self) -> None:
-        """Make the next call one without history; what is known to be far is still left out."""
+        """Drop the history; points known to be far are still not searched."""
         self.starts[:] = NOWHERE
 
     def look_everywhere(self) -> None:
-        """Make the next call place and search all points, those too that are known to be far."""
+        """Make the next call search all points, also those known to be far."""
         self.clear[:] = -np.inf
 
 
@@ -249,7 +249,7 @@ class Friction(NamedTuple):
     coefficients
         Of each pass.
     anchors
-        Rows of `ANCHOR`, ``(Q,)``: the history, all that there is.
+        Rows of `ANCHOR`, ``(Q,)``: the only history.
     tractions, slipping
         Results of the last call: tractions on the points, ``(Q, 3)``, and which slip.
     start
@@ -264,12 +264,12 @@ class Friction(NamedTuple):
 
     @classmethod
     def of(cls, coefficients: Array, points: int) -> "Friction":
-        """Return that of some passes with so many points, without history."""
+        """Return the tables for the coefficients of passes with so many points, without history."""
         vectors, flags = np.zeros((points, 3)), np.zeros(points, dtype=bool)
         return cls(coefficients, np.full(points, NO_ANCHOR), vectors, flags, np.zeros(1, START))
 
 
-# Numba's types of rows, and of the whole.
+# Numba's types of rows, and of all tables.
 SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURFACE, ELEMENT, PASS, START, STATE))
 NODE_ROW, _LIFT_ROW = from_dtype(NODE), from_dtype(LIFT)
 SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES, _LIFTS = (
@@ -284,7 +284,7 @@ FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), 
 
 
 class Settled(NamedTuple):
-    """What Uzawa's updates and finer points have left.
+    """Points, multipliers and penalties at the end of a solution.
 
     Attributes
     ----------

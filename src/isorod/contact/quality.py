@@ -1,9 +1,9 @@
-"""How well points and surfaces see the patch of a contact, and what is said where they do not.
+"""Resolution of a contact patch by points and control points, and the points that it needs.
 
-The width of the patch is counted in points and in cells (`isorod.contact.cells`), the run of points under pressure in
-which each lies: its mean by their loads, round the section or along the axis, whichever is the less.  Facets of finite
-element bodies have no rows: there it is that of an even load of the same second moments on the rods.  Passes that carry
-less than a tenth of what the one with most does are left out.
+The width of the patch is counted in points and in cells (`isorod.contact.cells`): the mean length of runs of points
+under pressure, weighted by their loads, round the section or along the axis, whichever is less.  Facets of finite
+element bodies have no rows: their width is that of an even load of the same second moments on the rods.  Passes that
+carry less than a tenth of the largest load of a pass are left out.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ from isorod.contact.facets import SQUARES
 from isorod.contact.packed import Packed, Row, Table
 from isorod.model.contact import MAX_POINTS
 
-# Points across the patch below which more are taken, as many as are then looked for, and those of an element at most:
-# each search begins at all points of an element.  What is gained must be worth another solution.  At half and twice the
+# Points across the patch below which more are taken, the target then, the most points of an element (each search begins
+# at all points of an element), and the least increase that is worth another solution.  At half and twice the
 # value, the largest pressure of a bar on a plane, 36.3 (`lying` of `tests/test_held_by_contact.py`, under-resolved by
 # control points), is 9.0 and 36.3 by the fewest, 25.4 and 52.5 by the requested number, 22.1 and 9.0 by the gain; the
 # clasp's, 866, is 2,228 with twice the fewest.
-FEWEST, WANTED, MOST, _WORTH = 5, 8, 2_000, 1.25
+FEWEST, TARGET, MOST, _WORTH = 5, 8, 2_000, 1.25
 
-# Points, and cells, across the patch below which a result is warned of, and the share by which its force may change
+# Points, and cells, across the patch below which there is a warning, and the fraction by which the force may change
 # with other points.
 POINTS, CELLS, CHANGE = 3.9, 2.3, 0.05
 
@@ -34,18 +34,18 @@ POINTS, CELLS, CHANGE = 3.9, 2.3, 0.05
 # and 5 % with 1.3, 2, 2.3, 2.7 and 3.3 cells.
 PEAK = 0.3
 
-# 0.05, 0.2: no change of these nor of crossing bars.
+# Fraction of the largest load below which a pass is left out.  0.05, 0.2: no change of these nor of crossing bars.
 _LITTLE = 0.1
 
 
-# Degrees of facets by their nodes, and of a rule's points how many are those along a side, squared.
+# Of facets by their nodes: the degree, and the square of the points along a side per point of the rule.
 _DEGREES = {3: 1, 6: 2, 10: 3, 4: 1, 9: 2}
-_IN_PIECES = {3: 4.0 / 3.0, 6: 4.0 / 3.0, 10: 4.0 / 3.0, 4: 1.0, 9: 1.0}
+_IN_PARTS = {3: 4.0 / 3.0, 6: 4.0 / 3.0, 10: 4.0 / 3.0, 4: 1.0, 9: 1.0}
 
-# Share of the length of all facets from which a patch has no length of its own.
+# Fraction of the length of all facets above which the length of a patch is taken as infinite.
 _WHOLE = 0.9
 
-# Mean of the unit vectors of angles below which a load is all round the section.
+# Mean of the unit vectors of angles below which a load counts as all round the section.
 _ROUND = 0.3
 
 
@@ -59,31 +59,34 @@ class Width(NamedTuple):
 
 
 def widths(packed: Packed) -> list[Width]:
-    """Return the width of the patch of each pass, as the last forces left it."""
-    found = []
+    """Return the width of the patch of each pass, of the last forces."""
+    result = []
     loads = packed.areas * packed.states["pressure"]
-    for one, load in zip(packed.passes, grids(packed, loads), strict=True):
-        surface = packed.surfaces[one["slave"]]
+    for pass_, load in zip(packed.passes, grids(packed, loads), strict=True):
+        surface = packed.surfaces[pass_["slave"]]
         if is_facets(surface) and load.any():
-            found.append(_of_facets(packed, one, load))
+            result.append(_of_facets(packed, pass_, load))
             continue
-        whole = load.reshape(load.shape[0] * load.shape[1], -1)
-        rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
-        total = float(whole.sum())
+        flat = load.reshape(load.shape[0] * load.shape[1], -1)
+        rows, columns = np.flatnonzero(flat.any(axis=1)), np.flatnonzero(flat.any(axis=0))
+        total = float(flat.sum())
         if not total > 0.0:
-            found.append(Width(0.0, 0.0, 0.0, 0.0))
+            result.append(Width(0.0, 0.0, 0.0, 0.0))
             continue
         closed = bool(np.isfinite(surface["period"]))
-        around = _mean(whole[rows], True)
-        along = _mean(whole[:, columns].T, closed)
-        cells = along / one["along"] * surface["cells"], around / one["across"] * surface["cells_round"] / load.shape[2]
-        found.append(Width(total, along, around, min(cells)))
-    return found
+        around = _mean(flat[rows], True)
+        along = _mean(flat[:, columns].T, closed)
+        cells = (
+            along / pass_["along"] * surface["cells"],
+            around / pass_["across"] * surface["cells_round"] / load.shape[2],
+        )
+        result.append(Width(total, along, around, min(cells)))
+    return result
 
 
-def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
-    """Return the width of the patch of facets, whose points have some loads: as the rods that they touch see it."""
-    first, loads = int(one["first_point"]), load.ravel()
+def _of_facets(packed: Packed, pass_: Row, load: Array) -> Width:
+    """Return the width of the patch of facets with loads of their points, measured on the rods that they touch."""
+    first, loads = int(pass_["first_point"]), load.ravel()
     pressed = np.flatnonzero(loads)
     starts, loads = packed.starts[first + pressed], loads[pressed]
     elements = packed.elements[starts["element"]]
@@ -92,7 +95,7 @@ def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
     places = elements["begin"] + 0.5 * (starts["s"] + 1.0) * lengths
 
     def mean(values: Array, groups: Array) -> Array:
-        """Return the means by loads of values at the points of each group, at these points."""
+        """Return at each point the mean of values over its group, weighted by loads."""
         number = np.unique(groups, return_inverse=True)[1]
         real, imaginary, total = (
             np.bincount(number, weights) for weights in (loads * values.real, loads * values.imag, loads)
@@ -101,15 +104,15 @@ def _of_facets(packed: Packed, one: Row, load: Array) -> Width:
 
     spread = mean((places - mean(places, elements["surface"]).real) ** 2, elements["surface"]).real
     turned = np.abs(mean(np.exp(1j * starts["theta"]), starts["element"]))
-    # Of an even load as wide as w the second moment is w^2 / 12.
+    # The second moment of an even load of width w is w^2 / 12.
     along = np.sqrt(12.0 * spread)
     around = elements["radius"] * np.where(turned < _ROUND, np.inf, np.sqrt(24.0 * (1.0 - np.minimum(turned, 1.0))))
-    slave = packed.surfaces[one["slave"]]
-    facets = packed.elements[slave["first_element"] + pressed // int(one["along"])]
+    slave = packed.surfaces[pass_["slave"]]
+    facets = packed.elements[slave["first_element"] + pressed // int(pass_["along"])]
     longest, widest, whole = _extents(packed, slave, facets, starts["element"], first + pressed)
     along[along > _WHOLE * whole] = np.inf
-    # Two points a piece; nodes of the facets, and functions of the rods.
-    points, nodes = np.sqrt(_IN_PIECES[int(slave["functions"])] * load.shape[1]), _DEGREES[int(slave["functions"])]
+    # Points along a side; nodes of the facets, and functions of the rods.
+    points, nodes = np.sqrt(_IN_PARTS[int(slave["functions"])] * load.shape[1]), _DEGREES[int(slave["functions"])]
     arcs = masters["arcs"][np.arange(pressed.size), _arcs(masters, starts["theta"]), 6]
     own = 2.0 * np.pi * elements["radius"] * arcs * masters["around"] / masters["cells_round"]
     of_facets, of_rods = (along / longest, around / widest), (along / lengths * masters["cells"], around / own)
@@ -126,32 +129,32 @@ def _arcs(masters: Table, theta: Array) -> Index:
 
 
 def _extents(packed: Packed, slave: Row, facets: Table, touched: Index, points: Index) -> tuple[Array, Array, float]:
-    """Return how far facets reach along the axes of the elements that points of theirs touch, and across, ``(m,)``.
+    """Return the extents of facets along the axes of the elements that their points touch, and across, ``(m,)``.
 
-    Then how far all facets of the ``slave`` reach along the mean of these axes.
+    Then the extent of all facets of the ``slave`` along the mean of these axes.
     """
     masters = packed.elements[touched]
     surfaces, row = packed.surfaces[masters["surface"]], np.arange(touched.size)
     ends = [masters["layers"][:, 0], masters["layers"][row, surfaces["functions"] - 1]]
-    # Of a layer the mean of two control points that are opposite each other, or nearly.
+    # The centre of a layer is the mean of two control points that are opposite each other, or nearly.
     first, last = (packed.before[layer] + packed.before[layer + surfaces["around"] // 2] for layer in ends)
     axis = (last - first) / np.linalg.norm(last - first, axis=1)[:, None]
     corners = packed.before[facets["layers"][:, : 4 if slave["functions"] in SQUARES else 3]]
     across = np.cross(packed.states["normal"][points], axis)
-    longest, widest = (np.ptp(np.einsum("mca,ma->mc", corners, way), axis=1) for way in (axis, across))
+    longest, widest = (np.ptp(np.einsum("mca,ma->mc", corners, direction), axis=1) for direction in (axis, across))
     rows = packed.elements[slave["first_element"] :][: slave["elements"]]
     every = packed.before[rows["layers"][:, : slave["functions"]]]
     return longest, widest, float(np.ptp(every @ axis.mean(axis=0)))
 
 
 def _mean(loads: Array, cyclic: bool) -> float:
-    """Return the mean length of runs of points that carry loads, by these."""
+    """Return the mean length of runs of points that carry loads, weighted by these."""
     carries = loads > 0.0
     return float(loads[carries] @ _runs(carries, cyclic)[carries] / loads.sum())
 
 
 def _runs(active: NDArray[np.bool_], cyclic: bool) -> Array:
-    """Return how many True follow each other in a row where an entry lies, infinitely many where all do; 0 if False."""
+    """Return the length of the run of True in which an entry lies, infinite where all are True; 0 if False."""
     count = active.shape[1]
     wide = np.tile(active, (1, 3)) if cyclic else active
     edge = np.zeros((wide.shape[0], 1), dtype=bool)
@@ -161,41 +164,41 @@ def _runs(active: NDArray[np.bool_], cyclic: bool) -> Array:
     after = np.minimum.accumulate(np.where(wide, place[-1], place)[:, ::-1], axis=1)[:, ::-1]
     lengths = np.where(wide, after - before - 1, 0)[:, 1:-1]
     own = lengths[:, count : 2 * count] if cyclic else lengths
-    # What touches everywhere has no width.
+    # A contact all round has no width.
     return np.where(own >= count, np.inf, own)
 
 
-def carrying(found: Sequence[Width]) -> list[int]:
-    """Return which of some passes carry most of a contact."""
-    most = max((one.load for one in found), default=0.0)
-    return [k for k, one in enumerate(found) if one.load > _LITTLE * most]
+def carrying(patches: Sequence[Width]) -> list[int]:
+    """Return the passes that carry most of a contact."""
+    most = max((patch.load for patch in patches), default=0.0)
+    return [k for k, patch in enumerate(patches) if patch.load > _LITTLE * most]
 
 
 def across(packed: Packed, chosen: Sequence[int]) -> tuple[float, float]:
     """Return the width of the patch of some passes in points and in cells, the least; 0 where it has none."""
-    found = widths(packed)
-    own = [chosen[k] for k in carrying([found[k] for k in chosen])]
+    patches = widths(packed)
+    own = [chosen[k] for k in carrying([patches[k] for k in chosen])]
     if not own:
         return 0.0, 0.0
-    points, cells = min(min(found[k].along, found[k].around) for k in own), min(found[k].cells for k in own)
+    points, cells = min(min(patches[k].along, patches[k].around) for k in own), min(patches[k].cells for k in own)
     return (points, cells) if np.isfinite(points) else (0.0, 0.0)
 
 
 def more(
     packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]], between: bool
 ) -> dict[int, tuple[int, int]]:
-    """Return points of passes whose patch has too few, those of an arc and of an element; none where it has enough.
+    """Return increased points of passes, of an arc and of an element, whose patch has too few; others are left out.
 
-    Where nothing touches, but might ``between`` two points, they are twice as many, if that is asked for.
+    With ``between`` they are doubled where nothing touches but might between two points.
     """
-    found, changed = widths(packed), {}
-    own = [chosen[k] for k in carrying([found[k] for k in chosen])]
+    patches, changed = widths(packed), {}
+    own = [chosen[k] for k in carrying([patches[k] for k in chosen])]
     for k in own or [k for k in chosen if between and _is_near(packed, k)]:
         old = points[k]
-        seen = (found[k].around, found[k].along) if own else (WANTED / 2, WANTED / 2)
+        seen = (patches[k].around, patches[k].along) if own else (TARGET / 2, TARGET / 2)
         new = [
-            # Less a little: round-off does not add a point.
-            min(MAX_POINTS, int(np.ceil(count * WANTED / width - 1e-9))) if width < FEWEST else count
+            # The small number keeps round-off from adding a point.
+            min(MAX_POINTS, int(np.ceil(count * TARGET / width - 1e-9))) if width < FEWEST else count
             for count, width in zip(old, seen, strict=True)
         ]
         surface = packed.surfaces[packed.passes[k]["slave"]]
@@ -208,16 +211,16 @@ def more(
 
 
 def _is_near(packed: Packed, k: int) -> bool:
-    """Whether a surface that bulges as the slave's of a pass does could touch between two of its points."""
-    one = packed.passes[k]
-    slave = packed.surfaces[one["slave"]]
-    round_it = packed.surfaces[one["master"]] if is_facets(slave) else slave
-    elements = packed.elements[round_it["first_element"] :][: round_it["elements"]]
+    """Whether a surface of the curvature of a pass' slave could touch between two of its points."""
+    pass_ = packed.passes[k]
+    slave = packed.surfaces[pass_["slave"]]
+    curved = packed.surfaces[pass_["master"]] if is_facets(slave) else slave
+    elements = packed.elements[curved["first_element"] :][: curved["elements"]]
     radius = float(elements["radius"].max())
     lengths = elements["end"] - elements["begin"]
-    count = slave["elements"] * one["along"] * slave["around"] * one["across"]
-    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["fine"] * one["across"]))
+    count = slave["elements"] * pass_["along"] * slave["around"] * pass_["across"]
+    apart = max(float(lengths.max()) / pass_["along"], 2.0 * np.pi * radius / (slave["fine"] * pass_["across"]))
     if is_facets(slave):
-        apart = float(np.sqrt(packed.areas[one["first_point"] :][:count].max()))
-    gaps = packed.states["gap"][one["first_point"] :][:count]
+        apart = float(np.sqrt(packed.areas[pass_["first_point"] :][:count].max()))
+    gaps = packed.states["gap"][pass_["first_point"] :][:count]
     return bool((gaps < 0.5 * apart**2 / radius).any())

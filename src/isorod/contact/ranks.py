@@ -1,7 +1,7 @@
-"""Points of contacts over ranks: each looks at its own, and all learn what the others have found.
+"""Points of contacts over ranks: each computes its own, and results are gathered on all.
 
-Every rank has the surfaces and places them; what grows with the model beside them - elements, their matrices, factors -
-is shared out by others.  Elements of the surfaces are dealt out in turn: what touches does so at a few places.
+Every rank has and places all surfaces; elements, their matrices and factors are distributed elsewhere.  Elements of the
+surfaces are assigned to ranks in turn, since contact is at a few places.
 """
 
 from typing import TYPE_CHECKING
@@ -20,11 +20,11 @@ class Ranks:
 
     def __init__(self, comm: "PETSc.Comm | None" = None) -> None:
         self._comm = None if comm is None or comm.getSize() == 1 else comm.tompi4py()
-        # Tables, the points of each rank in turn, and how many these are.
+        # Tables, the points of each rank in turn, and their numbers.
         self._known: tuple[Packed, Index, Index] | None = None
 
     def split(self, packed: Packed) -> Packed:
-        """Give this rank its share of the points; return the tables."""
+        """Assign this rank its points; return the tables."""
         if self._comm is not None:
             packed.own[:] = self._owners(packed) == self._comm.rank
         return packed
@@ -33,14 +33,14 @@ class Ranks:
         """Return the rank of each point."""
         assert self._comm is not None
         counts = []
-        for one in packed.passes:
-            slave = packed.surfaces[one["slave"]]
-            counts.append(np.full(slave["elements"], one["along"] * slave["around"] * one["across"]))
+        for pass_ in packed.passes:
+            slave = packed.surfaces[pass_["slave"]]
+            counts.append(np.full(slave["elements"], pass_["along"] * slave["around"] * pass_["across"]))
         each = np.concatenate([np.empty(0, dtype=np.int64), *counts])
         return np.repeat(np.arange(each.size) % self._comm.size, each)
 
     def gather(self, packed: Packed, *tables: Array | Table) -> None:
-        """Fill tables with a row a point, ``(Q, ...)``, of which each rank has its own points', on all."""
+        """Fill tables with a row for each point, ``(Q, ...)``, on all ranks from the rows of each rank's points."""
         if self._comm is None:
             return
         if self._known is None or self._known[0].own is not packed.own:
@@ -59,6 +59,6 @@ class Ranks:
         if self._comm is None:
             return array, np.array(numbers)
         own = np.concatenate([array.ravel(), numbers])
-        found = np.empty_like(own)
-        self._comm.Allreduce(own, found)
-        return found[: array.size].reshape(array.shape), found[array.size :]
+        total = np.empty_like(own)
+        self._comm.Allreduce(own, total)
+        return total[: array.size].reshape(array.shape), total[array.size :]

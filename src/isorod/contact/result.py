@@ -1,4 +1,4 @@
-"""What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
+"""Results of a contact: forces, area, penetration, the pressure at each point, resolution of the patch."""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,13 +18,13 @@ from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 from isorod.space.graded import ORDER, Graded
 
-# Share of the gap or the interference at rest that facets may be from a smooth surface.
+# Largest distance of facets from a smooth surface, relative to the gap or the interference at rest.
 _UNEVEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class ContactResult:
-    """The outcome of one contact.
+    """The result of one contact.
 
     Attributes
     ----------
@@ -42,22 +42,22 @@ class ContactResult:
         The same, relative to the smallest radius of the elements that take part (mean distance of a section's outline
         from its centre).
     penalty
-        Pressure per depth in the end.
+        Pressure per depth at the end.
     active
         Number of points under pressure.
     points_across, cells_across
-        Mean width of the patch where it is narrower, round the section or along the axis, in points and in distances
-        of control points, of polynomials so many as there are functions on the surface (`isorod.contact.quality`); 0
-        where nothing touches, or all does.
+        Mean width of the patch in its narrower direction, round the section or along the axis, in points and in
+        distances of control points (for polynomials: of functions on the surface, `isorod.contact.quality`); 0 where
+        nothing touches, or all points do.
     force_error
-        Relative change of the force when other points look at the same displacements, which is more than the error of
-        these points; None where that is not available, as in motions.  What a surface cannot follow it does not see.
+        Relative change of the force with other points at the same displacements, an upper bound of the error of these
+        points; None where that is not available, as in motions.  It does not include the error of the surface.
     peak_error
-        Relative error of the largest pressure, the largest of three: by how much it is above the largest mean over a
-        cell (`isorod.contact.cells`), by how much other points change it, and what was measured of patches as many
-        cells wide (`isorod.contact.quality`).  None if nothing touches.
+        Relative error of the largest pressure, the largest of three: its excess over the largest mean of a cell
+        (`isorod.contact.cells`), its change with other points, and the error measured for patches as many cells wide
+        (`isorod.contact.quality`).  None if nothing touches.
     at_lines
-        Whether bodies touch on lines that their section functions have been refined at (`isorod.contact.patches`).
+        Whether bodies touch on lines at which their section functions were refined (`isorod.contact.patches`).
     body
         Body whose surface each point belongs to, shape ``(q,)``; points of both bodies are listed.
     parameters
@@ -69,24 +69,24 @@ class ContactResult:
     areas
         Reference areas of the points; where both bodies have points, each half counted, shape ``(q,)``.
     normals, partners, projections
-        Of the points under pressure the direction of the force on them, the body that presses on them, -1 an obstacle,
-        and the axis parameter and angle of their projection on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
+        Of the points under pressure the direction of the force on them, the body that they touch, -1 an obstacle, and
+        the axis parameter and angle of their projection on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
     cells
         Numbers of the cells of the points (`isorod.contact.cells`), shape ``(q,)``.
     on_facets
-        Whether the points are on facets of a finite element body, its number behind those of rods; parameters are then
-        numbers of facets.
+        Whether the points are on facets of a finite element body, whose number comes after those of rods; parameters
+        are then numbers of facets.
     uneven
-        How far flat facets under pressure are from the curved surface that they stand for, and how far points on them
-        were from the rods at rest, the largest, units of length; 0 and infinite where that is not known.
+        Largest distance of flat facets under pressure from the curved surface that they represent, and of points on
+        them from the rods at rest, units of length; 0 and infinite where that is not known.
     tractions, slips
         Friction at the points, force per reference area, and which of those under pressure slip, ``(q, 3)``, ``(q,)``.
     friction
-        Resultant of friction on the first side, shape ``(3,)``; zero where there are no two sides.
+        Resultant of friction on the first side, shape ``(3,)``; zero in self-contact.
     sticking, slipping
         Number of points in contact, with friction, that stick and that slip.
     wanders
-        Whether it presses elsewhere at another time of a motion, by half as much at least.
+        Whether at another time of a motion it presses elsewhere, with at least half the force.
     """
 
     force: float
@@ -129,12 +129,12 @@ class ContactResult:
 
     @property
     def stretched(self) -> float:
-        """Work of friction on the way that springs give by which points stick."""
+        """Work of friction on the elastic displacement of sticking points."""
         sticks = (self.pressure > 0.0) & ~self.slips
         return float(self.areas[sticks] @ np.sum(self.tractions[sticks] ** 2, axis=1) / self.penalty)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it."""
+        """Return the values for a record."""
         kept = (
             "force resultant area peak penetration relative_penetration penalty active points_across cells_across "
             "force_error peak_error"
@@ -142,9 +142,9 @@ class ContactResult:
         return {name: getattr(self, name) for name in kept.split()}
 
     def doubt(self, moving: bool = False) -> str | None:
-        """Return in one line what is not to be trusted, where, and what would be right; None where all is.
+        """Return a warning in one line: the error, its place and a remedy; None where there is none.
 
-        Where all is ``moving`` no multipliers make up for what a penalty lets through.
+        ``moving`` is for motions, where no multipliers correct the penetration of the penalty.
         """
         height, apart = self.uneven
         if height > _UNEVEN * apart:
@@ -158,7 +158,7 @@ class ContactResult:
         where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
         if self.on_facets:
             where = "facets at " + ", ".join(f"{x:.4g}" for x in self.positions[k])
-        # What rods give way at lines is a part of the estimated error.
+        # The compliance of rods at lines is in the estimated error.
         if self.cells_across < quality.CELLS and not self.at_lines:
             times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))
             stiff = "it gives way as the penalty does: hits may be off in length" if moving else "locally too stiff"
@@ -187,20 +187,20 @@ class ContactResult:
 
 
 def doubts(model: Model, results: Mapping[int, ContactResult], moving: bool = False) -> list[str]:
-    """Return what is not to be trusted of the outcome of contacts, by their numbers, a line for each.
+    """Return warnings on results of contacts, by their numbers, a line for each.
 
-    ``moving`` is as for `ContactResult.doubt`.  Whoever gives penalty and points has said what the contact is.
+    ``moving`` is as for `ContactResult.doubt`.  There are none where the user sets both penalty and points.
     """
-    found = [
+    messages = [
         (k, result.doubt(moving))
         for k, result in sorted(results.items())
         if model.contacts[k].penalty is None or model.contacts[k].points is None
     ]
-    return [f"contact {k}: {doubt}" for k, doubt in found if doubt is not None]
+    return [f"contact {k}: {doubt}" for k, doubt in messages if doubt is not None]
 
 
 def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, slice]]:
-    """Yield each contact of a model with the numbers of its passes, and where its slave points are."""
+    """Yield each contact of a model with the numbers of its passes and the range of its slave points."""
     first, end = [*packed.passes["first_point"], packed.areas.size], 0
     for contact in model.contacts:
         begin, end = end, end + contact.passes
@@ -208,14 +208,14 @@ def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, 
 
 
 def loads_of(model: Model, packed: Packed, friction: Friction, ranks: Ranks) -> Array:
-    """Return force and moment of the obstacle of each contact of a model, as the last forces left them, ``(c, 6)``.
+    """Return force and moment of the obstacle of each contact of a model, of the last forces, ``(c, 6)``.
 
-    Moments are about the point that it turns about, or its own; zeros where it is none.
+    Moments are about its centre of rotation, or its point; zeros where there is no obstacle.
     """
     loads = np.zeros((packed.passes.size, 6))
     obstacle_loads(packed, friction, loads)
-    whole = ranks.sums(loads)[0]
-    sums = [whole[passes.start : passes.stop].sum(axis=0) for _, passes, _ in of_contacts(model, packed)]
+    totals = ranks.sums(loads)[0]
+    sums = [totals[passes.start : passes.stop].sum(axis=0) for _, passes, _ in of_contacts(model, packed)]
     return np.reshape(sums, (len(sums), 6))
 
 
@@ -226,16 +226,16 @@ def measure(
     others: Sequence[tuple[float, float] | None] = (),
     uneven: Sequence[tuple[float, float]] = (),
 ) -> list[ContactResult]:
-    """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`).
+    """Return the result of each contact of a model, of the last forces (`isorod.contact.packed`).
 
     Parameters
     ----------
     model, packed, friction
         Those of the forces.
     others
-        Of each contact force and largest pressure that other points find at the same displacement, if these are known.
+        Force and largest pressure of each contact with other points at the same displacement, if known.
     uneven
-        Of each contact, if that is known.
+        `ContactResult.uneven` of each contact, if known.
     """
     results = []
     pressures = packed.states["pressure"]
@@ -244,9 +244,9 @@ def measure(
     parameters, means, numbers = cells.parameters(packed), cells.means(packed, pressures), cells.numbers(packed)
     normals = np.where(pressures[:, None] > 0.0, packed.states["normal"], 0.0)
     partners, projections = _projections(packed, np.flatnonzero(pressures > 0.0))
-    known = others or [None] * len(model.contacts)
+    refined = others or [None] * len(model.contacts)
     flat = uneven or [(0.0, np.inf)] * len(model.contacts)
-    for (contact, passes, chosen), other, rough in zip(of_contacts(model, packed), known, flat, strict=True):
+    for (contact, passes, chosen), finer, rough in zip(of_contacts(model, packed), refined, flat, strict=True):
         gap, pressure, areas = packed.states["gap"][chosen], pressures[chosen], packed.areas[chosen]
         touching = pressure > 0.0
         tractions, slips = np.zeros((areas.size, 3)), np.zeros(areas.size, dtype=bool)
@@ -262,7 +262,7 @@ def measure(
         changes = [quality.PEAK / wide] if wide else []
         if peak:
             changes.append(1.0 - float(means[chosen].max()) / peak)
-            changes.append(0.0 if other is None else abs(other[1] / peak - 1.0))
+            changes.append(0.0 if finer is None else abs(finer[1] / peak - 1.0))
         results.append(
             ContactResult(
                 force=force,
@@ -275,7 +275,7 @@ def measure(
                 active=int(np.count_nonzero(touching)),
                 points_across=points,
                 cells_across=wide,
-                force_error=None if other is None or not force else abs(other[0] / force - 1.0),
+                force_error=None if finer is None or not force else abs(finer[0] / force - 1.0),
                 peak_error=min(1.0, max(changes)) if changes else None,
                 at_lines=all(_sees_lines(model.bodies[body].space.basis) for body, _ in contact.sides),
                 has_points=all(model.bodies[body].space.basis.on_surface for body, _ in contact.sides),
@@ -305,7 +305,7 @@ def _sees_lines(basis: object) -> bool:
 
 
 def _projections(packed: Packed, active: Index) -> tuple[Index, Array]:
-    """Return, of all points, the body pressed on, -1 an obstacle or none, and parameter and angle of the projection."""
+    """Return of all points the body that they touch, -1 an obstacle or none, and parameter and angle of projections."""
     partners, projections = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
     touching = active[packed.passes["master"][packed.passes_of(active)] >= 0]
     starts = packed.starts[touching]

@@ -1,4 +1,4 @@
-"""Contact as a solution leaves it, brought to models beside, where surfaces keep the mean gaps of their cells."""
+"""Contact state of a solution, transferred to nearby models, where surfaces keep the mean gaps of their cells."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,40 +15,40 @@ from isorod.contact.result import ContactResult, of_contacts
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
 
-# How much deeper than the surface, in the smallest radius, what is not pressed would have to go to be.
+# Gap from which inactive points become active, in smallest radii.
 _AWAY = 1e-2
 
-# Points of less than this share of the largest pressure leave contact by next to nothing.
+# Points below this fraction of the largest pressure count as inactive: a small change takes them out of contact.
 _RIM = 2e-3
 
 
 def relative(contact: "ContactOperator", left: Settled, results: Sequence[ContactResult]) -> Settled:
-    """Return it in the units of a model's contact, which is as it begins: penalties, and pressures of these.
+    """Return a contact state relative to the initial penalties of a model's contact, and their pressures.
 
-    What is not pressed in the outcome comes into contact nowhere near; what hardly is, is not.
+    Inactive points of the results, and those that are nearly so, get a gap.
     """
     contact.look(left.points)
     begun = contact.packed.passes["penalty"].copy()
     contact.packed.passes["penalty"][:] = left.penalties
-    pressed = np.concatenate([one.pressure > _RIM * one.peak for one in results])
+    pressed = np.concatenate([result.pressure > _RIM * result.peak for result in results])
     multipliers = np.where(pressed, left.multipliers / _pressures(contact), -_AWAY)
     contact.packed.passes["penalty"][:] = begun
     return Settled(left.points, multipliers, left.penalties / begun)
 
 
 def restore(contact: "ContactOperator", left: Settled) -> None:
-    """Let contact that is as it begins be as is said in its units."""
+    """Set contact at its start to a state of `relative`."""
     contact.look(left.points)
     contact.packed.passes["penalty"] *= left.penalties
     contact.packed.multipliers[:] = left.multipliers * _pressures(contact)
 
 
 def _pressures(contact: "ContactOperator") -> Array:
-    """Return the pressure at each point as deep as the smallest radius, ``(Q,)``."""
-    found = np.empty(contact.packed.areas.size)
-    for one, passes, points in of_contacts(contact.model, contact.packed):
-        found[points] = contact.packed.passes["penalty"][passes.start] * smallest_radius(contact.model, one)
-    return found
+    """Return the penalty pressure at each point at a penetration of the smallest radius, ``(Q,)``."""
+    pressures = np.empty(contact.packed.areas.size)
+    for definition, passes, points in of_contacts(contact.model, contact.packed):
+        pressures[points] = contact.packed.passes["penalty"][passes.start] * smallest_radius(contact.model, definition)
+    return pressures
 
 
 class Tight:
@@ -57,11 +57,11 @@ class Tight:
     Parameters
     ----------
     contact, results, displacement
-        The operator, its outcome, and the displacement ``(dofs,)`` that this is of.
+        The operator, its results, and their displacement ``(dofs,)``.
     comm
         The ranks.
     times
-        By how many penalties.
+        Stiffness, in penalties.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Tight:
         times: float,
     ) -> None:
         self._contact, model = contact, contact.model
-        # Contacts that nobody tightens give way by their penalty.
+        # Contacts without multipliers keep the compliance of their penalty.
         multipliers, parts = contact.packed.multipliers, [one[2] for one in of_contacts(model, contact.packed)]
         which = [k for k, points in enumerate(parts) if (multipliers[points] > 0.0).any()]
         frozen = Frozen(
@@ -104,25 +104,25 @@ class Tight:
         return np.asarray(self._contact.product(move) + self._times * (self._means.T @ (self._means @ move)))
 
     def gaps(self, contact: "ContactOperator") -> Array:
-        """Return the gaps, as the last forces left them, of the points that are held, in its smallest radii."""
-        found = contact.packed.states["gap"].copy()
-        for one, _, points in of_contacts(contact.model, contact.packed):
-            found[points] /= smallest_radius(contact.model, one)
-        return found[self._pressed]
+        """Return the gaps of the points that are held, of the last forces of ``contact``, in smallest radii."""
+        gaps = contact.packed.states["gap"].copy()
+        for definition, _, points in of_contacts(contact.model, contact.packed):
+            gaps[points] /= smallest_radius(contact.model, definition)
+        return gaps[self._pressed]
 
     def held(self, gaps: Array) -> Array:
-        """Return the forces ``(dofs,)``, internal ones, by which cells resist gaps of `gaps`."""
+        """Return the internal forces ``(dofs,)`` by which cells resist gaps of `gaps`."""
         return np.asarray(self._times * (self._means.T @ (self._cells @ self._of_lengths(gaps))))
 
     def pressures(self, gaps: Array, move: Array) -> Array:
-        """Return the multipliers ``(Q,)`` that come of the same, and of a motion ``(dofs,)``."""
+        """Return the multipliers ``(Q,)`` of such gaps and of a motion ``(dofs,)``."""
         mean = self._means @ move + self._cells @ self._of_lengths(gaps)
-        found = np.zeros(self._contact.packed.areas.size)
-        found[self._pressed] = -self._times * (self._cells.T @ mean) / self._contact.packed.areas[self._pressed]
-        return found
+        pressures = np.zeros(self._contact.packed.areas.size)
+        pressures[self._pressed] = -self._times * (self._cells.T @ mean) / self._contact.packed.areas[self._pressed]
+        return pressures
 
     def _of_lengths(self, gaps: Array) -> Array:
         sizes = np.empty(self._contact.packed.areas.size)
-        for one, _, points in of_contacts(self._contact.model, self._contact.packed):
-            sizes[points] = smallest_radius(self._contact.model, one)
+        for contact, _, points in of_contacts(self._contact.model, self._contact.packed):
+            sizes[points] = smallest_radius(self._contact.model, contact)
         return gaps * sizes[self._pressed]

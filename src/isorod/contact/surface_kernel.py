@@ -1,7 +1,7 @@
 """Compiled: the lateral surfaces of rods as contact sees them, and the closest point on one.
 
 A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle; arcs
-need not be equal, `isorod.space.graded`), of control points that a space has there, or is given
+need not be equal, `isorod.space.graded`), with control points of the space, or of its trace
 (`isorod.contact.traces`); ``s`` in ``[-1, 1]`` is the parameter along an element of its axis.  Closest points are those
 of the surface itself.
 """
@@ -21,16 +21,16 @@ FREE, EDGE, END, LOST = 0, 1, 2, 3
 _ITERATIONS = 60
 _HALVINGS = 10
 
-# Projections are exact to this, relative to the radius (and to rounding of the coordinates).
+# Tolerance of projections, relative to the radius (and to the round-off of the coordinates).
 _TOLERANCE = 1e-13
 _ROUNDING = 2e-15
-# After so many iterations rounding is what keeps it from getting better.
+# After so many iterations only round-off prevents convergence: the tolerance is relaxed.
 _SLOW = 20
 _LOOSER = 1e3
 
 
-class Foot(NamedTuple):
-    """A point of a surface, and another point seen from there.
+class Projection(NamedTuple):
+    """A point of a surface, and the vector from it to another point.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Foot(NamedTuple):
     y
         The point and its derivatives by t, s, tt, ts, ss (t is theta), ``(6, 3)``.
     d
-        From there to the other point, ``(3,)``.
+        Vector to the other point, ``(3,)``.
     normal
         Outward unit normal, ``(3,)``; see `surface_gap`.
     """
@@ -53,7 +53,7 @@ class Foot(NamedTuple):
     normal: Array
 
 
-FOOT = types.NamedTuple((F2, F2, F2, F1, F1), Foot)
+PROJECTION = types.NamedTuple((F2, F2, F2, F1, F1), Projection)
 
 
 class Slopes(NamedTuple):
@@ -69,10 +69,10 @@ class Slopes(NamedTuple):
 SLOPES = types.NamedUniTuple(f8, 5, Slopes)
 
 
-@njit(FOOT(), **FAST)
-def new_projection() -> Foot:
+@njit(PROJECTION(), **FAST)
+def new_projection() -> Projection:
     """Return a projection to be filled."""
-    return Foot(np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3), np.empty(3))
+    return Projection(np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3), np.empty(3))
 
 
 @njit(f8(F1, F1), **FAST)
@@ -101,7 +101,7 @@ def arc_of(surface: Row, theta: float) -> int:
 
 @njit(i8(SURFACE_ROW, f8, F2), **FAST)
 def section_functions(surface: Row, theta: float, phi: Array) -> int:
-    """Fill ``phi`` (see `Foot`), and return the arc."""
+    """Fill ``phi`` (see `Projection`), and return the arc."""
     turns, arcs = _turns(surface, theta), surface.arcs
     whole = turns // surface.fine
     number = _arc(surface, turns - whole * surface.fine)
@@ -110,20 +110,20 @@ def section_functions(surface: Row, theta: float, phi: Array) -> int:
     ca, flat, steep, before, after = arcs[number, 1], arcs[number, 2], arcs[number, 3], arcs[number, 4], arcs[number, 5]
     for d in range(3):
         if d == 0:
-            middle, slope, one = (cos - ca) * flat, sin * steep, 1.0
+            middle, slope, constant = (cos - ca) * flat, sin * steep, 1.0
         elif d == 1:
-            middle, slope, one = -sin * flat, cos * steep, 0.0
+            middle, slope, constant = -sin * flat, cos * steep, 0.0
         else:
-            middle, slope, one = -cos * flat, -sin * steep, 0.0
-        phi[d, 0] = 0.5 * before * (one - middle - slope)
-        phi[d, 2] = 0.5 * after * (one - middle + slope)
-        phi[d, 1] = one - phi[d, 0] - phi[d, 2]
+            middle, slope, constant = -cos * flat, -sin * steep, 0.0
+        phi[d, 0] = 0.5 * before * (constant - middle - slope)
+        phi[d, 2] = 0.5 * after * (constant - middle + slope)
+        phi[d, 1] = constant - phi[d, 0] - phi[d, 2]
     return number
 
 
 @njit(void(ELEMENT_ROW, i8, f8, F2), **FAST)
 def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
-    """Fill ``axial`` (see `Foot`) with those of the ``count`` rational functions of an element."""
+    """Fill ``axial`` (see `Projection`) with those of the ``count`` rational functions of an element."""
     polynomials = element.polynomials
     w0 = w1 = w2 = 0.0
     for j in range(count):
@@ -145,8 +145,8 @@ def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
         axial[0, j] = r
 
 
-@njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, FOOT), **FAST)
-def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, projection: Foot) -> None:
+@njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, PROJECTION), **FAST)
+def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, projection: Projection) -> None:
     """Fill ``phi``, ``axial`` and ``y`` of a projection.
 
     Parameters
@@ -183,21 +183,21 @@ def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Arra
             y[5, a] += phi[0, i] * c2
 
 
-@njit(SLOPES(FOOT, F1), **FAST)
-def _slopes(projection: Foot, x: Array) -> Slopes:
-    """Fill ``d`` of a projection, seen from which a point ``x`` is, and return the slopes of their distance."""
+@njit(SLOPES(PROJECTION, F1), **FAST)
+def _slopes(projection: Projection, x: Array) -> Slopes:
+    """Fill ``d`` of a projection, its vector to a point ``x``, and return the slopes of their distance."""
     y, d = projection.y, projection.d
     for a in range(3):
         d[a] = x[a] - y[0, a]
     return Slopes(-dot(d, y[1]), -dot(d, y[2]), dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2]))
 
 
-@njit(types.UniTuple(f8, 2)(FOOT, SLOPES, f8, b1, b1), **FAST)
-def _newton_step(projection: Foot, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
+@njit(types.UniTuple(f8, 2)(PROJECTION, SLOPES, f8, b1, b1), **FAST)
+def _newton_step(projection: Projection, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
     """Return Newton's step of (theta, s), with the metric in the place of a Hessian that is not positive.
 
-    ``held`` keeps ``s``; where the step leaves the element although the gradient does not, one parameter moves at a
-    time, theta if ``round_first``.
+    ``held`` keeps ``s``.  Where the step leaves the element although the gradient points inward, only one parameter
+    changes: theta if ``round_first``.
     """
     y, d = projection.y, projection.d
     h11, h12, h22 = at.a11 - dot(d, y[3]), at.a12 - dot(d, y[4]), at.a22 - dot(d, y[5])
@@ -219,7 +219,7 @@ def _newton_step(projection: Foot, at: Slopes, s: float, held: bool, round_first
 
 @njit(types.UniTuple(f8, 3)(f8, f8, f8, f8), **FAST)
 def _cut(step_theta: float, step_s: float, s: float, longest: float) -> tuple[float, float, float]:
-    """Return a step cut to ``longest`` in theta, to 1 and the element's end in ``s``, and where in ``s`` it leads."""
+    """Return a step cut to ``longest`` in theta, and to 1 and the element's end in ``s``; and the new ``s``."""
     cut = 1.0
     if abs(step_theta) > longest:
         cut = longest / abs(step_theta)
@@ -234,12 +234,12 @@ def _cut(step_theta: float, step_s: float, s: float, longest: float) -> tuple[fl
     return cut * step_theta, cut * step_s, s + cut * step_s
 
 
-@njit(i8(SURFACE_ROW, ELEMENTS, F1, START_ROW, F2, FOOT), **FAST)
-def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, projection: Foot) -> int:
+@njit(i8(SURFACE_ROW, ELEMENTS, F1, START_ROW, F2, PROJECTION), **FAST)
+def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, projection: Projection) -> int:
     """Find the point of a surface nearest to ``x``, move ``start`` there, and fill ``projection`` but its normal.
 
-    Newton on half the squared distance, with steps halved until that falls, and elements left through their ends one
-    at a time.
+    Newton on half the squared distance, with steps halved until that decreases; the search goes from element to
+    element through their ends.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
     x
         The point, shape ``(3,)``.
     start
-        Where the search starts; where it ended.
+        Where the search starts; on return where it ended.
     positions
         Of the nodes, shape ``(nodes, 3)``.
     projection
@@ -273,7 +273,7 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
         evaluate(surface, element, theta, s, positions, projection)
         at = _slopes(projection, x)
         square = 0.5 * dot(projection.d, projection.d)
-        # The coordinates' rounding is in the distance, however small the steps.
+        # The round-off of the coordinates is in the distance, however small the steps.
         noise = 1e-14 * (at.a11 + square) + _ROUNDING * size * np.sqrt(2.0 * square)
         if square > last + noise and halvings < _HALVINGS:
             halvings += 1
@@ -304,8 +304,8 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
     return outcome
 
 
-@njit(f8(FOOT, b1), **FAST)
-def surface_gap(projection: Foot, edge: bool) -> float:
+@njit(f8(PROJECTION, b1), **FAST)
+def surface_gap(projection: Projection, edge: bool) -> float:
     """Return the gap at a closest point (see `closest`) and fill its normal; on an edge it is along ``d``."""
     y, d, normal = projection.y, projection.d, projection.normal
     for a in range(3):

@@ -4,12 +4,12 @@ The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a poin
 closest point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that
 neither is preferred (Lu, CMAME 200 (2011) 726-741, on the paper's surface).  Forces are its exact derivative.
 
-Of several masters a point meets that to which it is nearest.  A point whose closest point lies on the open end of its
-master, or on the border of its named elements, is not in contact: it is beyond the surface.
+Of several masters the nearest to a point counts.  A point whose closest point lies on the open end of its master, or on
+the border of its named elements, is not in contact: it is beyond the surface.
 
 The energy has a continuous gradient, and a Hessian that jumps where points come and go and where projections cross
-joints of arcs.  Newton's method converges quadratically once that has settled; a load step in which it does not settle
-runs out of iterations and is cut (see `isorod.statics`).
+joints of arcs.  Newton's method converges quadratically once the active set is constant; a load step in which it does
+not become constant runs out of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Iterable, Sequence
@@ -50,23 +50,23 @@ if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.space import Space
 
-# Searches start at sections so many radii apart, or at so many of an element.
+# Distance of the sections at which searches start, in radii, and the most of them on an element.
 _RUNG, _MOST = 0.4, 256
 
 _KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE, TriangleMesh: MESH}
 
 
 class _Tables:
-    """Rows of the tables of `Packed`, as they grow; ``size`` nodes are the model's own."""
+    """Rows of the tables of `Packed` as they are collected; ``size`` is the number of nodes so far."""
 
     def __init__(self, size: int) -> None:
         self.surfaces: list[Any] = []
         self.elements: list[Any] = []
         self.passes: list[Any] = []
-        self.carriers: list[Index] = []
+        self.control_points: list[Index] = []
         self.around: list[Array] = []
         self.along_rows: list[Array] = []
-        self.shares: list[Array] = []
+        self.fractions: list[Array] = []
         self.rungs: list[Array] = []
         self.corners: list[Array] = []
         self.normals: list[Array] = []
@@ -80,16 +80,16 @@ class _Tables:
     def surface(
         self, body: int, space: "Space", first_node: int, own: Trace, chosen: Sequence[int], sought: bool
     ) -> None:
-        """Add a surface, to be the slave of the next pass.
+        """Add a surface, the slave of the next pass.
 
         Parameters
         ----------
         body, space, first_node, own
-            What it is the surface of, the first of its nodes in the model, and which it is.
+            The rod's number, its space, the first of its nodes in the model, and its inner or outer surface.
         chosen
             Elements of its axis.
         sought
-            Whether others than obstacles touch it.
+            Whether bodies, not only obstacles, touch it.
         """
         axis, arc_of, arcs = space.axis, own.arc_of, own.arcs
         n, stride = len(arcs), space.layer_nodes
@@ -105,7 +105,7 @@ class _Tables:
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * stride
-            self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
+            self.control_points.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
             neighbours = [rows.get(other, -1) for other in beside]
             sizes = (along[e], along[e + 1], own.radius * radii(space, [e])[1])
@@ -119,13 +119,13 @@ class _Tables:
         assert own.lift is not None
         key, shape = (body, own.sense), (space.layers, *own.lift.shape)
         if key not in self.lifts:
-            first_value = sum(one.size for one in self.matrices)
+            first_value = sum(matrix.size for matrix in self.matrices)
             self.matrices.append(own.lift.ravel())
             self.lifts[key] = self.size, first_node, *shape, first_value
             self.size += shape[0] * shape[1]
         return int(self.lifts[key][0])
 
-    def slave(self, rule: "_Rule", masters: tuple[int, int], contact: Contact, force: float, share: float) -> None:
+    def slave(self, rule: "_Rule", masters: tuple[int, int], contact: Contact, force: float, fraction: float) -> None:
         """Add the pass in which the last surface is the slave.
 
         Parameters
@@ -135,20 +135,20 @@ class _Tables:
         masters
             First of the other surfaces and their number, or an obstacle's kind and 0.
         contact, force
-            What the user says, and its penalty.
-        share
-            Part of the energy that this pass gets.
+            The contact's definition and penalty.
+        fraction
+            Weight of this pass in the energy.
         """
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, rule.across, rule.along, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
-        self._points(rule.around, rule.axial, np.tile(rule.shares, len(rule.areas)), share * rule.areas)
+        self._points(rule.around, rule.axial, np.tile(rule.fractions, len(rule.areas)), fraction * rule.areas)
 
-    def _points(self, around: Array, along: Iterable[Array], shares: Array, areas: Array) -> None:
+    def _points(self, around: Array, along: Iterable[Array], fractions: Array, areas: Array) -> None:
         """Add the points of a pass."""
         self.around.extend(around)
         self.along_rows.extend(along)
-        self.shares.append(shares)
+        self.fractions.append(fractions)
         self.areas.append(areas.ravel())
 
     def facets(self, own: Facets, first_node: int, masters: tuple[int, int], contact: Contact, force: float) -> None:
@@ -161,19 +161,19 @@ class _Tables:
         self.surfaces.append((own.body, *counts, 0.0, np.inf, 0.0, np.zeros(MAX_COUNT, dtype=np.int64), arcs))
         nodes = np.pad(first_node + own.nodes, ((0, 0), (0, FUNCTIONS - size)))
         for e, layers in enumerate(nodes):
-            # Rungs are at the nodes.
+            # The rungs are the nodes.
             ladder = (0.0, len(self.rungs) + e * size, size, (e, e + 1))
             nothing = np.zeros((FUNCTIONS, FUNCTIONS)), (-1, -1), 0.0, 0.0, np.inf
             self.elements.append((len(self.surfaces) - 1, layers, *nothing, *ladder))
         self.rungs.extend(np.tile(np.eye(size, FUNCTIONS), (count, 1)))
-        self.carriers.append(first_node + np.unique(own.nodes))
+        self.control_points.append(first_node + np.unique(own.nodes))
         starts = (first_point, 1, points, len(self.around), len(self.along_rows))
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *self._obstacle(contact)))
         along = np.pad(own.values.reshape(-1, size), ((0, 0), (0, FUNCTIONS - size)))
         self._points(np.array([[0.0, 1.0, 0.0]]), along, np.zeros(len(along)), own.areas)
 
     def _obstacle(self, contact: Contact) -> tuple[Any, ...]:
-        """Return what a pass has of a rigid obstacle, from its point on, and add its track."""
+        """Return the fields of a pass for a rigid obstacle, from its point on, and add its track."""
         point, direction, radius = _at_rest(contact)
         motion, first = contact.motion, sum(map(len, self.tracks))
         if motion is None:
@@ -184,16 +184,16 @@ class _Tables:
         return point, direction, radius, np.eye(3), *own, first, len(motion.track)
 
     def obstacle(self, contact: Contact) -> tuple[int, int]:
-        """Add what a contact's obstacle needs; return its kind and the first of its boxes, if it has any."""
-        what, first = contact.obstacle, sum(nodes.size for nodes in self.nodes)
-        if isinstance(what, TriangleMesh):
-            order, nodes = tree(what.corners)
+        """Add the tables of a contact's obstacle; return its kind and the first of its boxes, if it has any."""
+        obstacle, first = contact.obstacle, sum(nodes.size for nodes in self.nodes)
+        if isinstance(obstacle, TriangleMesh):
+            order, nodes = tree(obstacle.corners)
             nodes["first"] += np.where(nodes["count"] > 0, sum(map(len, self.corners)), first)
-            self.corners.append(what.corners[order])
-            self.normals.append(what.normals()[order])
+            self.corners.append(obstacle.corners[order])
+            self.normals.append(obstacle.normals()[order])
             self.nodes.append(nodes)
             return MESH, first
-        return _KINDS[type(what)], 0
+        return _KINDS[type(obstacle)], 0
 
 
 class _Rule:
@@ -205,8 +205,8 @@ class _Rule:
         Number of points round an arc, and along an element.
     around, axial
         Rows of `Packed.around` and `Packed.along`.
-    shares
-        Where along an element the points are, 0 to 1, ``(along,)``.
+    fractions
+        Positions of the points along an element, 0 to 1, ``(along,)``.
     areas
         Reference areas, ``(elements, along, n across)``.
     """
@@ -214,7 +214,7 @@ class _Rule:
     def __init__(self, space: "Space", own: Trace, chosen: Sequence[int], points: tuple[int, int]) -> None:
         self.across, self.along = points
         t, v = np.polynomial.legendre.leggauss(self.along)
-        self.shares = 0.5 * (1.0 + t)
+        self.fractions = 0.5 * (1.0 + t)
         self.around, theta, w = section_functions(own, self.across)
         circle = own.circle(theta)
         axial: list[Array] = []
@@ -234,16 +234,16 @@ class _Rule:
 
 
 def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[Array, float]:
-    """Return the axis functions at sections evenly along an element, and how far what is nearer to one may be from it.
+    """Return the axis functions at sections evenly along an element, and the largest distance from the nearest of them.
 
-    Rods are stretched and bent: that distance is twice what it is in the undeformed one.
+    Rods are stretched and bent: the distance is twice that of the undeformed rod.
 
     Parameters
     ----------
     space, e
-        The rod's, and the element.
+        The rod's space, and the element.
     sizes
-        Where along the axis the element begins and ends, and its radius.
+        Arc length at both ends of the element, and its radius.
     """
     begin, end, radius = sizes
     count = int(np.clip(np.ceil((end - begin) / (_RUNG * radius)), 1, _MOST))
@@ -290,7 +290,7 @@ def _polynomials(axis: Axis, e: int) -> Array:
 def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_motion: bool = False) -> Packed:
     """Return all contacts of a model as tables for the compiled loops.
 
-    ``points`` are those of each pass (`points_of`), which they are where not given.  Nodes of facets
+    ``points`` are those of each pass, `points_of` by default.  Nodes of facets
     (`isorod.contact.facets.nodes_of`) come after those of the rods.
     """
     first_node, known = int(model.first_node[-1]), facets.nodes_of(model)[0]
@@ -304,7 +304,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         elif len(groups) == 2:
             masters = [(first + sizes[0], sizes[1]), (first, sizes[0])]
         force = penalty(model, contact, in_motion)
-        share = 0.5 if contact.obstacle is None else 1.0
+        fraction = 0.5 if contact.obstacle is None else 1.0
         for number, (body, elements) in enumerate(contact.sides):
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
@@ -312,7 +312,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
             tables.surface(body, space, int(model.first_node[body]), own, chosen, contact.obstacle is None)
             if contact.facets is None:
                 rule = _Rule(space, own, chosen, next(rules))
-                tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
+                tables.slave(rule, masters[int(number >= sizes[0])], contact, force, fraction)
         if contact.facets is not None:
             tables.facets(
                 facets.facets(model, contact, max(next(rules)), known), first_node, masters[0], contact, force
@@ -327,7 +327,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         around=np.array(tables.around).reshape(-1, 3),
         along=np.array(tables.along_rows).reshape(-1, FUNCTIONS),
         rungs=np.array(tables.rungs).reshape(-1, FUNCTIONS),
-        shares=np.concatenate([np.empty(0), *tables.shares]),
+        fractions=np.concatenate([np.empty(0), *tables.fractions]),
         areas=areas,
         corners=np.concatenate([np.empty((0, 3, 3)), *tables.corners]),
         normals=np.concatenate([np.empty((0, 7, 3)), *tables.normals]),
@@ -335,7 +335,7 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None, in_mot
         lifts=np.array([*tables.lifts.values()], LIFT),
         matrices=np.concatenate([np.empty(0), *tables.matrices]),
         tracks=np.concatenate([np.empty((0, 5)), *tables.tracks]),
-        carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
+        control_points=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.control_points])),
         multipliers=np.zeros(areas.size),
         states=np.zeros(areas.size, STATE),
         points=np.zeros((areas.size, 3)),

@@ -1,11 +1,11 @@
-"""The surface of a section as contact sees it: control points round a circle, and what they are of the space's own.
+"""The surface of a section for contact: control points round a circle, and their dependence on the space's own.
 
-Functions of control points are on the outer surface what contact takes.  Of all others, and on an inner surface, traces
-are projected on those of so many control points that these are the traces but for `_MISSED`; then ``P``, shape
-``(n, count)``, makes control points of a layer's coefficients, forces go back by ``P^T``, and tangents are
-``P^T K P``.  Constants, and what rotates, stay what they are, so that forces and moments are in balance.
+Functions of control points are used directly on the outer surface.  All other functions, and all on an inner surface,
+are projected on functions of enough control points to represent their traces up to `_MISSED`.  ``P``, shape ``(n,
+count)``, gives these control points from a layer's coefficients, forces are mapped back by ``P^T``, and tangents are
+``P^T K P``.  Constants and rotations are reproduced exactly, so that forces and moments are in balance.
 
-Round an inner surface angles are counted backwards: its normal then points to the axis, as ``y_theta x y_s`` says.
+Round an inner surface angles are counted backwards, so that its normal ``y_theta x y_s`` points to the axis.
 """
 
 from functools import lru_cache
@@ -20,28 +20,28 @@ from isorod.space.basis import SectionBasis
 from isorod.space.graded import Graded
 from isorod.space.space import Space
 
-# Share of a trace that control points may miss, and of those of the first three functions, the coordinates: of the
-# rod's own map; the fewest points.  A ring between planes, section degrees 4 and 8, changes by 1e-4 with a fiftieth.
+# Relative error of the projection of a trace, and of those of the first three functions, the coordinates of the rod's
+# own map; the fewest points.  A ring between planes, section degrees 4 and 8, changes by 1e-4 with a fiftieth.
 _MISSED, _MAP, _FEWEST = 5e-3, 1e-5, 16
 _PLANE = 3
 
-# Size of a function, or of a singular value, beside the largest that is as good as none; Gauss points of an arc.
+# Norm of a function, or singular value, relative to the largest, that is taken as zero; Gauss points of an arc.
 _LITTLE, _POINTS = 1e-2, 6
 
 
 class Trace(NamedTuple):
-    """The surface of a section, for each layer the same.
+    """The surface of a section, the same for each layer.
 
     Attributes
     ----------
     arc_of, arcs
-        The arc of each fine arc, and what `isorod.contact.packed.SURFACE` has of each arc, ``(n, 7)``.
+        The arc of each fine arc, and ``arcs`` of `isorod.contact.packed.SURFACE`, ``(n, 7)``.
     turn
         Angle of the first control point.
     radius, sense
-        Of the circle on the disk, and -1 where angles are counted backwards, else 1.
+        Radius of the circle on the disk, and -1 where angles are counted backwards, else 1.
     dimension
-        Of the space of traces: so many control points it is worth.
+        Dimension of the space of traces, the equivalent number of control points.
     lift
         ``P``, or None where control points are the first functions of a layer.
     """
@@ -75,23 +75,23 @@ def _projected(basis: SectionBasis, own: int, radius: float, inner: bool) -> Tra
     while True:
         n, turn = own * multiple, refinement_turn(own, multiple)
         arc_of, arcs = _arcs(np.ones(n, dtype=np.int64), turn)
-        found = Trace(arc_of, arcs, turn, radius, sense, 0, None)
-        functions, angle, weight = section_functions(found, _POINTS)
+        surface = Trace(arc_of, arcs, turn, radius, sense, 0, None)
+        functions, angle, weight = section_functions(surface, _POINTS)
         root = np.sqrt(weight)[:, None]
-        mine = root * basis.functions(found.circle(angle))[0]
+        mine = root * basis.functions(surface.circle(angle))[0]
         across = np.zeros((angle.size, n))
         for c in range(3):
             across[np.arange(angle.size), (np.repeat(np.arange(n), _POINTS) + c - 1) % n] += functions[:, c]
         lift = np.linalg.lstsq(root * across, mine, rcond=None)[0]
         norms = np.linalg.norm(mine, axis=0)
-        # Functions that vanish there are none.
+        # Functions that vanish there do not count.
         norms = np.maximum(norms, _LITTLE * norms.max())
         missed = np.linalg.norm(mine - root * across @ lift, axis=0) / norms
         sizes = np.linalg.svd(mine / norms, compute_uv=False)
         dimension = int((sizes > _LITTLE * sizes[0]).sum())
         exact = missed.max() <= _MISSED and missed[:_PLANE].max() <= _MAP
         if n >= dimension and (exact or 2 * n > MAX_COUNT):
-            return found._replace(dimension=dimension, lift=lift)
+            return surface._replace(dimension=dimension, lift=lift)
         multiple += -(-multiple // 4)
 
 
@@ -108,10 +108,10 @@ def _arcs(parts: Index, turn: float) -> tuple[Index, Array]:
     return np.repeat(np.arange(parts.size), parts), arcs
 
 
-def section_functions(one: Trace, points: int) -> tuple[Array, Array, Array]:
+def section_functions(surface: Trace, points: int) -> tuple[Array, Array, Array]:
     """Return the three functions of each arc at Gauss points ``(n points, 3)``, their angles and weights (radians)."""
     x, w = np.polynomial.legendre.leggauss(points)
-    angle, cos, flat, steep, before, after, part = one.arcs.T[:, :, None]
+    angle, cos, flat, steep, before, after, part = surface.arcs.T[:, :, None]
     local = np.pi * part * x
     middle, slope = (np.cos(local) - cos) * flat, np.sin(local) * steep
     left, right = 0.5 * before * (1.0 - middle - slope), 0.5 * after * (1.0 - middle + slope)

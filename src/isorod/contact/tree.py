@@ -7,12 +7,12 @@ import numpy as np
 from isorod.arrays import Array, Index
 from isorod.contact.packed import NODE, Table
 
-# Triangles in a box without boxes.
+# Most triangles in a leaf.
 _FEW = 4
 
 
 def tree(corners: Array) -> tuple[Index, Table]:
-    """Return the order of the triangles in the tree, and its boxes, rows of `NODE`, the whole's first.
+    """Return the order of the triangles in the tree, and its boxes, rows of `NODE`, that of all triangles first.
 
     Boxes are halved at the median of the middles of their triangles, across their longest side.
 
@@ -25,7 +25,7 @@ def tree(corners: Array) -> tuple[Index, Table]:
     middles = 0.5 * (low + high)
     order: list[int] = []
     nodes: list[Any] = []
-    # What is not yet in a box, and the box whose second one it is.
+    # Triangles not yet in a box, and the box that has them as its second child.
     left = [(np.arange(len(corners)), -1)]
     while left:
         chosen, above = left.pop()
@@ -39,7 +39,7 @@ def tree(corners: Array) -> tuple[Index, Table]:
         side = int(np.argmax(np.ptp(middles[chosen], axis=0)))
         half = chosen.size // 2
         sides = chosen[np.argpartition(middles[chosen, side], half)]
-        # The first half is the next row.
+        # The first child is the next row.
         left += [(sides[half:], len(nodes)), (sides[:half], -1)]
         nodes.append((*box, 0, 0))
     return np.array(order), np.array(nodes, NODE)

@@ -1,1 +1,1 @@
-"""The rod's map: a section's disk times a NURBS axis; NumPy and SciPy alone."""
+"""The rod's map: a section's disk times a NURBS axis; needs only NumPy and SciPy."""

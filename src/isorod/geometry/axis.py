@@ -13,13 +13,13 @@ from isorod.geometry import bspline
 MAX_DEGREE = 6
 MAX_ELEMENTS = 100_000
 
-# Tables up to this many values are kept: runs meet the same knots and parameters again and again.
+# Tables up to this many values are cached: runs use the same knots and parameters again and again.
 _KEPT_SIZE = 2**14
 
-# Refinements up to this many elements are kept: the same ones are asked for again and again.
+# Refinements up to this many elements are cached: the same ones are requested again and again.
 _KEPT_ELEMENTS = 1000
 
-# Knots so near, as a share of the axis, are the same.
+# Knots closer than this, relative to the length of the axis, are the same.
 _ROUNDING = 1e-9
 
 
@@ -39,7 +39,7 @@ class Axis(Checked):
     Attributes
     ----------
     breaks, multiplicities
-        Distinct knots, and how often each stands, both of shape ``(elements + 1,)``.
+        Distinct knots, and the multiplicity of each, both of shape ``(elements + 1,)``.
 
     Raises
     ------
@@ -92,9 +92,9 @@ class Axis(Checked):
         """Number of non-empty knot spans."""
         return self.breaks.size - 1
 
-    def within(self, shares: ArrayLike) -> Array:
-        """Return the parameters at shares ``(count,)`` of each element, shape ``(elements, count)``."""
-        return self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.asarray(shares)
+    def within(self, fractions: ArrayLike) -> Array:
+        """Return the parameters at fractions ``(count,)`` of each element, shape ``(elements, count)``."""
+        return self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.asarray(fractions)
 
     def evenly(self, parts: int) -> Array:
         """Return the parameters that cut each element in equal parts, both ends included, ``(elements parts + 1,)``."""
@@ -102,17 +102,17 @@ class Axis(Checked):
 
     @cached_property
     def first_function(self) -> Index:
-        """First of the ``p + 1`` functions that live on each element, shape ``(elements,)``."""
+        """First of the ``p + 1`` functions on each element, shape ``(elements,)``."""
         spans = np.searchsorted(self.knots, self.breaks[:-1], side="right") - 1
         return (spans - self.degree).astype(np.int64)
 
     def local(self, u: ArrayLike) -> tuple[Index, Array, Array]:
-        """Return, for each parameter, the functions that live there.
+        """Return, for each parameter, the functions there.
 
         Parameters
         ----------
         u
-            Parameters within the knot vector, shape ``(t,)``; at a knot the element above it is meant (at the last,
+            Parameters within the knot vector, shape ``(t,)``; at a knot those of the element above it (at the last,
             below).
 
         Returns
@@ -134,8 +134,8 @@ class Axis(Checked):
     def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Axis":
         """Return the axis whose space contains this one: elements cut in ``parts``, degree raised, new knots smooth.
 
-        Knots that are there already keep the continuity they have (or less, if ``continuity`` asks for less), so that
-        the geometry on the new axis is the same.
+        Existing knots keep their continuity (or ``continuity``, if that is less), so that the geometry on the new axis
+        is the same.
 
         Raises
         ------
@@ -162,10 +162,10 @@ class Axis(Checked):
         return self._on_knots(degree, np.concatenate([np.repeat(cuts, multiplicity), np.repeat(old[-1], degree + 1)]))
 
     def cut(self, parts: Index) -> "Axis":
-        """Return the axis with each element cut in as many equal parts, ``(elements,)``, as smoothly as can be."""
-        share = np.concatenate([np.arange(1, count) / count for count in parts])
-        whole = np.repeat(np.arange(self.elements), parts - 1)
-        new = self.breaks[whole] + share * np.diff(self.breaks)[whole]
+        """Return the axis with each element cut in as many equal parts, ``(elements,)``, as smooth as possible."""
+        fraction = np.concatenate([np.arange(1, count) / count for count in parts])
+        element = np.repeat(np.arange(self.elements), parts - 1)
+        new = self.breaks[element] + fraction * np.diff(self.breaks)[element]
         return self._on_knots(self.degree, np.sort(np.concatenate([self.knots, new])))
 
     def insert(self, u: float, multiplicity: int = 1) -> "Axis":
@@ -181,20 +181,20 @@ class Axis(Checked):
         return self._on_knots(self.degree, knots)
 
     def with_knots(self, places: ArrayLike, continuity: int) -> "Axis":
-        """Return the axis with knots at more places ``(k,)``, at which functions are that often differentiable.
+        """Return the axis with knots at more places ``(k,)``, at which functions are of a ``continuity``.
 
-        At a place that is named twice they are continuous alone; it may be a knot already.  What is a knot but for
-        rounding is that knot.
+        At a place named twice they are C0; it may be a knot already.  Places equal to a knot up to round-off are that
+        knot.
 
         Raises
         ------
         InputError
             If a place is not inside the axis, is there three times, or a knot already and named once.
         """
-        wanted = np.atleast_1d(np.asarray(places, dtype=float))
-        nearest = self.breaks[np.abs(wanted[:, None] - self.breaks).argmin(axis=1)]
-        rounded = np.abs(wanted - nearest) <= _ROUNDING * (self.breaks[-1] - self.breaks[0])
-        u, times = np.unique(np.where(rounded, nearest, wanted), return_counts=True)
+        targets = np.atleast_1d(np.asarray(places, dtype=float))
+        nearest = self.breaks[np.abs(targets[:, None] - self.breaks).argmin(axis=1)]
+        rounded = np.abs(targets - nearest) <= _ROUNDING * (self.breaks[-1] - self.breaks[0])
+        u, times = np.unique(np.where(rounded, nearest, targets), return_counts=True)
         inside = (u > self.breaks[0]) & (u < self.breaks[-1])
         right = inside & (times <= 2) & (~np.isin(u, self.breaks) | (times == 2))
         if not right.all():
@@ -221,7 +221,7 @@ class Axis(Checked):
 
 
 def _local(knots: Array, degree: int, weights: Array, u: Array) -> tuple[Index, Array, Array]:
-    """Return what `Axis.local` does, of knots and weights."""
+    """Do `Axis.local`, from knots and weights."""
     low, high = knots[0], knots[-1]
     inside = (u >= low) & (u <= high)
     if not inside.all():
@@ -236,10 +236,10 @@ def _local(knots: Array, degree: int, weights: Array, u: Array) -> tuple[Index, 
 
 @lru_cache(maxsize=64)
 def _kept_local(knots: bytes, degree: int, weights: bytes, u: bytes) -> tuple[Index, Array, Array]:
-    found = _local(np.frombuffer(knots), degree, np.frombuffer(weights), np.frombuffer(u))
-    for array in found:
+    result = _local(np.frombuffer(knots), degree, np.frombuffer(weights), np.frombuffer(u))
+    for array in result:
         array.flags.writeable = False
-    return found
+    return result
 
 
 @lru_cache(maxsize=32)

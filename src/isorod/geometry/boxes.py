@@ -1,4 +1,4 @@
-"""Boxes along the axes: which of many overlap."""
+"""Axis-aligned boxes: pairs that overlap."""
 
 from collections.abc import Iterator
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 
-# Pairs looked at together.
+# Pairs tested together.
 _BLOCK = 2_000_000
 
 
 def pairs(low: Array, high: Array) -> tuple[Index, Index]:
     """Return the pairs of boxes that overlap or touch, each once.
 
-    Boxes are sorted along the axis on which they are spread the most, and each is held against those that begin before
-    it ends.
+    Boxes are sorted along the axis on which they are spread the most, and each is tested against those that begin
+    before it ends.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def pairs(low: Array, high: Array) -> tuple[Index, Index]:
     sizes = np.maximum((high - low).mean(axis=0), np.finfo(float).tiny)
     axis = int(np.argmax(np.ptp(low + high, axis=0) / sizes))
     order = np.argsort(low[:, axis], kind="stable")
-    found = list(_swept(low[order], high[order], axis))
-    first, second = (np.concatenate([one[k] for one in found]) for k in (0, 1))
+    blocks = list(_swept(low[order], high[order], axis))
+    first, second = (np.concatenate([block[k] for block in blocks]) for k in (0, 1))
     return order[first], order[second]
 
 

@@ -7,19 +7,19 @@ from scipy.linalg import lapack
 
 from isorod.arrays import Array, Index
 
-# Matrices up to this many knots are kept: runs meet the same ones again and again.
+# Matrices up to this many knots are cached: runs use the same ones again and again.
 _KEPT_SIZE = 2**14
 
 
 def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
-    """Return, for each parameter, the B-splines that live there.
+    """Return, for each parameter, the B-splines there.
 
     Parameters
     ----------
     knots, degree
         Clamped knot vector, and degree ``p >= 0``.
     u
-        Parameters within the knots, shape ``(t,)``; at a knot the span above it is meant (at the last, below).
+        Parameters within the knots, shape ``(t,)``; at a knot those of the span above it (at the last, below).
 
     Returns
     -------
@@ -63,17 +63,17 @@ def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns
     columns
         A function's coefficients in each column.
     """
-    given = knots.tobytes(), degree, finer.tobytes(), finer_degree
+    key = knots.tobytes(), degree, finer.tobytes(), finer_degree
     collocate = _kept_collocation if finer.size <= _KEPT_SIZE else _collocation
-    (first, values), factors = collocate(*given)
-    wanted = np.einsum("tj,tjc->tc", values, columns[first[:, None] + np.arange(degree + 1)])
+    (first, values), factors = collocate(*key)
+    target = np.einsum("tj,tjc->tc", values, columns[first[:, None] + np.arange(degree + 1)])
     p = finer_degree
-    result: Array = lapack.dgbtrs(factors[0], p, p, wanted, factors[1])[0]
+    result: Array = lapack.dgbtrs(factors[0], p, p, target, factors[1])[0]
     return np.ascontiguousarray(result)
 
 
 def _collocation(knots: bytes, degree: int, finer: bytes, p: int) -> tuple[tuple[Index, Array], tuple[Array, Index]]:
-    """Return a spline's functions at a finer one's Greville points, and factors of the matrix of its own there."""
+    """Return a spline's functions at the Greville points of a finer one, and factors of the finer one's matrix."""
     fine = np.frombuffer(finer)
     points = greville(fine, p)
     first, values, _ = table(fine, p, points)

@@ -19,11 +19,11 @@ from isorod.geometry.pieces import tensors
 
 __all__ = ["CenterLine", "nurbs", "polyline", "straight"]
 
-# Places of a whole line, and of an element, at which its deviation is measured.
+# Samples of a line, and of an element, at which its deviation is measured.
 _PLACES, _FEWEST = 4096, 16
 
 
-# Breaks of a line whose length is said.
+# Breaks of a line whose length is given.
 _UNIT = 0.0, 1.0
 
 
@@ -36,23 +36,23 @@ def straight(
     start: Numbers = (0.0, 0.0, 0.0),
     end: Numbers | None = None,
 ) -> CenterLine:
-    """Return a straight line, along z or to a point, on which one comes forward linearly with the axis parameter.
+    """Return a straight line, along z or to a point, linear in the axis parameter.
 
-    Its control points stand at the Greville abscissae, the means of ``degree`` successive knots.
+    Its control points are at the Greville abscissae, the means of ``degree`` successive knots.
 
     Parameters
     ----------
     length
-        Units of length; where neither it nor the end is given the height is the way from the first break to the last.
+        Units of length; without it and an end the length is the distance from the first break to the last.
     breaks
         Distinct knots, ascending.
     degree
         Of the axis.
     continuity
-        At the inner breaks, 0 to ``degree - 1``; the latter where not given.
+        At the inner breaks, 0 to ``degree - 1``, the default.
     start, end
-        Points ``(3,)``: the origin, and ``length`` above it, where not given.  A section's x and y are those of space
-        turned as z is turned to the line on the shortest way.
+        Points ``(3,)``: by default the origin, and ``length`` above it.  A section's x and y are those of space under
+        the smallest rotation that takes z to the line.
     """
     if length is not None:
         positive("length", length)
@@ -64,18 +64,18 @@ def straight(
     times = [degree + 1, *[degree - smooth] * (len(breaks) - 2), degree + 1]
     knots = np.repeat(np.array(breaks, dtype=float), times)
     axis = Axis(degree, knots, np.ones(knots.size - degree - 1))
-    way = bspline.greville(knots, degree) - knots[0]
-    foot = finite_points("start", start, (3,))
+    distance = bspline.greville(knots, degree) - knots[0]
+    origin = finite_points("start", start, (3,))
     if end is None:
         if length is not None:
-            way = length * way / (knots[-1] - knots[0])
-        return CenterLine(axis, foot + way[:, None] * np.array([0.0, 0.0, 1.0]))
+            distance = length * distance / (knots[-1] - knots[0])
+        return CenterLine(axis, origin + distance[:, None] * np.array([0.0, 0.0, 1.0]))
     if length is not None:
         raise InputError("straight line: got a length and an end, need one of them")
-    chord = finite_points("end", end, (3,)) - foot
+    chord = finite_points("end", end, (3,)) - origin
     if not np.any(chord):
         raise InputError("straight line: the end is the start")
-    centers = foot + (way / (knots[-1] - knots[0]))[:, None] * chord
+    centers = origin + (distance / (knots[-1] - knots[0]))[:, None] * chord
     across = Frames(axis, centers)(knots[:1])[0]
     rotation = np.concatenate([across, chord[:, None] / np.linalg.norm(chord)], axis=1)
     return CenterLine(axis, centers, np.broadcast_to(rotation, (axis.count, 3, 3)))
@@ -91,11 +91,11 @@ def polyline(
 ) -> CenterLine:
     """Return a smooth line (cubic, C2) from which no point is farther than a tolerance, or one with fillets at corners.
 
-    The smooth one has as few elements as will do; an open one passes through its first and its last point.  Between
-    points it strays from the polyline by half the longest chord about at most.  Its frame turns about the line as
-    little as can be (`isorod.geometry.frames`); that of a closed one is turned back evenly, so that the last section is
-    the first.  A rod along it is warned of where a corner of more than 30 degrees, or one among straight sides, is
-    rounded by a hundredth of the radius and more.
+    A smooth line has the fewest elements that suffice; an open one passes through its first and its last point.
+    Between points it deviates from the polyline by at most about half the longest chord.  Its frame is rotation
+    minimising (`isorod.geometry.frames`); the rotation of a closed one is corrected evenly, so that the last section is
+    the first.  Sweeping warns where a corner of more than 30 degrees, or one between straight sides, is rounded by a
+    hundredth of the radius or more.
 
     With a fillet it is straight from point to point, exactly, and an arc of that radius at each.
 
@@ -106,7 +106,7 @@ def polyline(
     tolerance
         Of a smooth line, units of length; 0: it passes through all points.
     closed
-        Whether it goes on from the last point to the first.
+        Whether it continues from the last point to the first.
     normal
         Vector ``(3,)`` towards which a section's x points at the start (see `Frames`).
     fillet
@@ -149,25 +149,25 @@ def _filleted(points: Array, fillet: float, normal: Numbers | None, closed: bool
     first = np.concatenate([frames(axis.breaks[:1])[0], tangent.T / np.linalg.norm(tangent)], axis=1)
     rotations, stretches = tensors(pieces, first)
     if closed and np.abs(rotations[-1] - first).max() > 1e-9:
-        # Carried round a line that is not plane, the frame has to be turned back evenly.
+        # Round a line that is not plane the frame does not close: its rotation is corrected evenly.
         return CenterLine(axis, centers, frames=frames, closed=True, stations=stations)
     return CenterLine(axis, centers, rotations, stretches, closed=closed, stations=stations)
 
 
 def _places(axis: Axis, centers: Array) -> Array:
-    """Return many places of a curve, and of each element, ``(t, 3)``."""
+    """Return samples of a curve, enough on each element, ``(t, 3)``."""
     u = np.append(inside(axis, max(_FEWEST, _PLACES // axis.elements)).ravel(), axis.breaks)
     return evaluate(axis, centers, np.sort(u))[0]
 
 
 def _off_points(places: Array, points: Array, closed: bool) -> tuple[float, str]:
-    """Return how far a smooth line is from its points and the sides of their corners, and what brings it nearer."""
+    """Return the deviation of a smooth line from its points and the sides of their corners, and the remedy."""
     off, sharp = reading.farthest(points, places), reading.coarse(points, closed)
     if sharp.size:
         beside = np.union1d(sharp, (sharp - 1) % len(points))
-        wanted, where = reading.between(points, sharp, closed)
-        side = np.searchsorted(np.sort(where), np.arange(len(wanted)), side="right") - 1
-        bow = reading.farthest(wanted[np.isin(side, beside)], places)
+        target, where = reading.between(points, sharp, closed)
+        side = np.searchsorted(np.sort(where), np.arange(len(target)), side="right") - 1
+        bow = reading.farthest(target[np.isin(side, beside)], places)
         if bow > off:
             turn = reading.turns(points, closed)
             k = sharp[np.argmax(turn[sharp])]
@@ -184,7 +184,7 @@ def nurbs(curve: Any, closed: bool = False, *, normal: Numbers | None = None) ->
     Parameters
     ----------
     curve
-        Anything with the attributes of one of them: ``degrees``, ``knot_vectors``, ``control_points`` (splinepy) or
+        An object with the attributes of one of them: ``degrees``, ``knot_vectors``, ``control_points`` (splinepy) or
         ``degree``, ``knotvector``, ``ctrlpts`` (geomdl), and ``weights`` if it is rational.  Control points are not
         multiplied by their weights; plane ones lie in the plane of x and y; without knots it is a Bézier curve.
     closed
@@ -196,10 +196,10 @@ def nurbs(curve: Any, closed: bool = False, *, normal: Numbers | None = None) ->
     if degree.size != 1:
         raise InputError(f"nurbs: got a spline of {degree.size} parameters, need a curve, which has one")
     p = int(degree[0])
-    found = _numbers_of(curve, "control_points", "ctrlpts")
-    if found.ndim != 2 or found.shape[1] not in (2, 3):
-        raise InputError(f"nurbs: got control points of shape {found.shape}, need (m, 3) or (m, 2)")
-    centers = np.pad(found, ((0, 0), (0, 3 - found.shape[1])))
+    points = _numbers_of(curve, "control_points", "ctrlpts")
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise InputError(f"nurbs: got control points of shape {points.shape}, need (m, 3) or (m, 2)")
+    centers = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     knots = _knots_of(curve)
     if knots is None:
         knots = np.repeat([0.0, 1.0], p + 1)
@@ -213,7 +213,7 @@ def nurbs(curve: Any, closed: bool = False, *, normal: Numbers | None = None) ->
 
 
 def _framed(axis: Axis, centers: Array, normal: Numbers | None, closed: bool, stations: Array | None) -> CenterLine:
-    """Return the line with frames that turn as little as can be, refused where it has a corner."""
+    """Return the line with rotation-minimising frames; raise where it has a corner."""
     towards = None if normal is None else finite_points("normal", normal, (3,))
     frames = Frames(axis, centers, towards, closed)
     frames.check()
@@ -221,7 +221,7 @@ def _framed(axis: Axis, centers: Array, normal: Numbers | None, closed: bool, st
 
 
 def _numbers_of(curve: Any, *names: str) -> Array:
-    """Return the numbers in the first of some attributes that there is."""
+    """Return the numbers in the first of some attributes that exists."""
     for name in names:
         value = getattr(curve, name, None)
         if value is not None:
@@ -234,5 +234,5 @@ def _numbers_of(curve: Any, *names: str) -> Array:
 def _knots_of(curve: Any) -> Array | None:
     """Return the knot vector, None of a Bézier curve; splinepy has a list of them."""
     several = getattr(curve, "knot_vectors", None)
-    one = getattr(curve, "knotvector", None) if several is None else several[0]
-    return None if one is None else np.array(list(one), dtype=float)
+    knots = getattr(curve, "knotvector", None) if several is None else several[0]
+    return None if knots is None else np.array(list(knots), dtype=float)

@@ -1,4 +1,4 @@
-"""Centre lines as wire is bent: straight lines, arcs and helices, each of which goes on where the last ended."""
+"""Centre lines as wire is bent: straight lines, arcs and helices, each starting at the end of the last."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,15 +13,15 @@ from isorod.geometry.coils import Winding, check_angle, wound
 from isorod.geometry.frames import ArcLength, Frames
 from isorod.geometry.given import check_length, finite_points
 from isorod.geometry.line import CenterLine
-from isorod.geometry.pieces import Piece, joined, tensors
+from isorod.geometry.pieces import Segment, joined, tensors
 from isorod.tensors import rotation
 
-# A closed chain's end is this near to its start, as a share of its length, and its direction by as many radians.
+# Largest gap between end and start of a closed chain, relative to its length, and between directions, radians.
 _CLOSED = 1e-6
 
 
 class Tip:
-    """The end of a chain so far: its place, what it bends towards, binormal and tangent as columns, and the section.
+    """The end of a chain so far: its position, normal, binormal and tangent as columns, and the section's direction.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Tip:
 
 @dataclass(frozen=True)
 class Straight(Checked):
-    """A straight line, on along the tangent.
+    """A straight line along the tangent.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class Straight(Checked):
         check_length("length", self.length)
 
     def line(self, tip: Tip) -> CenterLine:
-        """Return it from a tip on, which it moves."""
-        way = np.array([[0.0], [0.5], [1.0]]) * self.length * tip.triad[:, 2]
-        return _exact([Piece(tip.place + way, self.length)], tip)
+        """Return the line from a tip on, and move the tip to its end."""
+        points = np.array([[0.0], [0.5], [1.0]]) * self.length * tip.triad[:, 2]
+        return _exact([Segment(tip.place + points, self.length)], tip)
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Arc(Checked):
     radius
         Units of length.
     angle
-        By which it turns towards the normal, degrees, -360 to 360; negative: away from it.
+        Turn towards the normal, degrees, -360 to 360; negative: away from it.
     roll
-        By which the plane of bending is turned about the tangent before, degrees, for this piece and those after it.
+        Rotation of the plane of bending about the tangent at its start, degrees, for this piece and later ones.
     """
 
     radius: float
@@ -89,19 +89,19 @@ class Arc(Checked):
         finite("roll", self.roll)
 
     def line(self, tip: Tip) -> CenterLine:
-        """Return it from a tip on, which it moves."""
+        """Return the line from a tip on, and move the tip to its end."""
         tip.roll(self.roll)
         sense, count = np.sign(self.angle), chosen(lambda: int(np.ceil(abs(self.angle) / 90.0 - 1e-9)))
         turn = np.radians(abs(self.angle)) / count
         about, to_centre = sense * tip.triad[:, 1], sense * self.radius * tip.triad[:, 0]
         centre = tip.place + to_centre
-        pieces = []
+        segments = []
         for k in range(count):
-            start, end = (centre - rotation(one * turn * about) @ to_centre for one in (k, k + 1))
+            start, end = (centre - rotation(step * turn * about) @ to_centre for step in (k, k + 1))
             out = -rotation((k + 0.5) * turn * about) @ to_centre
             corner = centre + out / np.cos(0.5 * turn)
-            pieces.append(Piece(np.array([start, corner, end]), self.radius * turn, turn, about))
-        return _exact(pieces, tip)
+            segments.append(Segment(np.array([start, corner, end]), self.radius * turn, turn, about))
+        return _exact(segments, tip)
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,9 @@ class Helix(Checked):
     radius, pitch
         As those of the curve `helix`: numbers, or lists of them; a negative pitch makes it left-handed.
     turns
-        Their number, positive, not necessarily whole.
+        Their number, positive, not necessarily an integer.
     roll
-        By which the plane of bending is turned about the tangent before, degrees, for this piece and those after it.
+        Rotation of the plane of bending about the tangent at its start, degrees, for this piece and later ones.
     """
 
     radius: Numbers
@@ -132,12 +132,12 @@ class Helix(Checked):
         return wound(self.radius, self.pitch, self.turns)
 
     def line(self, tip: Tip) -> CenterLine:
-        """Return it from a tip on, which it moves; its parameter is as long as it is."""
+        """Return the line from a tip on, and move the tip to its end; its parameter is the length."""
         tip.roll(self.roll)
         winding = self._winding()
         own = winding.line()
         start, end = winding.frames(np.array([0.0, self.turns]))
-        # The axis of a helix is where it bends to: normals point there.
+        # A helix bends towards its axis: normals point there.
         inwards = np.array([-1.0, -1.0, 1.0])
         turn = (tip.triad * inwards) @ start.T
         centers = tip.place + (own.centers - own.centers[0]) @ turn.T
@@ -146,21 +146,21 @@ class Helix(Checked):
         axis = Axis(own.axis.degree, own.axis.knots * (length / last), own.axis.weights)
 
         def frames(u: Array) -> Array:
-            found: Array = turn @ winding.frames(self.turns / length * u) @ section
-            return found
+            directions: Array = turn @ winding.frames(self.turns / length * u) @ section
+            return directions
 
         tip.place, tip.triad = centers[-1], (turn @ end) * inwards
         tip.first = (turn @ end @ section)[:, 0]
         return CenterLine(axis, centers, frames=frames, deviation=own.deviation, cure=own.cure)
 
 
-def _exact(pieces: Sequence[Piece], tip: Tip) -> CenterLine:
+def _exact(segments: Sequence[Segment], tip: Tip) -> CenterLine:
     """Return straight lines or arcs, and move the tip to their end."""
-    rotations, stretches = tensors(pieces, tip.frame())
-    for piece in pieces:
-        tip.triad = rotation(piece.angle * piece.about) @ tip.triad
-    tip.place, tip.first = pieces[-1].points[2], rotations[-1][:, 0]
-    return CenterLine(*joined(pieces), rotations, stretches)
+    rotations, stretches = tensors(segments, tip.frame())
+    for segment in segments:
+        tip.triad = rotation(segment.angle * segment.about) @ tip.triad
+    tip.place, tip.first = segments[-1].points[2], rotations[-1][:, 0]
+    return CenterLine(*joined(segments), rotations, stretches)
 
 
 def chain(
@@ -171,12 +171,12 @@ def chain(
     normal: Numbers | None = None,
     closed: bool = False,
 ) -> CenterLine:
-    """Return a wire's line as it is bent: straight lines, arcs and helices, each on from the last with its tangent.
+    """Return a wire's line as it is bent: straight lines, arcs and helices, each tangent to the last.
 
     As on a bending machine the wire is fed, turned and bent (length, rotation, angle): an arc bends it towards the
     normal, in the plane of bending, which `roll` turns about the wire first.  The section does not turn about straight
-    lines and arcs; along a helix it keeps its angle to the helix's normal.  Straight lines and arcs, and what is swept
-    along them, are exact; helices are as those of the curve `helix`, and tangents where pieces meet are the same.  The
+    lines and arcs; along a helix it keeps its angle to the helix's normal.  Straight lines and arcs, and rods swept
+    along them, are exact; helices are those of the curve `helix`.  Tangents are continuous where pieces meet.  The
     axis parameter is the length along the line, within a helix evenly in its turns.
 
     Parameters
@@ -186,27 +186,27 @@ def chain(
     start
         Point ``(3,)``.
     direction
-        Of the start's tangent, ``(3,)``.
+        Tangent at the start, ``(3,)``.
     normal
         Vector ``(3,)`` towards which the first arc bends, unless it has a roll, and a section's x points at the start;
-        where not given x turned as z is turned to the direction on the shortest way.
+        by default x under the smallest rotation that takes z to the direction.
     closed
-        Whether its end is its start, with the same tangent; the section is then turned back evenly if it has to be.
+        Whether its end is its start, with the same tangent; the section's rotation is then closed evenly if needed.
     """
     if not pieces:
         raise InputError("chain: got no pieces, need at least one")
-    foot, along = finite_points("start", start, (3,)), finite_points("direction", direction, (3,))
+    origin, along = finite_points("start", start, (3,)), finite_points("direction", direction, (3,))
     if not np.any(along):
         raise InputError("direction: got zeros, need a vector")
     towards = None if normal is None else finite_points("normal", normal, (3,))
     axis = Axis(1, np.array([0.0, 0.0, 1.0, 1.0]), np.ones(2))
-    across = Frames(axis, np.array([foot, foot + along]), towards)(np.zeros(1))[0]
+    across = Frames(axis, np.array([origin, origin + along]), towards)(np.zeros(1))[0]
     begin = np.concatenate([across, along[:, None] / np.linalg.norm(along)], axis=1)
-    tip = Tip(foot, begin)
+    tip = Tip(origin, begin)
     line = _in_a_row([piece.line(tip) for piece in pieces])
     if not closed:
         return line
-    gap, bend = np.linalg.norm(tip.place - foot), np.linalg.norm(tip.triad[:, 2] - begin[:, 2])
+    gap, bend = np.linalg.norm(tip.place - origin), np.linalg.norm(tip.triad[:, 2] - begin[:, 2])
     if gap > _CLOSED * line.axis.breaks[-1] or bend > _CLOSED:
         raise InputError(
             f"closed: the end is {gap:.4g} away from the start, and its direction {np.degrees(bend):.3g} degrees; they "
@@ -221,19 +221,19 @@ def chain(
 
 
 def _in_a_row(lines: Sequence[CenterLine]) -> CenterLine:
-    """Return lines each of which begins, at a weight of 1, where the last one ended."""
+    """Return lines joined end to end, each beginning at a weight of 1 where the last one ended."""
     degree = max(line.axis.degree for line in lines)
     axes = [line.axis.refine(1, degree) for line in lines]
     starts = np.concatenate([[0.0], np.cumsum([axis.breaks[-1] for axis in axes])])
     knots = [axis.knots[degree + 1 :] + start for axis, start in zip(axes, starts, strict=False)]
-    # Where two meet a knot stands as often as the degree.
-    knots = [np.zeros(degree + 1), *(one[:-1] for one in knots), starts[-1:]]
+    # Joints have the degree as multiplicity.
+    knots = [np.zeros(degree + 1), *(part[:-1] for part in knots), starts[-1:]]
     parts = [line.axis.transfer(axis, line.centers) for line, axis in zip(lines, axes, strict=True)]
 
     def row(several: Sequence[Array]) -> Array:
-        return np.concatenate([several[0], *(one[1:] for one in several[1:])])
+        return np.concatenate([several[0], *(part[1:] for part in several[1:])])
 
-    axis = Axis(degree, np.concatenate(knots), row([one.weights for one in axes]))
+    axis = Axis(degree, np.concatenate(knots), row([part.weights for part in axes]))
     worst = max(lines, key=lambda line: line.deviation)
     if all(line.frames is None for line in lines):
         rotations, stretches = (row([getattr(line, name) for line in lines]) for name in ("rotations", "stretches"))
@@ -241,11 +241,11 @@ def _in_a_row(lines: Sequence[CenterLine]) -> CenterLine:
 
     def frames(u: Array) -> Array:
         which = np.clip(np.searchsorted(starts, u, side="right") - 1, 0, len(lines) - 1)
-        found = np.empty((u.size, 3, 2))
+        directions = np.empty((u.size, 3, 2))
         for k, (line, first) in enumerate(zip(lines, starts, strict=False)):
             here = which == k
             if here.any():
-                found[here] = line.directions(np.clip(u[here] - first, 0.0, line.axis.breaks[-1]))
-        return found
+                directions[here] = line.directions(np.clip(u[here] - first, 0.0, line.axis.breaks[-1]))
+        return directions
 
     return CenterLine(axis, row(parts), frames=frames, stations=starts, deviation=worst.deviation, cure=worst.cure)

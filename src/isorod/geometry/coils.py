@@ -1,4 +1,4 @@
-"""Centre lines that wind about an axis: arcs, and helices whose radius and pitch may change on the way."""
+"""Centre lines that wind about an axis: arcs, and helices whose radius and pitch may vary."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from isorod.geometry.fitting import evaluate, inside, nearest
 from isorod.geometry.given import check_length
 from isorod.geometry.line import CenterLine
 
-# The helix that is no arcs has so many elements a turn, this degree, and so many points an element for least squares.
+# Elements a turn, degree, and least-squares points an element of a helix that is not made of arcs.
 HELIX_ELEMENTS = 8
 _DEGREE = 4
 _POINTS = 12
 
-# Places of an element at which its deviation is measured.
+# Points of an element at which its deviation is measured.
 _PLACES = 16
 
-# What there is to say where that matters.
+# The remedy in a warning.
 _CURE = "a helix is no nearer: its length is right to 1e-6, but gaps to what it touches are off by so much"
 
 Field = Callable[[Array], Array]
@@ -38,7 +38,7 @@ def arc(radius: float, angle: float, *, phase: float = 0.0) -> CenterLine:
     radius
         Units of length.
     angle
-        From start to end, degrees, -360 to 360; negative: clockwise seen from above.  A whole turn is closed.
+        From start to end, degrees, -360 to 360; negative: clockwise seen from above.  A full turn is closed.
     phase
         Angle of the start, from x towards y, degrees.
     """
@@ -67,17 +67,17 @@ def helix(
 ) -> CenterLine:
     """Return a helix about the z axis, the section in the plane of the radial direction and the helix's binormal.
 
-    Radius and pitch may change on the way: springs that are conical, barrels, or of closed ends, and, without pitch,
-    flat spirals.  Numbers in between are joined smoothly (C1) and without overshoot.
+    Radius and pitch may vary: conical and barrel springs, closed ends, and, without pitch, flat spirals.  Values are
+    interpolated smoothly (C1) and without overshoot.
 
-    A quartic spline, C3 (C1 where a number of a list is), with 8 elements a turn, by least squares, its ends and their
-    tangents exact: the lead angle is within 0.02 degrees of the true one everywhere (at the worst pitch, as long as a
-    turn; 0.003 on the spring of Lu & Zhou), the radius within 6e-5, 3e-7 in the mean.
+    A quartic spline, C3 (C1 at the values of a list), with 8 elements a turn, by least squares, its ends and their
+    tangents exact: the lead angle is within 0.02 degrees of the true one everywhere (at the worst pitch, equal to the
+    length of a turn; 0.003 on the spring of Lu & Zhou), the radius within 6e-5, 3e-7 in the mean.
 
     With ``arcs_per_turn`` rational quadratic circular arcs, C0 at their joints, as in Lu & Zhou (2011): at the corner
     control point of an arc (weight ``cos(pi / arcs_per_turn)``) the part of every section vector that is normal to z is
     stretched by the inverse weight: with ``pitch = 0`` the swept ring is then an exact torus (their Fig. 4).  With a
-    pitch the wire lies on the cylinder, but climbs unevenly: with 4 arcs a turn that spring's at 3.10 to 4.38 degrees
+    pitch the wire lies on the cylinder, but rises unevenly: with 4 arcs a turn that spring's at 3.10 to 4.38 degrees
     in place of 3.95, an error that falls with the square of their number only.
 
     The wobble makes a spring softer by about its mean square: fully converged, the even helix takes 0.0057 % more force
@@ -90,9 +90,9 @@ def helix(
         Radius and rise per turn, units of length: a number, several at evenly spaced turns from the first to the
         last, or pairs ``[turn, value]``, the first at turn 0, the last at the last turn.
     turns
-        Their number, positive, not necessarily whole.
+        Their number, positive, not necessarily an integer.
     arcs_per_turn
-        Number of arcs (elements) in each turn, at least 3; with part of a turn as many as make arcs no longer.
+        Number of arcs (elements) in each turn, at least 3; for part of a turn as many as keep arcs no longer.
     phase
         Angle of the start, from x towards y, degrees.
     left
@@ -111,7 +111,7 @@ def helix(
 
 
 class Along(NamedTuple):
-    """A number that may change over turns: value, derivative and integral, each of turns ``(t,)``, and its places."""
+    """A value that may vary over turns: itself, derivative and integral, functions of turns ``(t,)``; its places."""
 
     value: Field
     slope: Field
@@ -121,7 +121,7 @@ class Along(NamedTuple):
 
 @dataclass(frozen=True)
 class Winding:
-    """A curve that winds about the z axis by turns, each of parameters ``t`` from 0 to `turns`."""
+    """A curve that winds about the z axis; its parameter ``t`` is the turns, from 0 to `turns`."""
 
     radius: Along
     pitch: Along
@@ -131,7 +131,7 @@ class Winding:
 
     @property
     def places(self) -> Array:
-        """Turns between which it is smooth, ``(k,)``, both ends among them."""
+        """Turns between which it is smooth, ``(k,)``, both ends included."""
         given = np.concatenate([[0.0, self.turns], self.radius.places, self.pitch.places])
         return np.unique(np.round(given / self.turns, 12)) * self.turns
 
@@ -144,16 +144,16 @@ class Winding:
 
     def points(self, t: Array) -> Array:
         """Return its points ``(t, 3)``."""
-        found = self.radius.value(t)[:, None] * self.around(t)[0]
-        found[:, 2] = self.pitch.integral(t)
-        return found
+        result = self.radius.value(t)[:, None] * self.around(t)[0]
+        result[:, 2] = self.pitch.integral(t)
+        return result
 
     def slopes(self, t: Array) -> Array:
         """Return the derivatives of its points by turns, ``(t, 3)``."""
         radial, tangential = self.around(t)
-        found = self.radius.slope(t)[:, None] * radial + 2.0 * np.pi * self.radius.value(t)[:, None] * tangential
-        found[:, 2] = self.pitch.value(t)
-        return found
+        result = self.radius.slope(t)[:, None] * radial + 2.0 * np.pi * self.radius.value(t)[:, None] * tangential
+        result[:, 2] = self.pitch.value(t)
+        return result
 
     def frames(self, t: Array) -> Array:
         """Return the direction away from z, the one normal to it and to the tangent, and the tangent, as columns."""
@@ -167,7 +167,7 @@ class Winding:
         return np.stack([first, across, tangent], axis=2)
 
     def line(self) -> CenterLine:
-        """Return the spline, 8 elements a turn; it comes forward evenly in turns."""
+        """Return the spline, 8 elements a turn, its parameter proportional to turns."""
         places = self.places
         parts = chosen(lambda: np.maximum(1, np.ceil(HELIX_ELEMENTS * np.diff(places) - 1e-9).astype(int)))
         count = int(parts.sum())
@@ -175,7 +175,7 @@ class Winding:
         cuts = [a + (b - a) * np.arange(n) / n for a, b, n in zip(places[:-1], places[1:], parts, strict=True)]
         breaks = np.append(np.concatenate(cuts), self.turns) / each
         times = np.ones(count + 1, dtype=int)
-        # Second derivatives jump where numbers are given.
+        # Second derivatives jump at the values of a list.
         times[np.cumsum(parts)[:-1]] = _DEGREE - 1
         times[[0, -1]] = _DEGREE + 1
         knots = np.repeat(breaks, times)
@@ -204,32 +204,32 @@ class Winding:
 def wound(
     radius: Numbers, pitch: Numbers, turns: float, phase: float = 0.0, left: bool = False, *, name: str = "helix"
 ) -> Winding:
-    """Return a winding of numbers as `helix` takes them; raises `InputError`."""
+    """Return the winding of arguments of `helix`; raises `InputError`."""
     expect(f"{name}: turns", turns, float)
     if not 0.0 < turns < np.inf:
         raise InputError(f"{name}: got {turns:g} turns, need a positive number")
     _check_count(turns * HELIX_ELEMENTS)
     radii, rises = numbers("centre line radius", radius), numbers("pitch", pitch)
-    for one in np.atleast_1d(radii if radii.ndim < 2 else radii[:, -1]):
-        check_length("centre line radius", float(one))
+    for value in np.atleast_1d(radii if radii.ndim < 2 else radii[:, -1]):
+        check_length("centre line radius", float(value))
     return Winding(_along("radius", radii, turns), _along("pitch", rises, turns), float(turns), phase, left)
 
 
-def _along(name: str, given: Array, turns: float) -> Along:
-    """Return a number over turns; raises `InputError` if it is not finite, or its turns do not rise from end to end."""
-    if not np.isfinite(given).all():
-        raise InputError(f"{name}: got {given[~np.isfinite(given)][0]}, need a finite length")
-    if given.ndim == 0:
-        return _even(float(given))
-    if given.ndim > 2 or len(given) < 2 or (given.ndim == 2 and given.shape[1] != 2):
-        raise InputError(f"{name}: got shape {given.shape}, need a number, 2 or more, or pairs of turn and number")
-    places = np.linspace(0.0, turns, len(given)) if given.ndim == 1 else given[:, 0]
+def _along(name: str, values: Array, turns: float) -> Along:
+    """Return a value over turns; raises `InputError` if it is not finite, or its turns do not rise from end to end."""
+    if not np.isfinite(values).all():
+        raise InputError(f"{name}: got {values[~np.isfinite(values)][0]}, need a finite length")
+    if values.ndim == 0:
+        return _even(float(values))
+    if values.ndim > 2 or len(values) < 2 or (values.ndim == 2 and values.shape[1] != 2):
+        raise InputError(f"{name}: got shape {values.shape}, need a number, 2 or more, or pairs of turn and number")
+    places = np.linspace(0.0, turns, len(values)) if values.ndim == 1 else values[:, 0]
     if places[0] != 0.0 or abs(places[-1] - turns) > 1e-9 * turns or not (np.diff(places) > 0.0).all():
         raise InputError(f"{name}: got turns {', '.join(f'{t:g}' for t in places)}; they must rise from 0 to {turns:g}")
-    # Loaded where numbers change.
+    # Imported late: only varying values need it.
     from scipy.interpolate import PchipInterpolator
 
-    curve = PchipInterpolator(places, given if given.ndim == 1 else given[:, 1])
+    curve = PchipInterpolator(places, values if values.ndim == 1 else values[:, 1])
     return Along(curve, curve.derivative(), curve.antiderivative(), places)
 
 

@@ -23,17 +23,17 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
 
-# Closed form and tables hold well beyond; the memory of a section's tables (40 n^2) does not.
+# The limit is the memory of a section's tables (40 n^2); closed form and tables are accurate well beyond.
 MAX_COUNT = 2048
 
-# Tables up to this many values are kept: a rod's check, its geometry and its space meet the same points again and
+# Tables up to this many values are cached: a rod's check, its geometry and its space use the same points again and
 # again.
 _KEPT_SIZE = 2**16
 
-# Values of a table that are computed at once: they take a dozen complex arrays.
+# Values of a table computed at once, which takes a dozen complex arrays.
 _AT_ONCE = 2**19
 
-# Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, does not.
+# Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, is accurate.
 _SERIES_RADIUS = 0.25
 _SERIES_TERMS = 28
 
@@ -95,13 +95,13 @@ def harmonic_functions(n: int, xi: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     values, gradients
-        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header); not to
-        be written to.
+        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header);
+        read-only.
 
     Raises
     ------
     InputError
-        If a point lies outside the disk by more than rounding, or is not finite.
+        If a point lies outside the disk by more than round-off, or is not finite.
     """
     points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
     check_count(n)
@@ -118,7 +118,7 @@ def _kept(n: int, points: bytes) -> tuple[Array, Array]:
 
 
 def _tabulate(n: int, points: Array) -> tuple[Array, Array]:
-    """Return what `harmonic_functions` does, not kept."""
+    """Do `harmonic_functions`, without the cache."""
     count = max(1, _AT_ONCE // n)
     if len(points) <= count:
         return _tabulate_part(n, points)
@@ -130,7 +130,7 @@ def _tabulate(n: int, points: Array) -> tuple[Array, Array]:
 
 
 def _tabulate_part(n: int, points: Array) -> tuple[Array, Array]:
-    """Return what `harmonic_functions` does, at so many points that a dozen such arrays do no harm."""
+    """Do `harmonic_functions` at few enough points for a dozen complex arrays."""
     radius = np.hypot(points[:, 0], points[:, 1])
     bad = ~(radius <= 1.0 + 1e-12)
     if bad.any():

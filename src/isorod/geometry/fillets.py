@@ -7,27 +7,27 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.pieces import Piece, joined
+from isorod.geometry.pieces import Segment, joined
 from isorod.geometry.reading import turns
 
-# Turns below this, radians, need no fillet; pieces below this share of the longest chord are none.
+# Turns below this, radians, need no fillet; segments below this fraction of the longest chord are left out.
 _STRAIGHT = 1e-9
 _NOTHING = 1e-12
 
 
 class Path(NamedTuple):
-    """A filleted line: axis, control points ``(axis.count, 3)``, its pieces, and parameters ``(m,)`` of the points."""
+    """A filleted line: axis, control points ``(axis.count, 3)``, segments, and parameters ``(m,)`` of the points."""
 
     axis: Axis
     centers: Array
-    pieces: list[Piece]
+    segments: list[Segment]
     stations: Array
 
 
 def path(points: Array, radius: float, closed: bool) -> Path:
     """Return lines from point to point and arcs of one radius between them, tangent to both.
 
-    An arc is two elements that meet half way, which is where its point's station is; a closed line begins there.
+    An arc has two elements, which meet at its middle, the station of its point; a closed line begins there.
 
     Parameters
     ----------
@@ -57,28 +57,30 @@ def path(points: Array, radius: float, closed: bool) -> Path:
             f"polyline: fillet: got {radius:g}, need {length[k] / needed[k]:.4g} at most for the side from point {k} "
             f"to point {(k + 1) % count}"
         )
-    # Points first, and their fillets' ends and middles.
+    # Ends of the fillets at points.
     trim = radius * slope[:, None]
     before = np.roll(along, 1, axis=0)
     starts, ends = points - trim * before, points + trim * along
     halves = [_halves(*one, radius) for one in zip(starts, before, along, turn, strict=True)]
-    pieces, places = [], []
+    segments, places = [], []
     for k in range(count + closed):
         first, second = halves[k % count]
         if k:
             side = np.array([ends[k - 1], 0.5 * (ends[k - 1] + starts[k % count]), starts[k % count]])
             if room[k - 1] > _NOTHING * length.max():
-                pieces.append(Piece(side, float(room[k - 1])))
-            pieces += first
-        places.append(len(pieces))
+                segments.append(Segment(side, float(room[k - 1])))
+            segments += first
+        places.append(len(segments))
         if k < count:
-            pieces += second
-    axis, centers = joined(pieces)
-    return Path(axis, centers, pieces, axis.breaks[places])
+            segments += second
+    axis, centers = joined(segments)
+    return Path(axis, centers, segments, axis.breaks[places])
 
 
-def _halves(start: Array, before: Array, after: Array, turn: float, radius: float) -> tuple[list[Piece], list[Piece]]:
-    """Return the two halves of the arc that turns from one direction to another, none where it does not."""
+def _halves(
+    start: Array, before: Array, after: Array, turn: float, radius: float
+) -> tuple[list[Segment], list[Segment]]:
+    """Return the two halves of the arc from one direction to another, none where they are equal."""
     if not turn:
         return [], []
     about = np.cross(before, after)
@@ -86,4 +88,4 @@ def _halves(start: Array, before: Array, after: Array, turn: float, radius: floa
     middle = (before + after) / np.linalg.norm(before + after)
     reach, length = radius * np.tan(0.25 * turn), 0.5 * radius * turn
     points = start + reach * np.cumsum([0.0 * before, before, middle, middle, after], axis=0)
-    return [Piece(points[:3], length, 0.5 * turn, about)], [Piece(points[2:], length, 0.5 * turn, about)]
+    return [Segment(points[:3], length, 0.5 * turn, about)], [Segment(points[2:], length, 0.5 * turn, about)]

@@ -1,4 +1,4 @@
-"""Control polygons fitted to outlines: where control points stand, how many, and how far the outline is off."""
+"""Control polygons fitted to outlines: angles and number of control points, and the deviation of the outline."""
 
 import warnings
 from collections.abc import Callable
@@ -12,21 +12,21 @@ from isorod.errors import InputError
 from isorod.geometry import reading
 from isorod.geometry.disk import boundary_functions, check_count
 
-# Where their number is not given, the first of these that does is how many control points there are.
+# Numbers of control points to choose from: the first that is accurate enough.
 _COUNTS = (16, 24, 32, 40, 48, 64, 96)
 
-# So far may area or second moments be off: of what is chosen, of what is not warned of, of what is not refused.
-_CHOSEN, _TOLD, _REFUSED = 2e-3, 5e-3, 1e-2
+# Largest errors of area and second moments: of a chosen number, without a warning, without an error.
+_CHOSEN, _WARNED, _REFUSED = 2e-3, 5e-3, 1e-2
 
-# Places round an outline that are looked at.
+# Samples of an outline.
 _DENSE = 4096
 
 # Samples for each control point.
 _SAMPLES = 32
 
-# About a sharp corner control points stand up to three times as close, over this share of the mean distance of two. It
-# is then rounded off by half as much, with more of either by no less.
-_CLOSER, _AROUND = 2.0, 0.5
+# At a sharp corner control points are up to three times as dense, over this fraction of their mean distance. This
+# halves the rounding of the corner; larger values do not reduce it further.
+_DENSER, _AROUND = 2.0, 0.5
 
 
 class Polygon(np.ndarray[Any, np.dtype[np.float64]]):
@@ -35,7 +35,7 @@ class Polygon(np.ndarray[Any, np.dtype[np.float64]]):
     Attributes
     ----------
     deviation
-        The largest distance between its outline and the wanted one, as a share of half the diameter of this.
+        The largest distance between its outline and the target, relative to half the diameter of the target.
     """
 
     deviation: float
@@ -45,92 +45,92 @@ class Polygon(np.ndarray[Any, np.dtype[np.float64]]):
 
 
 def fit(theta: Array, points: Array, n: int) -> Array:
-    """Return the control points ``(n, 2)`` whose outline passes nearest to points at angles."""
-    found, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
+    """Return the control points ``(n, 2)`` whose outline is nearest to points at angles, by least squares."""
+    polygon, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
     if rank < n:
         raise InputError(f"section points: they determine only {rank} of {n} control points; give more or spread them")
-    return found
+    return polygon
 
 
-def crowded(ring: Array, sharp: Index, extent: Array, n: int, share: float = 1.0) -> Array:
-    """Return the control points ``(n, 2)`` of an outline, which stand closer about its corners.
+def crowded(ring: Array, sharp: Index, extent: Array, n: int, sharpness: float = 1.0) -> Array:
+    """Return the control points ``(n, 2)`` of an outline, denser at its corners.
 
-    Angles are in proportion to the length of the outline stretched to a square, times a density that is larger about
-    the corners.
+    Angles are in proportion to the length of the outline stretched to a square, times a density that is larger at the
+    corners.
 
     Parameters
     ----------
     ring
-        Many places of the outline, shape ``(k, 2)``, the last the first again.
+        Samples of the outline, shape ``(k, 2)``, the last the first again.
     sharp
         Which of them are corners.
     extent
-        By which places are divided.
+        Divisor of the samples.
     n
         Number of control points.
-    share
-        How sharp the corners are, from 0 to 1.
+    sharpness
+        Of the corners, from 0 to 1.
     """
-    way = reading.chord_lengths(ring / extent)
-    way /= way[-1]
+    arc_length = reading.chord_lengths(ring / extent)
+    arc_length /= arc_length[-1]
     u = np.linspace(0.0, 1.0, 2 * _DENSE + 1)
-    places = np.unique(way[sharp])
+    places = np.unique(arc_length[sharp])
     places = np.concatenate([places[-1:] - 1.0, places, places[:1] + 1.0])
     after = np.clip(np.searchsorted(places, u), 1, places.size - 1)
     apart = np.minimum(np.abs(u - places[after - 1]), np.abs(places[after] - u))
-    density = 1.0 + share * _CLOSER * np.exp(-((apart * n / _AROUND) ** 2))
+    density = 1.0 + sharpness * _DENSER * np.exp(-((apart * n / _AROUND) ** 2))
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     turned = np.arange(_SAMPLES * n) / (_SAMPLES * n)
     place = np.interp(turned, angle / angle[-1], u)
-    points = np.stack([np.interp(place, way, ring[:, k]) for k in range(2)], axis=1)
+    points = np.stack([np.interp(place, arc_length, ring[:, k]) for k in range(2)], axis=1)
     return fit(2.0 * np.pi * turned, points, n)
 
 
-def fitted(name: str, make: Callable[[int], Array], wanted: Array, n: int | None, most: int, cure: str) -> Polygon:
+def fitted(name: str, make: Callable[[int], Array], target: Array, n: int | None, most: int, cure: str) -> Polygon:
     """Return the control polygon of an outline, its deviation measured.
 
     Parameters
     ----------
     name
-        Of the section, with which warnings and errors begin.
+        Name of the section in warnings and errors.
     make
-        Returns the polygon of so many control points.
-    wanted
-        Many places of the outline ``(k, 2)``.
+        Returns the polygon of a number of control points.
+    target
+        Samples of the outline ``(k, 2)``.
     n
-        Number of control points; where it is not given, the first of 16, 24, 32, 40, 48, 64, 96 with which area and
+        Number of control points; by default the first of 16, 24, 32, 40, 48, 64, 96 with which area and
         second moments are right to 0.2 % and the outline to a hundredth of half the diameter.
     most
-        No more than so many are chosen.
+        The most that may be chosen.
     cure
-        What makes the outline better.
+        Remedy in warnings and errors.
 
     Raises
     ------
     InputError
         If area or a second moment is off by more than 1 %.
     """
-    half = _half_diameter(wanted[:: max(1, len(wanted) // 256)])
-    counts = [one for one in _COUNTS if one <= most] or [most]
+    half = _half_diameter(target[:: max(1, len(target) // 256)])
+    counts = [count for count in _COUNTS if count <= most] or [most]
     for count in counts if n is None else [check_count(n)]:
         try:
             polygon = make(count).view(Polygon)
         except InputError:
-            # Points that crowd do not determine as many as there are of them.
+            # Unevenly spaced points do not determine as many control points as there are points.
             if count in (n, counts[0]):
                 raise
             break
         outline = boundary_functions(count, 2.0 * np.pi * np.arange(_DENSE + 1) / _DENSE) @ np.asarray(polygon)
-        polygon.deviation = reading.distance(outline, wanted) / half
-        off = reading.mismatch(outline, wanted)
+        polygon.deviation = reading.distance(outline, target) / half
+        off = reading.mismatch(outline, target)
         if abs(off) <= _CHOSEN and polygon.deviation < reading.LARGE:
             return polygon
     count = len(polygon)
-    if abs(off) > _TOLD:
-        said = f"{name}: area or second moments of {count} control points are {100.0 * off:+.2g} % off; {cure}"
+    if abs(off) > _WARNED:
+        message = f"{name}: area or second moments of {count} control points are {100.0 * off:+.2g} % off; {cure}"
         if abs(off) > _REFUSED:
-            raise InputError(said)
-        warnings.warn(said, stacklevel=3)
+            raise InputError(message)
+        warnings.warn(message, stacklevel=3)
     elif polygon.deviation >= reading.LARGE:
         warnings.warn(
             f"{name}: the outline of {count} control points is {polygon.deviation * half:.3g} off, "
@@ -142,13 +142,13 @@ def fitted(name: str, make: Callable[[int], Array], wanted: Array, n: int | None
 
 
 def radius(polygon: Array) -> float:
-    """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 64 of its places."""
+    """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 64 samples."""
     return _half_diameter(_round(len(polygon)) @ polygon)
 
 
 @cache
 def _round(n: int) -> Array:
-    """Return the boundary functions of ``n`` control points at 64 places."""
+    """Return the boundary functions of ``n`` control points at 64 angles."""
     return boundary_functions(n, np.pi * np.arange(64) / 32.0)
 
 

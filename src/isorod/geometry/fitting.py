@@ -1,4 +1,4 @@
-"""Curves and fields in the space of an axis: interpolation, least squares, and as many elements as a field needs."""
+"""Curves and fields in the space of an axis: interpolation, least squares, and adaptive refinement."""
 
 from collections.abc import Callable
 
@@ -19,51 +19,51 @@ _ROUNDS = 12
 
 
 def evaluate(axis: Axis, coefficients: Array, u: Array) -> tuple[Array, Array]:
-    """Return a field ``(t, ...)`` and its derivative by the parameter there, of coefficients ``(axis.count, ...)``."""
+    """Return a field ``(t, ...)`` of coefficients ``(axis.count, ...)`` and its derivative by the parameter."""
     first, values, slopes = axis.local(u)
     near = coefficients[first[:, None] + np.arange(axis.degree + 1)]
     return np.einsum("tj,tj...->t...", values, near), np.einsum("tj,tj...->t...", slopes, near)
 
 
 def inside(axis: Axis, count: int) -> Array:
-    """Return ``count`` evenly spaced parameters of every element, its ends left out, shape ``(elements, count)``."""
+    """Return ``count`` evenly spaced parameters of every element, without its ends, shape ``(elements, count)``."""
     return axis.within(np.arange(1.0, count + 1.0) / (count + 1.0))
 
 
 def interpolate(axis: Axis, field: Field) -> Array:
-    """Return the coefficients ``(axis.count, ...)`` of what equals a field at the Greville points of the axis."""
+    """Return the coefficients ``(axis.count, ...)`` that interpolate a field at the Greville points of the axis."""
     points = bspline.greville(axis.knots, axis.degree)
-    wanted = field(points)
+    target = field(points)
     first, values, _ = axis.local(points)
     p, row = axis.degree, np.arange(axis.count)[:, None]
     column = first[:, None] + np.arange(p + 1)
     band = np.zeros((2 * p + 1, axis.count))
     band[p + row - column, column] = values
-    found: Array = solve_banded((p, p), band, wanted.reshape(axis.count, -1))
-    return found.reshape(wanted.shape)
+    result: Array = solve_banded((p, p), band, target.reshape(axis.count, -1))
+    return result.reshape(target.shape)
 
 
 def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, float]:
-    """Return the axis with as many knots more as a field needs, the field's coefficients there, and the largest error.
+    """Return the axis refined as a field needs, the field's coefficients there, and the largest error.
 
     Parameters
     ----------
     axis
-        To begin with; the space of what is returned contains its space.
+        The initial axis, whose space is contained in that of the result.
     field
         Of parameters ``(t,)``, shape ``(t, ..., 3)``: vectors, continuous.
     tolerance
-        How far the vectors may be off, in their unit.
+        Largest error of the vectors, in their unit.
 
     Raises
     ------
     InputError
-        If no number of knots will do: the field jumps.
+        If no number of knots suffices: the field jumps.
     """
     power = 1.0 / (axis.degree + 1)
 
     def more() -> Index | None:
-        """Return how many parts elements are to have, None where the field is as near as wanted."""
+        """Return the numbers of parts of elements, None where the field is within the tolerance."""
         if errors.max() <= tolerance:
             return None
         # The error falls with that power of the element's length.
@@ -71,9 +71,9 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, fl
 
     for _ in range(_ROUNDS):
         fit = np.sort(np.concatenate([inside(axis, 2 * axis.degree).ravel(), axis.breaks]))
-        wanted = field(fit)
-        # Interpolation would make circles too small everywhere: it errs to one side.
-        coefficients = nearest(axis, fit, wanted.reshape(fit.size, -1)).reshape(axis.count, *wanted.shape[1:])
+        target = field(fit)
+        # Interpolation would make circles too small everywhere: its error is one-sided.
+        coefficients = nearest(axis, fit, target.reshape(fit.size, -1)).reshape(axis.count, *target.shape[1:])
         u = inside(axis, _POINTS * axis.degree)
         off = evaluate(axis, coefficients, u.ravel())[0] - field(u.ravel())
         errors = np.linalg.norm(off, axis=-1).reshape(axis.elements, -1).max(axis=1)
@@ -96,8 +96,8 @@ def least_squares(functions: Index, values: Array, points: Array, count: int) ->
     Parameters
     ----------
     functions, values
-        Which functions live at each point's parameter, and how large they are there, both ``(t, p + 1)``; those
-        numbered below 0 or from ``count`` on are left out.
+        Numbers of the functions at each point's parameter, and their values, both ``(t, p + 1)``; those numbered below
+        0 or from ``count`` on are left out.
     points
         Shape ``(t, c)``.
 
@@ -106,7 +106,7 @@ def least_squares(functions: Index, values: Array, points: Array, count: int) ->
     numpy.linalg.LinAlgError
         If the points do not determine it.
     """
-    # Straight lines and arcs do without.
+    # Imported late: straight lines and arcs do not need it.
     from scipy.sparse import csr_matrix
     from scipy.sparse.linalg import splu
 
@@ -114,10 +114,10 @@ def least_squares(functions: Index, values: Array, points: Array, count: int) ->
     there = (functions >= 0) & (functions < count)
     matrix = csr_matrix((values[there], (rows[there], functions[there])), shape=(points.shape[0], count))
     try:
-        found: Array = splu((matrix.T @ matrix).tocsc()).solve(matrix.T @ points)
+        result: Array = splu((matrix.T @ matrix).tocsc()).solve(matrix.T @ points)
     except RuntimeError as error:
         raise np.linalg.LinAlgError("the points do not determine the curve") from error
-    return found
+    return result
 
 
 def nearest(axis: Axis, u: Array, points: Array, slopes: Array | None = None) -> Array:
@@ -130,7 +130,7 @@ def nearest(axis: Axis, u: Array, points: Array, slopes: Array | None = None) ->
     points
         Shape ``(t, c)``.
     slopes
-        Its derivatives at both ends, ``(2, c)``, if these are to be met as well; the axis has no weights then.
+        Its derivatives at both ends, ``(2, c)``, if these are prescribed; the axis has no weights then.
     """
     p = axis.degree
     first, values, _ = axis.local(u)

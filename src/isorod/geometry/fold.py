@@ -10,22 +10,22 @@ from isorod.geometry.disk import circle, harmonic_functions
 # Sections and their derivatives by the parameter, (t, n, 3) each, at parameters (t,).
 Sections = Callable[[Array], tuple[Array, Array]]
 
-# A fold is put down to the line's curvature if curvature and distance from the centre multiply to nearly one, which
-# they do exactly only where sections are normal to the line.
+# A fold is attributed to the line's curvature if curvature times distance from the centre exceeds this; it is exactly
+# one only where sections are normal to the line.
 _NEARLY = 0.95
 
 
 def reason(sections: Sections, u: Array, t: int, xi: Array) -> str:
-    """Return why the map of a rod folds at a parameter and a point of the disk.
+    """Return the cause of a fold of a rod's map at a parameter and a point of the disk.
 
     Parameters
     ----------
     sections
-        The rod's.
+        Sections of the rod.
     u
-        Ascending parameters along the whole rod, shape ``(elements, count)``, inside the elements.
+        Ascending parameters along the rod, shape ``(elements, count)``, inside the elements.
     t
-        Which of them it is.
+        Number of the parameter.
     xi
         Point of the disk, ``(2,)``.
     """
@@ -47,7 +47,7 @@ def reason(sections: Sections, u: Array, t: int, xi: Array) -> str:
     element = u[t // u.shape[1]]
     nudge = 1e-4 * (element[-1] - element[0])
     middle = np.clip(u.ravel()[t], element[0] + nudge, element[-1] - nudge)
-    near, slopes = (one.mean(axis=1) for one in sections(middle + nudge * np.array([-1.0, 1.0])))
+    near, slopes = (field.mean(axis=1) for field in sections(middle + nudge * np.array([-1.0, 1.0])))
     directions = slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
     bend = (directions[1] - directions[0]) / np.linalg.norm(near[1] - near[0])
     if values[0] @ arms[t] @ bend >= _NEARLY:

@@ -1,4 +1,4 @@
-"""Frames along a curve that turn about its tangent as little as can be, and its arc length."""
+"""Rotation-minimising frames along a curve, and its arc length."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,11 +10,11 @@ from isorod.errors import InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.fitting import evaluate
 
-# Samples of each element, from which a frame is carried to the parameters in between. The angle's error falls with the
-# fourth power: 4e-8 rad over a turn of a helix as steep as it is wide, of 8 elements.
+# Samples of each element, from which a frame is transported to the parameters in between. The angle's error is of
+# fourth order: 4e-8 rad over a turn of a helix as steep as it is wide, of 8 elements.
 _SAMPLES = 16
 
-# Sections cannot follow a corner of more than this, in radians.
+# Largest corner of a centre line, radians.
 _CORNER = 5e-4
 
 
@@ -27,10 +27,10 @@ class Frames:
     axis, centers
         The curve: control points ``(axis.count, 3)``.
     normal
-        Vector ``(3,)``, whose part normal to the curve at its start is the first direction there; where not given the
-        first direction is x turned as z is turned to the tangent on the shortest way.
+        Vector ``(3,)``, whose component normal to the curve at its start is the first direction there; by default that
+        is x under the smallest rotation that takes z to the tangent.
     closed
-        Whether the frame's angle after a turn is taken back evenly along the length, so that the last is the first.
+        Whether the frame's angle after a turn is corrected evenly along the length, so that the last is the first.
     """
 
     axis: Axis
@@ -50,7 +50,7 @@ class Frames:
         return np.stack([turned, np.cross(tangent, turned)], axis=2)
 
     def check(self) -> None:
-        """Raise `InputError` if the curve stands still, has a corner, or closed does not come back as it left."""
+        """Raise `InputError` if the curve stands still, has a corner, or is closed but does not end as it begins."""
         self._along(self.axis.evenly(_SAMPLES))
         breaks, nudge = self.axis.breaks, 1e-9 * np.diff(self.axis.breaks)
         before, after = self._along(breaks[1:] - nudge)[1], self._along(breaks[:-1] + nudge)[1]
@@ -78,7 +78,7 @@ class Frames:
         """Return samples' parameters, places, tangents and first directions, and the angle that closes the curve."""
         samples = self.axis.evenly(_SAMPLES)
         places, tangents = self._along(samples)
-        # Each step's turn against directions of no meaning; their sum is the frame.
+        # Rotation of each step relative to arbitrary directions; their sum is the frame's.
         aside = _aside(tangents)
         above = np.cross(tangents, aside)
         moved = _reflected(places[:-1], places[1:], tangents[:-1], tangents[1:], aside[:-1])
@@ -125,7 +125,7 @@ class ArcLength:
         step = np.diff(self.u) / 6.0 * (self.speed[:-1] + 4.0 * between + self.speed[1:])
         self.length = np.concatenate([[0.0], np.cumsum(step)])
         self.total = float(self.length[-1])
-        # Length for each unit of the parameter, in the mean.
+        # Mean length per unit of the parameter.
         self.pace = self.total / float(self.u[-1] - self.u[0])
 
     def __call__(self, u: Array) -> Array:
@@ -135,20 +135,20 @@ class ArcLength:
         s = (u - self.u[k]) / h
         # Hermite's cubic.
         low, high, rise = h * self.speed[k], h * self.speed[k + 1], self.length[k + 1] - self.length[k]
-        found: Array = self.length[k] + s * (low + s * (3.0 * rise - 2.0 * low - high + s * (low + high - 2.0 * rise)))
-        return found
+        result: Array = self.length[k] + s * (low + s * (3.0 * rise - 2.0 * low - high + s * (low + high - 2.0 * rise)))
+        return result
 
 
 def _reflected(start: Array, end: Array, tangent: Array, last: Array, vector: Array) -> Array:
-    """Return vectors carried from one place to another: reflected by the chord, then so that the tangent is right."""
+    """Return vectors transported between places: reflected by the chord, then so that tangents agree."""
 
     def mirror(vectors: Array, normal: Array) -> Array:
         square = np.einsum("ta,ta->t", normal, normal)
-        share = 2.0 * np.einsum("ta,ta->t", normal, vectors) / np.where(square > 0.0, square, 1.0)
-        return vectors - share[:, None] * normal
+        factor = 2.0 * np.einsum("ta,ta->t", normal, vectors) / np.where(square > 0.0, square, 1.0)
+        return vectors - factor[:, None] * normal
 
     chord = end - start
-    # Where nothing moves nothing turns: any direction along the curve will do.
+    # Without a chord there is no rotation: any direction along the curve serves.
     chord = np.where(np.any(chord, axis=1)[:, None], chord, tangent)
     carried = mirror(vector, chord)
     return mirror(carried, last - mirror(tangent, chord))

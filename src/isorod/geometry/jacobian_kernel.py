@@ -10,8 +10,8 @@ from isorod.compiled import F2, F4, FAST, njit
 def inverse_jacobians(first: Array, second: Array, third: Array, inverse: Array, det: Array) -> None:
     """Fill in ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
 
-    ``first``, ``second`` and ``third`` ``(q, 3 u)`` are the columns of the Jacobians, places along the axis side by
-    side.  What they are products of is left to NumPy: its BLAS in compiled code takes longer to load than all of this.
+    ``first``, ``second`` and ``third`` ``(q, 3 u)`` are the columns of the Jacobians, sections side by side.
+    NumPy computes them: BLAS in compiled code takes longer to load than all of this.
     """
     sections, points = det.shape
     for t in range(sections):

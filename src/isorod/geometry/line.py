@@ -18,9 +18,9 @@ from isorod.geometry.rod import Rod, closing
 
 Scale = float | Numbers | Callable[[Array], Numbers]
 
-# Sections are this near to where they belong, as a share of their size. Most of it is tilt, 0.3 degrees, which matters
-# with its square; sizes are right to 1e-3. A fifth of it takes twice the elements along a cubic spline, whose tangents
-# have corners in their slope at the knots.
+# Largest error of sections along a line, relative to their size. Most of it is tilt, 0.3 degrees, whose effect is of
+# second order; sizes are right to 1e-3. A fifth of it takes twice the elements along a cubic spline, whose curvature
+# has kinks at the knots.
 TOLERANCE = 5e-3
 
 
@@ -33,17 +33,17 @@ class CenterLine:
     axis, centers
         The curve: control points ``(axis.count, 3)``.
     rotations, stretches
-        Where they are exact, the frames' control tensors ``R_j`` and ``S_j`` of eq. 13, ``(axis.count, 3, 3)``.
+        If exact, the frames' control tensors ``R_j`` and ``S_j`` of eq. 13, ``(axis.count, 3, 3)``.
     frames
-        Where they are not, a function of parameters ``(t,)``: the section's two directions, ``(t, 3, 2)``.
+        Else a function of parameters ``(t,)``: the section's two directions, ``(t, 3, 2)``.
     closed
         Whether its end is its start.
     stations
-        Parameters ``(m,)`` of the points it was made from, to which the values of a list ``scale`` belong.
+        Parameters ``(m,)`` of the input points, at which the values of a list ``scale`` apply.
     deviation
-        The largest distance between it and what it was made from, units of length.
+        Its largest distance from the input, units of length.
     cure
-        What brings it nearer; nothing where what it is was asked for.
+        Remedy for a large deviation; empty where the line is as requested.
     """
 
     axis: Axis
@@ -68,27 +68,27 @@ class CenterLine:
     ) -> Rod:
         """Return the rod whose section is the control polygon ``(n, 2)``.
 
-        Frames, scale and twist that are not in the axis's space get as many knots more as they need: every section is
-        then within ``tolerance`` of where it belongs, measured between the knots.
+        Knots are added where frames, scale and twist are not in the axis's space, until every section is within
+        ``tolerance`` of its exact place, measured between the knots.
 
         Parameters
         ----------
         section
-            Control polygon, shape ``(n, 2)``; the same everywhere unless one of the following is given.
+            Control polygon, shape ``(n, 2)``; constant unless one of the following is given.
         closed
-            Whether the last section is the first; the line's own where not given.
+            Whether the last section is the first; by default as the line.
         scale
-            The section's size: a number, a function of axis parameters ``(t,)``, or several numbers, joined smoothly
-            (C1) and without overshoot: one for each point of a polyline, or each end of a chain's pieces, for
-            other lines evenly spaced in the parameter.
+            The section's size: a number, a function of axis parameters ``(t,)``, or several numbers, interpolated
+            smoothly (C1) and without overshoot: one for each point of a polyline, or each end of a chain's pieces;
+            for other lines evenly spaced in the parameter.
         twist
-            Turn of the last section against the first beyond that of the frames, from its first direction to its
-            second, degrees; evenly along the length.
+            Rotation of the last section relative to the first in addition to that of the frames, from its first
+            direction to its second, degrees; evenly along the length.
         end
-            Control polygon of the last section, of as many points; those in between go from one to the other evenly
-            along the length.
+            Control polygon of the last section, with the same number of points; sections in between are interpolated
+            linearly in the length.
         tolerance
-            How far sections may be off, as a share of the largest's size.
+            Largest error of sections, relative to the size of the largest.
 
         Raises
         ------
@@ -113,30 +113,30 @@ class CenterLine:
         frames, size, length = self.directions, self._size(scale), ArcLength(self.axis, self.centers)
 
         def arms(u: Array) -> Array:
-            share = length(u) / length.total
-            angle = np.radians(twist) * share
+            fraction = length(u) / length.total
+            angle = np.radians(twist) * fraction
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             turned = size(u)[:, None, None] * np.einsum("tak,klt->tal", frames(u), turn)
-            polygons = first + share[:, None, None] * (last - first)
+            polygons = first + fraction[:, None, None] * (last - first)
             result: Array = polygons @ turned.swapaxes(1, 2)
             return result
 
         sizes = size(self._fine())
         largest = max(np.abs(first).max(), np.abs(last).max()) * sizes.max()
-        axis, found, off = resolve(self.axis, arms, tolerance * largest)
+        axis, offsets, off = resolve(self.axis, arms, tolerance * largest)
         centers = self.axis.transfer(axis, self.centers)
-        points = centers[:, None, :] + found
+        points = centers[:, None, :] + offsets
         deviation = self._deviation([section] if end is None else [section, end], sizes, off)
         return Rod(axis, closing(points) if closed else points, closed, fitted=True, deviation=deviation)
 
     def _deviation(self, sections: Sequence[Numbers], sizes: Array, sweep: float) -> Deviation:
-        """Return how far a rod of these sections and sizes is from what was written; warn of a line that is far off.
+        """Return the deviation of a rod of these sections and sizes from the input; warn if that of the line is large.
 
-        What there is to warn of sections was said when they were made.
+        Sections have warned when they were made.
         """
-        radii = [radius(_polygon("section", one)) for one in sections]
-        shares = [getattr(one, "deviation", 0.0) for one in sections]
-        off = max(share * half for share, half in zip(shares, radii, strict=True))
+        radii = [radius(_polygon("section", section)) for section in sections]
+        errors = [getattr(section, "deviation", 0.0) for section in sections]
+        off = max(error * half for error, half in zip(errors, radii, strict=True))
         line = self.deviation / (min(radii) * sizes.min())
         if self.cure and line >= LARGE:
             warnings.warn(
@@ -151,7 +151,7 @@ class CenterLine:
                 "smaller tolerance of the sweep (section_tolerance), or a section about its own middle",
                 stacklevel=3,
             )
-        relative = max(line, *shares, placed)
+        relative = max(line, *errors, placed)
         return Deviation(self.deviation, float(off * sizes.max()), sweep, float(relative))
 
     def directions(self, u: Array) -> Array:
@@ -173,10 +173,12 @@ class CenterLine:
         given = scale if callable(scale) else self._between(numbers("scale", scale))
 
         def size(u: Array) -> Array:
-            found = numbers("scale", given(u))
-            if found.shape not in ((), u.shape):
-                raise InputError(f"scale: the function gave shape {found.shape} for {u.size} parameters, need one each")
-            return np.broadcast_to(found, u.shape)
+            result = numbers("scale", given(u))
+            if result.shape not in ((), u.shape):
+                raise InputError(
+                    f"scale: the function gave shape {result.shape} for {u.size} parameters, need one each"
+                )
+            return np.broadcast_to(result, u.shape)
 
         u = self._fine()
         sizes = size(u)
@@ -187,7 +189,7 @@ class CenterLine:
         return size
 
     def _between(self, given: Array) -> Callable[[Array], Array]:
-        """Return a function of parameters ``(t,)`` that joins numbers."""
+        """Return a function of parameters ``(t,)`` that interpolates numbers."""
         if given.ndim == 0:
             return lambda u: np.full(u.shape, float(given))
         if given.ndim != 1 or given.size < 2:
@@ -196,7 +198,7 @@ class CenterLine:
         if not good.all():
             k = int(np.argmin(good))
             raise InputError(f"scale: number {k} is {given[k]:g}, need positive numbers")
-        # Loaded where radii are given.
+        # Imported late: only lists of sizes need it.
         from scipy.interpolate import PchipInterpolator
 
         places = np.linspace(self.axis.breaks[0], self.axis.breaks[-1], given.size)
@@ -212,7 +214,7 @@ class CenterLine:
                 )
         if not self.closed:
             return PchipInterpolator(places, given)
-        # As it ends so it begins: a point more on either side.
+        # Periodic: one more point on either side.
         length = places[-1] - places[0]
         places = np.concatenate([[places[-2] - length], places, [places[1] + length]])
         return PchipInterpolator(places, np.concatenate([given[-2:-1], given, given[1:2]]))

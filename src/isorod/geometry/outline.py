@@ -10,7 +10,8 @@ from isorod.errors import InputError
 from isorod.geometry import table
 from isorod.geometry.table import Row
 
-# Above this, both numbers of a line are no place on an airfoil of chord 1, but how many points its two sides have.
+# If both numbers of a line are above this, they are not a point on an airfoil of chord 1, but the numbers of points of
+# its two sides.
 _COUNTS = 1.5
 
 
@@ -18,10 +19,10 @@ def read(path: str | Path) -> Array:
     """Return the points ``(m, 2)`` of a closed outline, the first not repeated.
 
     Lines hold two numbers, between them a comma, a semicolon or blanks; empty ones and what follows a ``#`` are
-    skipped, and so is a first line of words, among which an airfoil's name may have numbers.  What ends in ``.dat`` is
+    skipped, and so is a first line of words, where an airfoil's name may have numbers.  A file that ends in ``.dat`` is
     an airfoil of chord 1: round its outline from the trailing edge (Selig's order), or, after a line with two counts,
-    the upper and then the lower side, both from the leading edge (Lednicer's).  An airfoil that runs clockwise is
-    turned round; points that repeat the one before are left out.
+    the upper and then the lower side, both from the leading edge (Lednicer's).  A clockwise airfoil is reversed;
+    repeated points are left out.
 
     Raises
     ------
@@ -39,12 +40,12 @@ def read(path: str | Path) -> Array:
         raise InputError(f"{path}: got {points.shape[0]} different points, an outline needs at least 3")
     after = np.roll(points, -1, axis=0)
     clockwise = np.sum(points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]) < 0.0
-    # The first stays first.
+    # The first point stays the first.
     return np.roll(points[::-1], 1, axis=0) if airfoil and clockwise else points
 
 
 def _rows(path: Path, counts: Callable[[Iterable[bool]], bool]) -> list[Row]:
-    """Return the rows of two numbers, below a first line that is none by ``counts`` (`isorod.geometry.table.read`)."""
+    """Return the rows of two numbers; ``counts`` tells if the first line is one (`isorod.geometry.table.read`)."""
     try:
         _, rows = table.read(path.read_bytes(), counts)
     except OSError as problem:
@@ -58,7 +59,7 @@ def _rows(path: Path, counts: Callable[[Iterable[bool]], bool]) -> list[Row]:
 
 
 def _joined(path: Path, rows: Sequence[Row]) -> list[Row]:
-    """Return the points of Lednicer's order round the outline, from the trailing edge over the upper side."""
+    """Return points in Lednicer's order as an outline, from the trailing edge over the upper side."""
     (upper, lower), points = rows[0].values, list(rows[1:])
     where = f"{path}: line {rows[0].line}:"
     if not (upper.is_integer() and lower.is_integer()):

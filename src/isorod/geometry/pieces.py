@@ -1,4 +1,4 @@
-"""Straight lines and arcs that follow each other: exact, as rational quadratic curves, and so are frames along them."""
+"""Straight and circular segments in a row, exact as rational quadratic curves, with exact frames."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,8 +10,8 @@ from isorod.geometry.axis import Axis
 from isorod.tensors import rotation
 
 
-class Piece(NamedTuple):
-    """A straight line, or an arc: its three control points ``(3, 3)``, length, angle, and the axis it turns about."""
+class Segment(NamedTuple):
+    """A straight line, or an arc: its three control points ``(3, 3)``, length, angle, and the axis of rotation."""
 
     points: Array
     length: float
@@ -19,17 +19,19 @@ class Piece(NamedTuple):
     about: Array = np.array([0.0, 0.0, 1.0])
 
 
-def joined(pieces: Sequence[Piece]) -> tuple[Axis, Array]:
-    """Return the axis, whose parameter is the length, and control points ``(axis.count, 3)`` of pieces in a row."""
-    breaks = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
+def joined(segments: Sequence[Segment]) -> tuple[Axis, Array]:
+    """Return the axis, whose parameter is the length, and control points ``(axis.count, 3)`` of segments in a row."""
+    breaks = np.concatenate([[0.0], np.cumsum([segment.length for segment in segments])])
     knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
-    weights = np.ones(2 * len(pieces) + 1)
-    weights[1::2] = np.cos(0.5 * np.array([piece.angle for piece in pieces]))
-    return Axis(2, knots, weights), np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
+    weights = np.ones(2 * len(segments) + 1)
+    weights[1::2] = np.cos(0.5 * np.array([segment.angle for segment in segments]))
+    return Axis(2, knots, weights), np.concatenate(
+        [segments[0].points[:1], *(segment.points[1:] for segment in segments)]
+    )
 
 
-def tensors(pieces: Sequence[Piece], first: Array) -> tuple[Array, Array]:
-    """Return the control tensors ``R_j`` and ``S_j`` of frames that turn with the arcs, ``(2 pieces + 1, 3, 3)``.
+def tensors(segments: Sequence[Segment], first: Array) -> tuple[Array, Array]:
+    """Return the control tensors ``R_j`` and ``S_j`` of frames that turn with the arcs, ``(2 segments + 1, 3, 3)``.
 
     Parameters
     ----------
@@ -37,11 +39,11 @@ def tensors(pieces: Sequence[Piece], first: Array) -> tuple[Array, Array]:
         The frame at the start, its columns the section's directions and the tangent ``(3, 3)``.
     """
     rotations, stretches = [first], [np.eye(3)]
-    for piece in pieces:
-        half = rotation(0.5 * piece.angle * piece.about) @ rotations[-1]
-        # Across the axis of the arc, a section's vectors go as its control points do.
-        axial = np.outer(piece.about, piece.about)
-        spread = axial + (np.eye(3) - axial) / np.cos(0.5 * piece.angle)
-        rotations += [half, rotation(piece.angle * piece.about) @ rotations[-1]]
+    for segment in segments:
+        half = rotation(0.5 * segment.angle * segment.about) @ rotations[-1]
+        # Normal to the axis of the arc, a section's vectors are scaled like its control points.
+        axial = np.outer(segment.about, segment.about)
+        spread = axial + (np.eye(3) - axial) / np.cos(0.5 * segment.angle)
+        rotations += [half, rotation(segment.angle * segment.about) @ rotations[-1]]
         stretches += [half.T @ spread @ half, np.eye(3)]
     return np.array(rotations), np.array(stretches)

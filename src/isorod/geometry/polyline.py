@@ -12,14 +12,14 @@ from isorod.geometry.reading import chord_lengths
 
 DEGREE = 3
 
-# So often the points' parameters are moved to where the curve is nearest.
+# Iterations that move the points' parameters to the closest points of the curve.
 _PROJECTIONS = 3
 
-# Parameters stay apart by this share of a chord.
+# Least distance of parameters, relative to a chord.
 _APART = 1e-6
 
-# Between two points the curve is looked at so often, and may stray from the polyline by this share of a chord. Cubic
-# splines through random walks with chords of very unequal length, ends that do not bend, stray by 0.34 at most.
+# Samples of the curve between two points, and its largest distance from the polyline there, relative to a chord. Cubic
+# splines through random walks with chords of very unequal length, natural at the ends, deviate by 0.34 at most.
 _BETWEEN = 7
 _STRAYS = 0.5
 
@@ -33,33 +33,33 @@ class Curve(NamedTuple):
 
 
 def through(points: Array, tolerance: float, closed: bool) -> Curve:
-    """Return a cubic spline near points, C2, with the fewest elements that were found to do.
+    """Return a cubic spline near points, C2, with the fewest elements that were found to suffice.
 
     A least-squares curve (Piegl & Tiller, The NURBS Book, 2nd ed., section 9.4) whose knots follow the points, so that
-    each element has one at least; the points' parameters, chord lengths at first, are moved to where the curve is
-    nearest (Hoschek, CAGD 5, 1988, 27-31).  A curve counts as near if it also keeps to the polyline in between, within
-    the tolerance and half the longest of the three chords about; where no such curve is found, the cubic spline through
-    all points does.
+    each element has at least one; the points' parameters, at first chord lengths, are moved to the closest points of
+    the curve (Hoschek, CAGD 5, 1988, 27-31).  Between points the curve must also be within the tolerance plus half the
+    longest of the three adjacent chords of the polyline.  Without such a curve it is the cubic spline through all
+    points.
 
     Parameters
     ----------
     points
         Shape ``(m, 3)``, ``m >= 2`` (closed: 4), neighbours apart; of a closed curve the last is the first again.
     tolerance
-        How far points may be from the curve; an open curve passes through the first and the last.
+        Largest distance of points from the curve; an open curve passes through the first and the last.
     """
     degree = DEGREE if closed else min(DEGREE, len(points) - 1)
     fewest, most = (3, len(points) - 1) if closed else (1, len(points) - degree)
     low, high, best = fewest - 1, fewest, None
-    # More until it does, in steps of a quarter as the last may stray, then halved in between.
+    # Increased by a quarter until the tolerance is met, then bisected.
     while (best := _near(points, tolerance, high, degree, closed)) is None and high < most:
         low, high = high, min(high + 1 + high // 4, most)
     if best is None:
         return _interpolating(points, closed)
     while high - low > 1:
         middle = (low + high) // 2
-        found = _near(points, tolerance, middle, degree, closed)
-        low, high, best = (middle, high, best) if found is None else (low, middle, found)
+        curve = _near(points, tolerance, middle, degree, closed)
+        low, high, best = (middle, high, best) if curve is None else (low, middle, curve)
     axis = best.axis.refine(1, DEGREE)
     return Curve(axis, best.axis.transfer(axis, best.centers), best.parameters)
 
@@ -76,7 +76,7 @@ def _near(points: Array, tolerance: float, elements: int, degree: int, closed: b
             return None
         where, slope = evaluate(axis, centers, t)
         t[1:-1] += (np.einsum("ta,ta->t", points - where, slope) / np.einsum("ta,ta->t", slope, slope))[1:-1]
-        # Points nearer to each other than to the curve may come in another order along it.
+        # The projections of points nearer to each other than to the curve may be in another order.
         t = np.maximum.accumulate(np.clip(t, chords[0], chords[-1])) * (1.0 - _APART) + chords * _APART
         where, _ = evaluate(axis, centers, t)
         if np.linalg.norm(points - where, axis=1).max() <= tolerance:
@@ -85,9 +85,9 @@ def _near(points: Array, tolerance: float, elements: int, degree: int, closed: b
 
 
 def _keeps_to(points: Array, tolerance: float, axis: Axis, centers: Array, t: Array) -> bool:
-    """Return whether the curve keeps to the polyline between the points, which it meets at ``t``."""
-    share = np.arange(1.0, _BETWEEN + 1.0) / (_BETWEEN + 1.0)
-    x, _ = evaluate(axis, centers, (t[:-1, None] + np.diff(t)[:, None] * share).ravel())
+    """Return whether the curve is near the polyline between the points, whose parameters are ``t``."""
+    fraction = np.arange(1.0, _BETWEEN + 1.0) / (_BETWEEN + 1.0)
+    x, _ = evaluate(axis, centers, (t[:-1, None] + np.diff(t)[:, None] * fraction).ravel())
     arm = x.reshape(len(t) - 1, _BETWEEN, 3) - points[:-1, None]
     chord = np.diff(points, axis=0)
     square = np.einsum("ta,ta->t", chord, chord)
@@ -99,8 +99,8 @@ def _keeps_to(points: Array, tolerance: float, axis: Axis, centers: Array, t: Ar
 
 
 def _interpolating(points: Array, closed: bool) -> Curve:
-    """Return the cubic spline with all points for its knots; the ends of an open one do not bend."""
-    # Loaded where a polyline is that rough.
+    """Return the cubic spline with knots at all points; an open one is natural at its ends."""
+    # Imported late: only such rough polylines need it.
     from scipy.interpolate import CubicSpline
 
     t = chord_lengths(points)
@@ -123,7 +123,7 @@ def _clamped(points: Array, t: Array, breaks: Array, degree: int) -> tuple[Axis,
 
 
 def _periodic(points: Array, t: Array, breaks: Array, degree: int) -> tuple[Axis, Array]:
-    """Return the spline on ``breaks`` nearest to points at ``t`` that goes on as it began, on a clamped axis."""
+    """Return the periodic spline on ``breaks`` nearest to points at ``t``, on a clamped axis."""
     count, length = breaks.size - 1, breaks[-1] - breaks[0]
     turns, place = np.divmod(np.arange(-degree, count + degree + 1), count)
     knots = breaks[place] + turns * length
@@ -132,12 +132,12 @@ def _periodic(points: Array, t: Array, breaks: Array, degree: int) -> tuple[Axis
         first, values, _ = bspline.table(knots, degree, u)
         return (first[:, None] + np.arange(degree + 1)) % count, values
 
-    found = least_squares(*functions(t[:-1]), points[:-1], count)
+    coefficients = least_squares(*functions(t[:-1]), points[:-1], count)
     axis = _axis(breaks, degree)
 
     def field(u: Array) -> Array:
         which, values = functions(np.where(u < breaks[-1], u, breaks[0]))
-        return np.einsum("tj,tjc->tc", values, found[which])
+        return np.einsum("tj,tjc->tc", values, coefficients[which])
 
     centers = interpolate(axis, field)
     centers[-1] = centers[0]

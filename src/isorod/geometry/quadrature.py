@@ -17,13 +17,13 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError, whole_number
 from isorod.geometry.axis import Axis
 
-# Radii of the rings of a section that is whole: a single one.
+# Radii of the rings of a solid section: a single one.
 WHOLE = (0.0, 1.0)
 
-# Points in one direction of a slice, or along an element, at most.
+# Most points in one direction of a slice, or along an element.
 MAX_POINTS = 64
 
-# Rings end no nearer to the centre.
+# Largest depth of graded rings below the surface.
 _DEEPEST = 0.7
 
 # A point this near to the radius between two rings, relative, lies on it.
@@ -59,7 +59,7 @@ class Rule:
     def parse(cls, text: str, degree: int) -> "Rule":
         """Return the rule a user names: ``paper``, ``RxSxT`` such as ``2x1x4``, or ``RxS`` with ``T = degree + 1``.
 
-        ``auto`` and ``full`` are for the section functions to say (`isorod.space.basis.SectionBasis`).
+        ``auto`` and ``full`` are resolved by the section functions (`isorod.space.basis.SectionBasis`).
         """
         if text == "paper":
             return cls.paper(degree)
@@ -81,10 +81,10 @@ class Rule:
 
 @lru_cache(maxsize=32)
 def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ...] = WHOLE) -> tuple[Array, Array]:
-    """Return points ``(rings n r s, 2)`` of the unit disk ring by ring, and weights; neither is to be written to.
+    """Return points ``(rings n r s, 2)`` of the unit disk ring by ring, and weights; both are read-only.
 
-    The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``; the rings are those
-    between the radii given, and the weights add up to their area on the disk.
+    The slices are the arcs of ``n`` control points, the first at the angle ``turn``; the rings are between the radii
+    given, and the weights add up to their area on the disk.
     """
     s, _ = _gauss(rule.angular)
     return _in_slices(
@@ -95,9 +95,9 @@ def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ..
 def graded_points(joints: Array, rule: Rule) -> tuple[Array, Array]:
     """Return points ``(q, 2)`` of the unit disk, in slices from each angle ``joints`` to the next, and weights.
 
-    What varies over an arc does so to the same depth, and below that over as much as it is deep: a slice has rings of
-    its own, the outermost two of its widths deep and each next one three times as deep as the one before, with the
-    rule's radial points in each.
+    A harmonic function that varies over an arc decays within the width of the arc, and below that varies over lengths
+    equal to the depth.  So a slice has rings of its own, the outermost to a depth of two of its widths and each next
+    one to three times the depth of the last, with the rule's radial points in each.
     """
     s, _ = _gauss(rule.angular)
     points, weights = [], []
@@ -107,19 +107,19 @@ def graded_points(joints: Array, rule: Rule) -> tuple[Array, Array]:
             depths.append(3.0 * depths[-1])
         del depths[-1]
         rings = (0.0, *(1.0 - depth for depth in reversed(depths)), 1.0)
-        found = _in_slices(begin + width * s[None, :], np.array([width]), rule, rings)
-        points.append(found[0])
-        weights.append(found[1])
+        part = _in_slices(begin + width * s[None, :], np.array([width]), rule, rings)
+        points.append(part[0])
+        weights.append(part[1])
     return _kept(np.concatenate(points), np.concatenate(weights))
 
 
 def _in_slices(theta: Array, widths: Array, rule: Rule, rings: tuple[float, ...]) -> tuple[Array, Array]:
     """Return points and weights of slices of so many radians, at angles ``(slices, s)``."""
-    share, wr = _gauss(rule.radial)
+    fraction, wr = _gauss(rule.radial)
     _, ws = _gauss(rule.angular)
     points, weights = [], []
     for inner, outer in pairwise(rings):
-        r = inner + (outer - inner) * share
+        r = inner + (outer - inner) * fraction
         angle = np.broadcast_to(theta[:, None, :], (len(widths), r.size, ws.size))
         radius = np.broadcast_to(r[None, :, None], angle.shape)
         points.append(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2))
@@ -129,7 +129,7 @@ def _in_slices(theta: Array, widths: Array, rule: Rule, rings: tuple[float, ...]
 
 
 def _kept(points: Array, weights: Array) -> tuple[Array, Array]:
-    """Return both, not to be written to."""
+    """Return both, read-only."""
     for array in (points, weights):
         array.flags.writeable = False
     return points, weights

@@ -1,4 +1,4 @@
-"""What points along a curve or an outline mean: smooth between sharp corners, and how far a curve is from that."""
+"""Reconstruction of curves and outlines from points, smooth between sharp corners, and deviations from that."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,26 +11,26 @@ from isorod.arrays import Array, Index
 _SHARP = 60.0
 # ... or by so much and more than twice as far as at one of its neighbours, more than half as far as at the other ...
 _TURNED = 30.0
-# ... or by so much and more than four times as far as at both, as no samples of a smooth curve do.
+# ... or by so much and more than four times as far as at both: no samples of a smooth curve do that.
 _ALONE = 2.0
 
-# So many places of the whole curve are looked at.
+# Samples of a curve.
 _DENSE = 4096
 
-# From here on a curve is warned of, as a share of the radius.
+# Deviation above which there is a warning, relative to the radius.
 LARGE = 0.01
 
 
 class Deviation(NamedTuple):
-    """How far a rod is from what was written, at most.
+    """Largest deviations of a rod from the input.
 
     Attributes
     ----------
     line, section, sweep
-        Largest deviation of the centre line, of the section's outline, and of sections from where frames, scale and
-        twist want them, units of length.
+        Largest deviation of the centre line, of the section's outline, and of sections from their exact places by
+        frames, scale and twist, units of length.
     relative
-        The largest of the three as shares of half the diameter: of the smallest section for the centre line.
+        The largest of the three, relative to half the diameter: of the smallest section for the centre line.
     """
 
     line: float = 0.0
@@ -47,21 +47,21 @@ def turns(points: Array, closed: bool) -> Array:
     ring = np.concatenate([points[-1:], points, points[:1]]) if closed else points
     chords = np.diff(ring, axis=0)
     chords = chords / np.linalg.norm(chords, axis=1, keepdims=True)
-    # Exact for small angles and for large ones.
+    # Accurate for small angles and for large ones.
     half = np.arctan2(
         np.linalg.norm(chords[1:] - chords[:-1], axis=1), np.linalg.norm(chords[1:] + chords[:-1], axis=1)
     )
-    found: Array = 2.0 * np.degrees(half)
-    return found if closed else np.pad(found, 1)
+    angles: Array = 2.0 * np.degrees(half)
+    return angles if closed else np.pad(angles, 1)
 
 
 def chord_lengths(points: Array) -> Array:
-    """Return the lengths of a polyline up to its points, ``(m,)``."""
+    """Return the arc lengths of a polyline at its points, ``(m,)``."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 def corners(points: Array, closed: bool) -> Index:
-    """Return which points are sharp corners, and no samples of a smooth curve.
+    """Return which points are sharp corners, not samples of a smooth curve.
 
     Along a smooth curve a polyline turns by about as much at a point as at the next.
     """
@@ -70,15 +70,16 @@ def corners(points: Array, closed: bool) -> Index:
     least, most = np.minimum(before, after), np.maximum(before, after)
     alone = (turn > _ALONE) & (most < 0.25 * turn)
     sharp = (turn > _TURNED) & (least < 0.5 * turn) & (most < 2.0 * turn)
-    found: Index = np.flatnonzero(alone | sharp | (turn > _SHARP - 1e-6))
-    return found
+    result: Index = np.flatnonzero(alone | sharp | (turn > _SHARP - 1e-6))
+    return result
 
 
 def outline_corners(points: Array) -> tuple[Index, Index]:
     """Return which points of an outline are sharp corners, and which of these are in doubt.
 
-    Beside a corner another point that turns by more than 30 degrees is one as well; in doubt are these, and corners
-    whose neighbours turn by more than a quarter as far but are none, if it matters by a hundredth of half the width.
+    A point next to a corner that turns by more than 30 degrees is a corner too.  These are in doubt, and so are corners
+    whose neighbours are no corners but turn by more than a quarter as far, if the sagitta exceeds a hundredth of half
+    the width.
     """
     sure, turn = corners(points, closed=True), turns(points, closed=True)
     sharp = np.zeros(len(points), dtype=bool)
@@ -97,12 +98,12 @@ def outline_corners(points: Array) -> tuple[Index, Index]:
 
 
 def coarse(points: Array, closed: bool) -> Index:
-    """Return which points are sharp corners, or so far from the next that they cannot be told from these."""
+    """Return which points are sharp corners, or cannot be distinguished from these because points are too sparse."""
     return np.union1d(corners(points, closed), np.flatnonzero(turns(points, closed) > _TURNED))
 
 
 def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
-    """Return places of the curve that points mean, many and all of them, ``(k, d)``, and which of these are the points.
+    """Return samples of the curve through points, ``(k, d)``, and which of these are the points.
 
     Cubic splines over the chords' lengths (C2) through the points from one sharp corner to the next: straight between
     two corners that follow each other.
@@ -114,24 +115,24 @@ def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
     sharp
         Numbers of the sharp corners.
     closed
-        Whether the last point is followed by the first, which then ends the places too.
+        Whether the last point is followed by the first, which is then also the last sample.
     """
-    # Loaded where points are given.
+    # Imported late: only points need it.
     from scipy.interpolate import CubicSpline
 
     start = int(sharp[0]) if closed and sharp.size else 0
     ring = np.roll(points, -start, axis=0)
     ring = np.concatenate([ring, ring[:1]]) if closed else ring
-    way = chord_lengths(ring)
-    parts = np.maximum(1, np.ceil(_DENSE * np.diff(way) / way[-1])).astype(int)
+    arc_length = chord_lengths(ring)
+    parts = np.maximum(1, np.ceil(_DENSE * np.diff(arc_length) / arc_length[-1])).astype(int)
     ends = np.unique(np.concatenate([[0], sharp - start, [len(ring) - 1]]))
     smooth = "periodic" if closed and not sharp.size else "not-a-knot"
     which = np.concatenate([[0], np.cumsum(parts)])
-    along = np.interp(np.arange(which[-1]), which, way)
-    places = np.stack([np.interp(along, way, column) for column in ring.T], axis=1)
+    along = np.interp(np.arange(which[-1]), which, arc_length)
+    places = np.stack([np.interp(along, arc_length, column) for column in ring.T], axis=1)
     for a, b in pairwise(ends):
         if b > a + 1:
-            spline = CubicSpline(way[a : b + 1], ring[a : b + 1], bc_type=smooth)
+            spline = CubicSpline(arc_length[a : b + 1], ring[a : b + 1], bc_type=smooth)
             places[which[a] : which[b]] = spline(along[which[a] : which[b]])
     if not closed:
         return np.concatenate([places, ring[-1:]]), which
@@ -141,34 +142,34 @@ def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
 
 
 def filled(ring: Array) -> Array:
-    """Return many places of a polyline, all its points and those in between, ``(k, d)``."""
-    way = chord_lengths(ring)
-    place = np.union1d(way, np.linspace(0.0, way[-1], _DENSE))
-    return np.stack([np.interp(place, way, column) for column in ring.T], axis=1)
+    """Return samples of a polyline, its points included, ``(k, d)``."""
+    arc_length = chord_lengths(ring)
+    place = np.union1d(arc_length, np.linspace(0.0, arc_length[-1], _DENSE))
+    return np.stack([np.interp(place, arc_length, column) for column in ring.T], axis=1)
 
 
-def distance(one: Array, other: Array) -> float:
-    """Return the largest distance of either of two curves from the other, of many places each, ``(k, d)``."""
-    return max(farthest(one, other), farthest(other, one))
+def distance(curve: Array, other_curve: Array) -> float:
+    """Return the largest distance of either of two curves from the other, given by samples ``(k, d)``."""
+    return max(farthest(curve, other_curve), farthest(other_curve, curve))
 
 
 def farthest(places: Array, curve: Array) -> float:
-    """Return how far places ``(t, d)`` are from a curve of many chords, at most."""
+    """Return the largest distance of places ``(t, d)`` from a curve given by samples."""
     from scipy.spatial import cKDTree
 
     _, near = cKDTree(curve).query(places)
-    found = np.full(len(places), np.inf)
+    distances = np.full(len(places), np.inf)
     for first in (np.maximum(near - 1, 0), np.minimum(near, len(curve) - 2)):
         chord = curve[first + 1] - curve[first]
         square = np.einsum("ta,ta->t", chord, chord)
         arm = places - curve[first]
-        share = np.clip(np.einsum("ta,ta->t", arm, chord) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
-        found = np.minimum(found, np.linalg.norm(arm - share[:, None] * chord, axis=1))
-    return float(found.max())
+        fraction = np.clip(np.einsum("ta,ta->t", arm, chord) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+        distances = np.minimum(distances, np.linalg.norm(arm - fraction[:, None] * chord, axis=1))
+    return float(distances.max())
 
 
 def moments(ring: Array) -> tuple[float, Array]:
-    """Return area and second moments ``(2, 2)`` about the centroid of what a closed polyline ``(k, 2)`` encloses."""
+    """Return area and second moments ``(2, 2)`` about the centroid, of a closed polyline ``(k, 2)``."""
     after = np.roll(ring, -1, axis=0)
     cross = ring[:, 0] * after[:, 1] - ring[:, 1] * after[:, 0]
     area = 0.5 * float(cross.sum())
@@ -180,8 +181,8 @@ def moments(ring: Array) -> tuple[float, Array]:
     return area, second
 
 
-def mismatch(outline: Array, wanted: Array) -> float:
-    """Return by which share, with its sign, area or a second moment about any axis of an outline is off at most."""
-    (area, second), (area_wanted, second_wanted) = moments(outline), moments(wanted)
-    shares = np.append(np.linalg.eigvals(np.linalg.solve(second_wanted, second)).real, area / area_wanted) - 1.0
-    return float(shares[np.argmax(np.abs(shares))])
+def mismatch(outline: Array, target: Array) -> float:
+    """Return the largest relative error, with its sign, of area and second moments about any axis of an outline."""
+    (area, second), (target_area, target_second) = moments(outline), moments(target)
+    errors = np.append(np.linalg.eigvals(np.linalg.solve(target_second, second)).real, area / target_area) - 1.0
+    return float(errors[np.argmax(np.abs(errors))])

@@ -19,19 +19,19 @@ from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.reading import EXACT, Deviation
 from isorod.tensors import determinant
 
-# Sections between layers of control points may be this much smaller than the smallest of these before that is warned
-# of, or refused. Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees
+# Size of sections between layers of control points, relative to the smallest of these, below which there is a warning,
+# and an error. Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees
 # half.
 _SHRINKS = 0.95
 _SHRUNK = 0.7
 
-# The thinnest ring of a section, as a share of its radius.
+# The thinnest ring of a section, relative to its radius.
 _THINNEST = 1e-3
 
-# Radii that a rod may be long: stiffnesses of bending and stretching are as the square of that to one.
+# Largest length in radii: axial and bending stiffness differ by the square of that.
 _MOST_SLENDER = float(np.finfo(float).eps ** -0.5)
 
-# Points round the circle at which folds are looked for, where these are eight an arc.
+# Most points round the circle at which folds are searched, with eight an arc.
 _AROUND = 1024
 
 # The smallest radius of a hole, or of a core: 1 / r^2 is among the functions of such sections.
@@ -49,14 +49,14 @@ class Rod(Checked):
     control_points
         Shape ``(layers, n, 3)`` in units of length: layer ``j`` belongs to axis function ``j``, point ``i`` to ``T_i``.
     closed
-        True if the first and the last layer are one and the same (a ring).
+        True if the first and the last layer are the same (a ring).
     fitted
-        True if the sections themselves, not the layers of control points, were given their size.
+        True if the sizes given are those of sections, not of layers of control points.
     rings
-        Radii on the disk, from the inside, between which the section's rings lie: ``(0, 1)`` is one that is whole,
-        ``(0.5, 1)`` a tube, ``(0, 0.8, 1)`` a core with a sheath.
+        Radii on the disk, from the inside, between which the section's rings lie: ``(0, 1)`` is solid, ``(0.5, 1)`` a
+        tube, ``(0, 0.8, 1)`` a core with a sheath.
     deviation
-        How far it is from what it was made from (`isorod.geometry.reading.Deviation`).
+        Its deviation from the input (`isorod.geometry.reading.Deviation`).
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Rod(Checked):
 
     @cached_property
     def radius(self) -> float:
-        """How far the largest section's control points are from their centre, units of length."""
+        """Largest distance of a section's control points from their centre, units of length."""
         centers = self.control_points.mean(axis=1)
         return float(np.linalg.norm(self.control_points - centers[:, None], axis=2).max())
 
@@ -179,10 +179,10 @@ class Rod(Checked):
         return replace(self, axis=axis, control_points=points)
 
     def with_rings(self, rings: Sequence[float]) -> "Rod":
-        """Return the rod with a hole or in layers: radii of its rings as shares of the outer one, from the inside.
+        """Return the rod with a hole or in layers: radii of its rings relative to the outer one, from the inside.
 
         ``(0.5, 1)`` is a tube, ``(0, 0.8, 1)`` a core with a sheath.  Where the section is not round, radii are those
-        of the disk, whose circles the harmonic map takes to curves like the outline.
+        of the disk, whose circles are mapped to curves similar to the outline.
         """
         return replace(self, rings=tuple(rings))
 
@@ -199,7 +199,7 @@ class Rod(Checked):
         return values @ section, section_gradient(values, gradients, section, along)
 
     def across(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """Return positions ``(..., 3)`` and derivatives ``dx/d(xi_1, xi_2)`` ``(..., 3, 2)`` at any places.
+        """Return positions ``(..., 3)`` and derivatives ``dx/d(xi_1, xi_2)`` ``(..., 3, 2)`` at any points.
 
         Parameters
         ----------
@@ -215,14 +215,14 @@ class Rod(Checked):
 
     def inverse_jacobians(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         """Return ``d(xi_1, xi_2, u)/dx`` ``(t, q, 3, 3)`` and Jacobian determinants ``(t, q)`` at all pairs."""
-        # Geometry alone does without compiled code.
+        # Imported late: geometry alone needs no compiled code.
         from isorod.geometry import jacobian_kernel
 
         values, gradients = harmonic_functions(self.section_points, xi)
         section, along = self._sections(u)
         inverse = np.empty((section.shape[0], values.shape[0], 3, 3))
         det = np.empty(inverse.shape[:2])
-        polygons, slopes = (one.swapaxes(0, 1).reshape(values.shape[1], -1) for one in (section, along))
+        polygons, slopes = (field.swapaxes(0, 1).reshape(values.shape[1], -1) for field in (section, along))
         columns = gradients[:, :, 0] @ polygons, gradients[:, :, 1] @ polygons, values @ slopes
         jacobian_kernel.inverse_jacobians(*columns, inverse, det)
         return inverse, det
@@ -252,7 +252,7 @@ class Rod(Checked):
         return float(np.einsum("tq,t,q->", determinant(jacobian), length.ravel(), area))
 
     def check(self) -> float:
-        """Return the smallest Jacobian determinant met on a dense grid, circle and element ends included.
+        """Return the smallest Jacobian determinant on a dense grid, circle and element ends included.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class Rod(Checked):
             Where the rod is so slender that its bending stiffness is round-off beside that along it.
         FoldedRodError
             Where the map folds (determinant not positive): the message names element, ``u``, disk point, position and
-            why (`isorod.geometry.fold`).
+            cause (`isorod.geometry.fold`).
         """
         with np.errstate(over="ignore", invalid="ignore"):
             slenderness = self.slenderness
@@ -277,8 +277,8 @@ class Rod(Checked):
         u = axis.within(inside)
         section, along = self._sections(u.ravel())
         # Component by component: no array of Jacobian matrices is needed.
-        polygons, turns = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in (section, along))
-        (a, b, c), (d, e, f) = (polygons @ one for one in across)
+        polygons, turns = (np.ascontiguousarray(np.moveaxis(field, 2, 0)) for field in (section, along))
+        (a, b, c), (d, e, f) = (polygons @ slope for slope in across)
         g, h, i = turns @ values
         det = g * (b * f - c * e) + h * (c * d - a * f) + i * (a * e - b * d)
         t, q = np.unravel_index(int(np.argmin(det)), det.shape)
@@ -294,7 +294,7 @@ class Rod(Checked):
         return float(det[t, q])
 
     def _check_turns(self, u: Array, section: Array) -> None:
-        """Refuse or warn of sections, polygons at parameters ``u``, that shrink between layers that turn too far."""
+        """Raise or warn where sections, polygons at parameters ``u``, shrink between layers that turn too far."""
 
         def sizes(polygons: Array) -> Array:
             arms = polygons - polygons.mean(axis=1, keepdims=True)
@@ -302,22 +302,22 @@ class Rod(Checked):
             return size
 
         axis = self.axis
-        found = sizes(np.concatenate([self.control_points, section]))
+        extents = sizes(np.concatenate([self.control_points, section]))
         near = axis.first_function[:, None] + np.arange(axis.degree + 1)
-        shares = found[axis.count :].reshape(u.shape) / found[near].min(axis=1)[:, None]
-        e, t = np.unravel_index(int(np.argmin(shares)), shares.shape)
-        if shares[e, t] < _SHRINKS:
+        ratios = extents[axis.count :].reshape(u.shape) / extents[near].min(axis=1)[:, None]
+        e, t = np.unravel_index(int(np.argmin(ratios)), ratios.shape)
+        if ratios[e, t] < _SHRINKS:
             text = (
-                f"element {e} at u = {u[e, t]:.4g}: the section shrinks to {100 * shares[e, t]:.0f} % between layers "
+                f"element {e} at u = {u[e, t]:.4g}: the section shrinks to {100 * ratios[e, t]:.0f} % between layers "
                 "of control points, which turn too far; take more elements"
             )
-            if shares[e, t] < _SHRUNK:
+            if ratios[e, t] < _SHRUNK:
                 raise FoldedRodError(text)
             warnings.warn(text, stacklevel=3)
 
 
 def closing(points: Array) -> Array:
-    """Return layers of control points whose last, which must coincide with the first, is the first exactly."""
+    """Return layers of control points with the last, which must coincide with the first, exactly equal to it."""
     gap = np.abs(points[-1] - points[0]).max()
     if not gap <= 1e-9 * np.abs(points).max():
         raise InputError(f"closed rod: the last section is {gap:.3g} away from the first; they must coincide")
@@ -328,7 +328,7 @@ def closing(points: Array) -> Array:
 def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
     """Return points of the disk ``(m, 2)``, circle included, the harmonic functions and their slopes ``(n, m)``."""
     radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
-    # Eight an arc, two where arcs are so many that the functions at all points would fill the memory.
+    # Eight an arc; two where there are so many arcs that the functions at all points would fill the memory.
     around = max(min(8 * n, _AROUND), 2 * n)
     xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * circle(around)).reshape(-1, 2)])
     values, gradients = harmonic_functions(n, xi)

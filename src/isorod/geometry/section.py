@@ -10,14 +10,15 @@ from isorod.errors import InputError, positive, whole_number
 from isorod.geometry import fitted, reading
 from isorod.geometry.disk import MAX_COUNT, boundary_functions, check_count, control_points
 
-# Points whose straight sides hold so much less area than the smooth outline through them are too few to tell which.
+# Relative loss of area from the smooth outline to straight sides between points above which the points are too few to
+# distinguish the two.
 _FEW = 0.05
 
-# About corners that turn by more, degrees, as the trailing edge of an airfoil does, the section is thin, and control
-# points that stand closer would make it badly mapped.
+# At corners that turn by more, degrees, as the trailing edge of an airfoil, the section is thin, and denser control
+# points would spoil its map.
 _THIN = 136.0
 
-# Places round an exact outline.
+# Samples of an exact outline.
 _DENSE = 4096
 
 _MORE = "take more control points (n)"
@@ -39,8 +40,8 @@ def ellipse(n: int, a: float, b: float) -> Array:
 def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3) -> Array:
     """Return the ``(n, 2)`` control points of a flower, concave between its petals (Lu & Zhou 2011, Fig. 3).
 
-    The polygon's radius is ``radius * (1 + depth cos(petals theta))``.  Whether the map folds is for `Rod.check` to
-    say.
+    The polygon's radius is ``radius * (1 + depth cos(petals theta))``.  `Rod.check` finds whether the
+    map folds.
     """
     theta = 2.0 * np.pi * np.arange(check_count(n)) / n
     if not 0.0 <= depth < 1.0:
@@ -65,8 +66,8 @@ def airfoil() -> Array:
 def naca(digits: str, n: int | None = None, chord: float = 1.0) -> Array:
     """Return the ``(n, 2)`` control points fitted to a NACA 4-digit airfoil, its leading edge towards -x, centred in x.
 
-    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge,
-    which the fit rounds off.
+    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth except for the blunt trailing
+    edge, which the fit rounds off.
 
     Parameters
     ----------
@@ -117,8 +118,8 @@ def naca(digits: str, n: int | None = None, chord: float = 1.0) -> Array:
 def rounded_rectangle(n: int | None, width: float, height: float, corner_radius: float) -> Array:
     """Return the ``(n, 2)`` control points fitted to a rectangle with round corners, ``width`` along x, about 0.
 
-    The fit rounds corners off that ``n`` points cannot follow, which stand closer about sharp ones; with a multiple of
-    four it has the rectangle's symmetry.
+    The fit rounds off corners that ``n`` points cannot follow; control points are denser at sharp ones.  With a
+    multiple of four it has the rectangle's symmetry.
 
     Parameters
     ----------
@@ -145,15 +146,15 @@ def rounded_rectangle(n: int | None, width: float, height: float, corner_radius:
     middle = [[0.5 * width, 0.0]]
     corners = (signs[:, None] * (0.5 * sides - corner_radius) + arcs).reshape(-1, 2)
     ring = np.concatenate([middle, corners, middle])
-    # In a flat section the short sides have their share of points.
+    # Divided by the sides' lengths, short sides of a flat section get as many points as long ones.
     arc = 257 * np.arange(4) + 129
-    share = 1.0 - corner_radius / (0.5 * sides.min())
-    wanted = reading.filled(ring)
+    sharpness = 1.0 - corner_radius / (0.5 * sides.min())
+    target = reading.filled(ring)
 
     def make(count: int) -> Array:
-        return fitted.crowded(ring, arc, sides, count, share)
+        return fitted.crowded(ring, arc, sides, count, sharpness)
 
-    return fitted.fitted("rounded rectangle", make, wanted, n, MAX_COUNT, _MORE)
+    return fitted.fitted("rounded rectangle", make, target, n, MAX_COUNT, _MORE)
 
 
 def from_file(
@@ -161,8 +162,8 @@ def from_file(
 ) -> Array:
     """Return the ``(n, 2)`` control points of an outline in a file, times ``scale``.
 
-    Angles are in proportion to the length of the outline stretched to be as high as it is wide, so that a flat one gets
-    them as an ellipse does.
+    Angles are in proportion to the length of the outline stretched to equal height and width, so that those of a flat
+    one are like an ellipse's.
 
     Parameters
     ----------
@@ -176,7 +177,7 @@ def from_file(
     InputError
         If the file cannot be read or `from_points` refuses its points: the message names the file.
     """
-    # What reads files is loaded where one is read.
+    # Imported late: only files need it.
     from isorod.geometry import outline
 
     positive("section scale", scale, "a positive number")
@@ -194,23 +195,22 @@ def from_points(points: Numbers, n: int | None = None, near: Numbers | None = No
     """Return the ``(n, 2)`` control points of an outline through points: smooth, straight between sharp corners.
 
     A corner is where the polyline turns by more than 60 degrees, by more than 30 and more than twice as far as at one
-    of its neighbours, or more than four times as far as at both; beside a corner any turn of more than 30 degrees is
-    one, and is warned of.  Without any the outline fits the points in the least-squares sense; with some the cubic
-    splines and straight sides between them, control points standing closer about those that turn by no more than 136
-    degrees (`isorod.geometry.reading`).
+    of its neighbours, or more than four times as far as at both; next to a corner any turn of more than 30 degrees
+    is one, with a warning.  Without corners the outline fits the points in the least-squares sense; with corners it
+    fits the cubic splines and straight sides between them, control points being denser at those that turn by at most
+    136 degrees (`isorod.geometry.reading`).
 
     Parameters
     ----------
     points
         Points of the outline in counter-clockwise order, shape ``(m, 2)``, the first not repeated, ``m >= n`` without
-        corners; the first point stands at the angle 0 of the disk and the others at angles in proportion to the arc
-        length.
+        corners; the first point is at the angle 0 of the disk, the others at angles in proportion to the arc length.
     n
         Number of control points; chosen where not given (`isorod.geometry.fitted.fitted`).
     near, closer
-        A place ``(x, y)`` about which control points stand ``closer`` than evenly, by that factor: at the nearest of
-        the points the angles are stretched by a Moebius map of the disk to itself, with which harmonic functions stay
-        harmonic.  As many times farther apart they are opposite of it.  Corners are then not closer by themselves.
+        A place ``(x, y)`` where control points are denser than uniform, by the factor ``closer``: at the nearest of the
+        points the angles are stretched by a Moebius map of the disk to itself, which keeps harmonic functions harmonic.
+        On the opposite side they are sparser by the same factor.  Control points are then not denser at corners.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def from_points(points: Numbers, n: int | None = None, near: Numbers | None = No
 
 
 def _through(points: Array, n: int | None, near: Numbers | None, closer: float, extent: Array | None = None) -> Array:
-    """Return what `from_points` does; lengths along the outline are those of points divided by the extent."""
+    """Do `from_points`; lengths along the outline are those of points divided by the extent."""
     if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
         raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= 3")
     if n is not None:
@@ -236,7 +236,7 @@ def _through(points: Array, n: int | None, near: Numbers | None, closer: float, 
     if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
         raise InputError("section points run clockwise; give them counter-clockwise")
     sharp, doubt = reading.outline_corners(points)
-    wanted, where = reading.between(points, sharp, closed=True)
+    target, where = reading.between(points, sharp, closed=True)
     if doubt.size:
         warnings.warn(
             f"section points: the turn of {reading.turns(points, True)[doubt[0]]:.0f} degrees at point {doubt[0]} is "
@@ -249,8 +249,8 @@ def _through(points: Array, n: int | None, near: Numbers | None, closer: float, 
         size = np.ptp(points, axis=0)
         return fitted.fitted(
             "section points",
-            lambda count: fitted.crowded(wanted, where[blunt], size, count),
-            wanted,
+            lambda count: fitted.crowded(target, where[blunt], size, count),
+            target,
             n,
             MAX_COUNT,
             f"{_MORE}, or rounded_rectangle",
@@ -263,7 +263,7 @@ def _through(points: Array, n: int | None, near: Numbers | None, closer: float, 
     if near is not None:
         theta = _crowded(theta, points, near, closer)
     if not sharp.size:
-        less = 1.0 - reading.moments(points)[0] / reading.moments(wanted)[0]
+        less = 1.0 - reading.moments(points)[0] / reading.moments(target)[0]
         if less > _FEW:
             warnings.warn(
                 f"section points: straight sides between them hold {100.0 * less:.2g} % less area than the smooth "
@@ -274,7 +274,7 @@ def _through(points: Array, n: int | None, near: Numbers | None, closer: float, 
     return fitted.fitted(
         "section points",
         lambda count: fitted.fit(theta, points, count),
-        wanted,
+        target,
         n,
         len(points),
         "give more points" if n in (None, len(points)) else _MORE,
@@ -308,7 +308,7 @@ def refinement_turn(n: int, multiple: int) -> float:
 def refine(points: Numbers, multiple: int) -> Array:
     """Return the control points of the same outline with every arc cut in ``multiple``.
 
-    The spaces nest, so the outline and the map of the whole disk stay as they are.  The new points' first angle is
+    The spaces nest, so that the outline and the map of the disk do not change.  The new points' first angle is
     `refinement_turn`.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files, a row a line."""
+"""Tables of numbers in text files, one row per line."""
 
 import math
 import re
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """A line of a file: its number, its text, and the values of its words, NaN where one is no number."""
+    """A line of a file: its number, its text, and the values of its words, NaN where one is not a number."""
 
     line: int
     text: str
@@ -15,31 +15,31 @@ class Row(NamedTuple):
 
     @property
     def wrong(self) -> int:
-        """Which word, counted from 1, is the first that is no finite number; 0 if none is."""
+        """Number, from 1, of the first word that is not a finite number; 0 if there is none."""
         return next((k for k, value in enumerate(self.values, 1) if not math.isfinite(value)), 0)
 
 
 def read(content: bytes, counts: Callable[[Iterable[bool]], bool] = any) -> tuple[list[str], list[Row]]:
     """Return the words of a first line that is a heading, and the rows below it.
 
-    Between values stands a comma, a semicolon or blanks; empty lines and what follows a ``#`` are left out.
+    Values are separated by a comma, a semicolon or blanks; empty lines and what follows a ``#`` are left out.
 
     Parameters
     ----------
     content
         Of the file, UTF-8.
     counts
-        Says by which of its words are numbers whether the first line is a row.
+        Returns whether the first line is a row, from which of its words are numbers.
 
     Raises
     ------
     UnicodeDecodeError
-        If it is no text.
+        If it is not text.
     """
     heading: list[str] = []
     rows: list[Row] = []
-    for line, whole in enumerate(content.decode("utf-8-sig").splitlines(), 1):
-        text = whole.partition("#")[0].strip()
+    for line, content_line in enumerate(content.decode("utf-8-sig").splitlines(), 1):
+        text = content_line.partition("#")[0].strip()
         words = [word for word in re.split(r"\s*[,;]\s*|\s+", text) if word]
         values = [_number(word) for word in words]
         if rows or heading or counts(not math.isnan(value) for value in values):

@@ -84,8 +84,8 @@ def pack(
     # The first rank has the forces on facets.
     mine = np.append(ranks.owned[::3], np.full(nodes.size, ranks.rank == 0))
     packed = dealt.Ranks(ranks.communicator).split(tables.pack(model, points, in_motion=True))
-    carriers, lifts = packed.carriers, packed.lifts
-    shared = [carriers[carriers < len(reference)]]
+    control_points, lifts = packed.control_points, packed.lifts
+    shared = [control_points[control_points < len(reference)]]
     shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]
     known = np.unique(np.concatenate(shared))
     size = 3 * known.size + NUMBERS
