@@ -128,7 +128,7 @@ def test_modes_of_a_round_rod_are_told_apart(held):
     first = modes.frequencies[modes.rigid]
     for towards in (None, [1.0, 0.0, 0.0], [0.3, -0.7, 0.0]):
         found = kinds.of_rod(modes, 0, "bending", towards)
-        assert found.frequency == pytest.approx(first, rel=1e-6) and found.share > 0.99
+        assert found.frequency == pytest.approx(first, rel=1e-6) and found.fraction > 0.99
     assert kinds.of_rod(modes, 0, "bending", None, 2).frequency == pytest.approx(first, rel=1e-6)
     second = kinds.of_rod(modes, 0, "bending", [1.0, 0.0, 0.0], 2).frequency
     assert second == pytest.approx(modes.frequencies[modes.rigid + 2], rel=1e-6)

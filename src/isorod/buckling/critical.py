@@ -17,7 +17,7 @@ from isorod.assembly.factorisation import factorisation
 from isorod.buckling.path import Known, PathEnds, Primary
 from isorod.buckling.tangents import Tangents
 from isorod.errors import SolveError
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.pencil import Eigenpairs, Pencil
 from isorod.petsc import inertia
 
 # The next equilibrium is short of the factor by this fraction of the distance to it.
@@ -83,7 +83,7 @@ class Look(NamedTuple):
     below: int
     offsets: Array
     shapes: Array
-    modes: Found
+    modes: Eigenpairs
     slopes: Array
 
     def factor_of(self, number: int) -> tuple[float, Array] | None:
@@ -140,7 +140,7 @@ class Seeker:
         # Distance of the last converged factor from the equilibrium at which it was computed, and its error.
         self._reach = self._doubt = 0.0
 
-    def modes(self, count: int) -> Found:
+    def modes(self, count: int) -> Eigenpairs:
         """Return the lowest vibration modes about the equilibrium of the tangents."""
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 

@@ -109,7 +109,7 @@ def displacement(
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
     found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
-    if hasattr(solution, "told"):
+    if hasattr(solution, "summary"):
         return component_of(found, component)
     return component_of(rounded(found, _largest(solution.displacement)), component)
 
@@ -172,7 +172,7 @@ def stress(
     from isorod.files import peaks
 
     sought = peaks.Sought(rod, component, u, xi, away)
-    if hasattr(solution, "told"):
+    if hasattr(solution, "summary"):
         from isorod.files import swings
 
         return swings.find(sought, solution)  # type: ignore[arg-type]
@@ -341,9 +341,9 @@ def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:
 
 def _mostly(found: "Like", what: str) -> float:
     """Return the frequency of a mode, and warn where it is something else as well."""
-    if found.share < _PURE:
+    if found.fraction < _PURE:
         warnings.warn(
-            f"frequency {found.frequency:.6g}: {100.0 * found.share:.0f} % of this mode is {what}, the rest is not",
+            f"frequency {found.frequency:.6g}: {100.0 * found.fraction:.0f} % of this mode is {what}, the rest is not",
             stacklevel=3,
         )
     return found.frequency

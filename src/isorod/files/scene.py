@@ -372,8 +372,8 @@ class FileScene(Scene):
 
         asked = self._measures if names is None else {name: self._measures[name] for name in names}
         found, places = numbers({name: ask(solution=solution) for name, ask in asked.items()})
-        if hasattr(solution, "told"):
-            found = solution.told(found)
+        if hasattr(solution, "summary"):
+            found = solution.summary(found)
         return found | ({"places": places} if places else {})
 
     def named(self, text: str) -> str:

@@ -1,4 +1,4 @@
-"""Harmonic response by modes and what they leave out."""
+"""Harmonic response by modes and residual vectors."""
 
 from isorod.harmonic.analysis import solve
 from isorod.harmonic.damping import Damping

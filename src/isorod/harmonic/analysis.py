@@ -29,10 +29,10 @@ from isorod.petsc.direct import direct, room
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
-# Modes up to so many times the highest frequency; what is left out follows nearly statically.
+# Modes up to this multiple of the highest frequency; those above respond nearly statically.
 _BEYOND = 1.5
 
-# What is left out, relative, in the energy norm, that is mended; how often, and at how many frequencies it is looked.
+# Relative truncation error in the energy norm above which shapes are added; rounds of that; frequencies checked.
 _LEFT, _ROUNDS, _LOOKS = 1e-4, 4, 12
 
 _PREFIX = "harmonic_"
@@ -50,36 +50,36 @@ def solve(
     petsc: Mapping[str, object] | None = None,
     progress: bool = False,
 ) -> Response:
-    """Return the steady response to loads, or supports, that swing: amplitude and phase at each frequency.
+    """Return the steady response to oscillating loads or supports: amplitude and phase at each frequency.
 
-    It is linear, about the state of rest or the equilibrium under what does not swing: static loads, moved supports, a
-    spin, with Coriolis forces.
+    It is linear, about the state of rest or the equilibrium under static loads, moved supports and a spin, with
+    Coriolis forces.
 
     Parameters
     ----------
     model
         Bodies with densities, supports and loads.
     frequencies
-        Cycles per time, in a list, or from one to another (`Span`), with more round each resonance.
+        Cycles per time: a list, or a `Span`, refined round each resonance.
     damping
-        Ratio, Rayleigh's or structural (`Damping`); needed but for viscoelastic laws, whose own is in it.
+        Ratio, Rayleigh's or structural (`Damping`); required unless a law is viscoelastic, whose damping is included.
     base
-        Amplitude of the acceleration that shakes all supports together, shape ``(3,)``.
+        Amplitude of the common acceleration of all supports, shape ``(3,)``.
     base_displacement
         The same of their displacement.
     loads
-        The loads that swing, all in phase, their values the amplitudes; where not given all, or none where the supports
-        are shaken.  The others are static.
+        Numbers of the oscillating loads, all in phase, their values the amplitudes.  Default: all, or none with base
+        excitation.  The others are static.
     load_steps
-        Number of equal steps to the equilibrium to start with.
+        Initial number of equal load steps to the equilibrium.
     petsc, progress
         As for `isorod.modal.solve`.
 
     Raises
     ------
     InputError
-        If nothing swings, an argument cannot be used, or the response is not available: with contact, finite element
-        bodies, of laws with a memory that are not viscoelastic, about an equilibrium of which modes cannot be had.
+        If there is no excitation, an argument is invalid, or the response is not available: with contact, finite
+        element bodies, laws with memory other than viscoelastic ones, or an equilibrium without modes.
     SolveError
         If the equilibrium does not converge or is unstable, or modes are missed.
     """
@@ -90,7 +90,7 @@ def solve(
     drive = driven(model, base, base_displacement, loads)
     if damping is None and not drive.soft:
         raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
-    with in_force(petsc), closing(Teller()) as told:
+    with in_force(petsc), closing(Teller()) as teller:
         model.refuse_hold("modes")
         refuse_massless(model.bodies, "modes need")
         began = perf_counter()
@@ -103,7 +103,7 @@ def solve(
                 )
         state = loaded.find(drive.still, load_steps, comm)
         taken = {} if state is None else {"equilibrium": perf_counter() - began}
-        return _solve(drive, asked, damping, state, comm, taken, told if progress else None)
+        return _solve(drive, asked, damping, state, comm, taken, teller if progress else None)
 
 
 def _solve(
@@ -113,7 +113,7 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
-    told: Teller | None,
+    teller: Teller | None,
 ) -> Response:
     start = perf_counter()
     model = drive.still
@@ -134,7 +134,7 @@ def _solve(
         factors=factorisation(assembler, "st_"),
         motions=lambda: rigid_motions.on_unknowns(assembler, loose),
     )
-    pencil.tell = told if assembler.comm.getRank() == 0 else None
+    pencil.report = teller if assembler.comm.getRank() == 0 else None
     setup = perf_counter() - start
     rigid_motions.refuse_thin(model, loose)
     shift = pencil.shift()
@@ -142,18 +142,18 @@ def _solve(
         raise SolveError("harmonic: no flexible mode converged from which to choose the shift; add a support")
     top = _BEYOND * (asked.last if isinstance(asked, Span) else float(asked.max()))
     most = pencil.size - pencil.rigid
-    wanted = pencil.count_below((2.0 * np.pi * top) ** 2) - pencil.rigid
-    if wanted > most // 2:
+    count = pencil.count_below((2.0 * np.pi * top) ** 2) - pencil.rigid
+    if count > most // 2:
         raise InputError(
-            f"frequencies: {wanted} modes lie below {top:.4g}, too many for {model.unknowns} unknowns; end lower, or "
+            f"frequencies: {count} modes lie below {top:.4g}, too many for {model.unknowns} unknowns; end lower, or "
             "use more elements"
         )
-    found = pencil.solve(max(wanted, 1) + pencil.rigid, shift)
-    if found.eigenvalues[pencil.rigid] <= 0.0:
+    pairs = pencil.solve(max(count, 1) + pencil.rigid, shift)
+    if pairs.eigenvalues[pencil.rigid] <= 0.0:
         raise SolveError("harmonic: the equilibrium is unstable, motions about it grow; check it with modes")
-    # Coriolis forces are not in the modes of which responses are made.
-    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
-    modes = modes_of(assembler, found, vectors, pencil.rigid, state, {})
+    # The modes that span the response are without Coriolis forces.
+    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in pairs.vectors]))
+    modes = modes_of(assembler, pairs, vectors, pencil.rigid, state, {})
     if rules := hourglass.better_rules(model):
         flexible = slice(pencil.rigid, None)
         hourglass.check_modes(assembler, rules, modes.eigenvalues[flexible], modes.vectors[flexible], modes.state)
@@ -164,7 +164,7 @@ def _solve(
     softer = [Softer(shear_stiffness(model, b, assembler.comm), prony) for b, prony in drive.soft.items()]
     basis = Basis(System(matrix, mass, damping, coriolis, softer), force, drive.by_square, ksp, shift)
     with defaults(room(assembler.comm, _PREFIX)):
-        basis.grow([one.array_r.copy() for one in found.vectors])
+        basis.grow([one.array_r.copy() for one in pairs.vectors])
         left = _complete(basis, force, asked, top)
     resonances, ratios = basis.resonances()
     values = asked.around(resonances, ratios) if isinstance(asked, Span) else asked
@@ -189,39 +189,39 @@ def _solve(
             "check": pencil.check_seconds,
         },
         built=assembler.built,
-        solver=found.solver,
+        solver=pairs.solver,
         ranks=assembler.comm.getSize(),
         about=loaded.state_of(model, state),
     )
 
 
 def _shapes(assembler: Assembler, vectors: Array) -> list[Ritz]:
-    """Return displacements and pressures of shapes ``(n, m)`` on the unknowns of this rank."""
-    found, x = [], assembler.vector()
+    """Return displacements and pressures of shapes ``(n, m)`` given on this rank's unknowns."""
+    ritz, x = [], assembler.vector()
     for column in vectors.T:
         x.array_w[:] = column
         displacement = assembler.shapes(assembler.all_unknowns(x)[None])[0]
-        found.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
+        ritz.append(Ritz(assembler.model, displacement, pressures=assembler.pressures(x)))
     x.destroy()
-    return found
+    return ritz
 
 
 def _complete(basis: Basis, force: PETSc.Vec, asked: "Span | Array", top: float) -> float:
-    """Add shapes that residuals ask for; return what is left, relative, in the energy norm."""
+    """Add residual vectors; return the remaining relative truncation error in the energy norm."""
     basis.grow(basis.static())
     lowest, last = (asked.first, asked.last) if isinstance(asked, Span) else (float(asked.min()), float(asked.max()))
     between = np.array([one for one in basis.resonances()[0] if lowest <= one <= last])
     looks = between[np.unique(np.linspace(0, between.size - 1, _LOOKS).astype(int))] if between.size else between
     looks = np.unique([lowest, *looks, last])
     for rest in range(_ROUNDS, -1, -1):
-        shares, shapes = basis.left(looks)
-        # Left out is what swings faster than `top`: dynamically it gives way so much more.
-        shares /= 1.0 - (looks / (top or 1.0)) ** 2
-        bad = np.flatnonzero(shares > _LEFT)
+        errors, shapes = basis.left(looks)
+        # Modes left out lie above `top`: by this factor they respond more than statically.
+        errors /= 1.0 - (looks / (top or 1.0)) ** 2
+        bad = np.flatnonzero(errors > _LEFT)
         if not (rest and bad.size):
             break
         basis.grow([one for k in bad for one in shapes[2 * k : 2 * k + 2] if one.any()])
-    return float(shares.max())
+    return float(errors.max())
 
 
 def _coriolis(assembler: Assembler) -> PETSc.Mat:

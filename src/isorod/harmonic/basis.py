@@ -1,4 +1,4 @@
-"""The space of shapes that responses are sought in: modes, and what residuals say is left out (Ritz vectors)."""
+"""The space of shapes in which responses are sought: modes and residual vectors (Ritz vectors)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,27 +10,27 @@ from scipy.linalg import eigh
 from isorod.arrays import Array
 from isorod.harmonic.damping import Damping
 
-# What is left of a new shape is none where it is a smaller share of it: of modes what the eigensolver leaves.
+# Relative size below which the remainder of a new shape is dropped: errors of the eigensolver.
 _NEW = 1e-7
 
-# Numbers of dense systems that are solved at a time.
+# Entries of the dense systems that are solved at a time.
 _CHUNK = 4_000_000
 
 
 class Softer:
-    """A stiffness that relaxes: ``K`` less ``share(omega)`` of a matrix, as of shear moduli of viscoelastic laws."""
+    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by a Prony series of shear moduli."""
 
     def __init__(self, matrix: PETSc.Mat, prony: Array) -> None:
         self.matrix, self.prony = matrix, prony
 
-    def share(self, omega: Array) -> Array:
-        """Return which part of the matrix is missing at angular frequencies ``(n,)``, complex."""
-        shares, times = self.prony.T
-        return np.asarray((shares / (1.0 + 1j * omega[:, None] * times)).sum(axis=1))
+    def fraction(self, omega: Array) -> Array:
+        """Return the complex fraction of the matrix that is relaxed at angular frequencies ``(n,)``."""
+        moduli, times = self.prony.T
+        return np.asarray((moduli / (1.0 + 1j * omega[:, None] * times)).sum(axis=1))
 
 
 class System(NamedTuple):
-    """What swings: stiffness, mass, and what is beside them: damping, Coriolis forces, stiffnesses that relax."""
+    """The system: stiffness and mass; damping, Coriolis matrix and stiffnesses that relax, if any."""
 
     stiffness: PETSc.Mat
     mass: PETSc.Mat
@@ -45,11 +45,11 @@ class Basis:
     Parameters
     ----------
     system
-        What swings.
+        The matrices.
     force, by_square
-        The excitation, and whether it grows with the square of the frequency.
+        The excitation, and whether it is multiplied by the square of the frequency.
     ksp, shift
-        Solver with the stiffness, shifted by so many times the mass.
+        Solver with the stiffness shifted by ``shift`` times the mass.
 
     Attributes
     ----------
@@ -75,21 +75,23 @@ class Basis:
         """Add shapes, this rank's entries of each; return how many are new."""
         before = self.squares.size
         for shape in shapes:
-            one = shape / self._size(shape)
+            vector = shape / self._size(shape)
             for _ in range(2):
-                one = one - self.vectors @ self._sum(self.vectors.T @ self._times(self._mass, one[:, None])[:, 0])
-            left = self._size(one)
+                vector = vector - self.vectors @ self._sum(
+                    self.vectors.T @ self._times(self._mass, vector[:, None])[:, 0]
+                )
+            left = self._size(vector)
             if left > _NEW:
-                self.vectors = np.column_stack([self.vectors, one / left])
+                self.vectors = np.column_stack([self.vectors, vector / left])
         images = self._times(self._stiffness, self.vectors)
         small = self._sum(self.vectors.T @ images)
         self.squares, turn = eigh(0.5 * (small + small.T))
         self.vectors = self.vectors @ turn
         self._stiff = images @ turn
         self._heavy = self._times(self._mass, self.vectors)
-        matrices = [one.matrix for one in self._softer]
-        self._soft = [self._times(one, self.vectors) for one in matrices]
-        self._soft_small = [self._sum(self.vectors.T @ one) for one in self._soft]
+        matrices = [vector.matrix for vector in self._softer]
+        self._soft = [self._times(vector, self.vectors) for vector in matrices]
+        self._soft_small = [self._sum(self.vectors.T @ vector) for vector in self._soft]
         if self._coriolis is not None:
             self._turned = self._times(self._coriolis, self.vectors)
             turned = self._sum(self.vectors.T @ self._turned)
@@ -112,7 +114,7 @@ class Basis:
         if self._coriolis is not None:
             systems += 1j * omega[:, None, None] * self._turned_small
         for one, small in zip(self._softer, self._soft_small, strict=True):
-            systems -= one.share(omega)[:, None, None] * small
+            systems -= one.fraction(omega)[:, None, None] * small
         return np.asarray(np.linalg.solve(systems, force[..., None])[..., 0])
 
     def _damped(self, omega: Array) -> Array:
@@ -121,18 +123,18 @@ class Basis:
         return self._damping.of_modes(omega, self.squares)
 
     def scale(self, omega: Array) -> Array:
-        """Return by what the excitation is multiplied: that of a base whose displacement is given grows."""
+        """Return the factor of the excitation: ``omega^2`` for a prescribed displacement of the base."""
         return omega**2 if self.by_square else np.ones_like(omega)
 
     def resonances(self) -> tuple[Array, Array]:
-        """Return natural frequencies, cycles per time, and the share of critical damping of each, shape ``(k,)``."""
+        """Return natural frequencies, cycles per time, and the damping ratio of each, shape ``(k,)``."""
         flexible = self.squares > 1e-9 * np.abs(self.squares).max(initial=0.0)
         squares = self.squares[flexible]
         lost = np.zeros(squares.size)
         for _ in range(3 if self._softer else 0):
             omega = np.sqrt(squares)
-            shares = [one.share(omega) for one in self._softer]
-            terms = [part[:, None, None] * small for part, small in zip(shares, self._soft_small, strict=True)]
+            fractions = [one.fraction(omega) for one in self._softer]
+            terms = [part[:, None, None] * small for part, small in zip(fractions, self._soft_small, strict=True)]
             missing = np.sum(terms, axis=0)
             stiff = np.diag(self.squares) - missing.real
             values, shapes = np.linalg.eigh(stiff)
@@ -148,50 +150,50 @@ class Basis:
             )
             whirls = np.sort(rates.imag[rates.imag > 0.0]) ** 2
             kept = whirls > 1e-9 * whirls.max(initial=0.0)
-            found = whirls[kept]
-            return np.sqrt(found) / (2.0 * np.pi), self._damping.ratios(found) if self._damping else np.zeros(
-                found.size
-            )
+            squared_whirls = whirls[kept]
+            return np.sqrt(squared_whirls) / (2.0 * np.pi), self._damping.ratios(
+                squared_whirls
+            ) if self._damping else np.zeros(squared_whirls.size)
         return np.sqrt(squares) / (2.0 * np.pi), ratios
 
     def static(self) -> list[Array]:
-        """Return what the excitation displaces statically; of a free body, by the shifted stiffness."""
-        found = self._force.duplicate()
-        self._ksp.solve(self._force, found)
-        return [found.array_r.copy()]
+        """Return the static displacement by the excitation; of a free body, with the shifted stiffness."""
+        displacement = self._force.duplicate()
+        self._ksp.solve(self._force, displacement)
+        return [displacement.array_r.copy()]
 
     def left(self, frequencies: Array) -> tuple[Array, list[Array]]:
-        """Return how far the response at frequencies is off, and the shapes that would mend it, two a frequency.
+        """Return the relative error of the response at frequencies, and residual vectors, two a frequency.
 
-        Residual forces ``f - D x`` displace by ``K^-1`` what shapes that are left out are missing; the share is that of
-        the energy norm, as of strains: ``|K^-1 r| / |x|``.
+        Residual vectors are ``K^-1 r`` of the residual forces ``r = f - D x``; the error is ``|K^-1 r| / |x|`` in the
+        energy norm.
         """
-        shares, shapes = np.zeros(frequencies.size), []
+        errors, shapes = np.zeros(frequencies.size), []
         own = self.coordinates(frequencies)
         force = self._force.array_r
-        work, found = self._force.duplicate(), self._force.duplicate()
+        work, solution = self._force.duplicate(), self._force.duplicate()
         for k, (frequency, x) in enumerate(zip(frequencies, own, strict=True)):
             omega = np.array([2.0 * np.pi * frequency])
             damped = self._damped(omega)[0]
             rest = self.scale(omega)[0] * force - self._stiff @ x + omega[0] ** 2 * (self._heavy @ x) + 0j
-            # Structural and stiffness-proportional damping are of the stiffness; the rest, and ratios, of the mass.
+            # Structural and stiffness-proportional damping act by the stiffness; the rest, with ratios, by the mass.
             if self._damping is not None:
                 stiff = 1j * (self._damping.structural + omega[0] * self._damping.rayleigh[1])
                 rest -= stiff * (self._stiff @ x) + self._heavy @ ((damped - stiff * self.squares) * x)
             if self._coriolis is not None:
                 rest -= 1j * omega[0] * (self._turned @ x)
             for one, images in zip(self._softer, self._soft, strict=True):
-                rest += one.share(omega)[0] * (images @ x)
+                rest += one.fraction(omega)[0] * (images @ x)
             energy = 0.0
             for part in (rest.real, rest.imag):
                 work.array_w[:] = part
-                self._ksp.solve(work, found)
-                energy += max(work.dot(found), 0.0)
-                shapes.append(found.array_r.copy())
+                self._ksp.solve(work, solution)
+                energy += max(work.dot(solution), 0.0)
+                shapes.append(solution.array_r.copy())
             whole = float(np.abs(x) ** 2 @ (np.abs(self.squares) + self._shift))
-            shares[k] = np.sqrt(energy / whole) if whole > 0.0 else 0.0
-        work.destroy(), found.destroy()
-        return shares, shapes
+            errors[k] = np.sqrt(energy / whole) if whole > 0.0 else 0.0
+        work.destroy(), solution.destroy()
+        return errors, shapes
 
     def _size(self, shape: Array) -> float:
         return float(np.sqrt(self._sum(np.array(shape @ self._times(self._mass, shape[:, None])[:, 0]))))
@@ -199,13 +201,13 @@ class Basis:
     def _times(self, matrix: PETSc.Mat, block: Array) -> Array:
         """Return a matrix times each of several vectors, this rank's entries."""
         x, y = matrix.createVecRight(), matrix.createVecLeft()
-        found = np.empty_like(block)
+        product = np.empty_like(block)
         for k, column in enumerate(block.T):
             x.array_w[:] = column
             matrix.mult(x, y)
-            found[:, k] = y.array_r
+            product[:, k] = y.array_r
         x.destroy(), y.destroy()
-        return found
+        return product
 
     def _sum(self, own: Array) -> Array:
         return np.asarray(self._comm.allreduce(own))

@@ -1,4 +1,4 @@
-"""Damping of vibrations: a ratio of critical damping, Rayleigh's, and structural; what is given adds up."""
+"""Damping of vibrations: a ratio of critical damping, Rayleigh's, and structural, which add up."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from isorod.errors import Checked, InputError
 
 @dataclass(frozen=True)
 class Damping(Checked):
-    """What takes energy from vibrations, besides laws with memory.
+    """Damping of vibrations, besides that of laws with memory.
 
     Parameters
     ----------
     ratio
-        Share of critical damping of each mode, 0.02 for 2 %.
+        Fraction of critical damping of each mode, 0.02 for 2 %.
     rayleigh
         ``alpha`` [1/time] and ``beta`` [time] of the damping matrix ``alpha M + beta K``.
     structural
@@ -24,7 +24,7 @@ class Damping(Checked):
     Raises
     ------
     InputError
-        If one is negative or not finite, or there is none: at resonance nothing would bound the response.
+        If one is negative or not finite, or none is given: resonances would be unbounded.
     """
 
     ratio: float = 0.0
@@ -42,7 +42,7 @@ class Damping(Checked):
             raise InputError("damping: got none, need ratio, rayleigh or structural")
 
     def of_modes(self, omega: Array, squares: Array) -> Array:
-        """Return what modes of unit mass add to ``lambda - omega^2``, shape ``(frequencies, modes)``.
+        """Return the damping terms of modes of unit mass beside ``lambda - omega^2``, shape ``(frequencies, modes)``.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class Damping(Checked):
         return np.asarray(1j * (omega[:, None] * rate + self.structural * squares))
 
     def ratios(self, squares: Array) -> Array:
-        """Return the share of critical damping that each mode has in all, shape ``(modes,)``."""
+        """Return the total damping ratio of each mode, shape ``(modes,)``."""
         omega = np.sqrt(squares)
         alpha, beta = self.rayleigh
         return np.asarray(self.ratio + 0.5 * (self.structural + alpha / omega + beta * omega))

@@ -1,4 +1,4 @@
-"""What swings, and what stays still: loads or shaken supports, and the model about whose state responses are."""
+"""The excitation, by loads or the base, and the static model about whose state responses are."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from isorod.material.viscous import Viscoelastic
 from isorod.model.load import Weight
 from isorod.model.model import Model
 
-# The shear modulus of what relaxes is made smaller by this share: stiffness is linear in it.
+# Fraction by which shear moduli are reduced to obtain their stiffness, which is linear in them.
 _PART = 0.5
 
 
@@ -28,13 +28,13 @@ class Drive:
     Attributes
     ----------
     still
-        The model with the loads that are static.
+        The model with the static loads.
     swinging
-        The same with those that swing instead: of shaken supports inertia in the frame that moves with them.
+        The model with the oscillating loads instead; for base excitation inertia in the frame that moves with the base.
     base
-        Amplitude of the supports' acceleration or, where ``by_square``, their displacement, shape ``(3,)``; else zeros.
+        Amplitude of the supports' acceleration or, if ``by_square``, displacement, shape ``(3,)``; else zeros.
     soft
-        Prony series of bodies that are viscoelastic, by their number (`relaxing`).
+        Prony series of viscoelastic bodies, by their number (`relaxing`).
     """
 
     still: Model
@@ -44,7 +44,7 @@ class Drive:
     soft: Mapping[int, Array]
 
     def forces(self, assembler: Assembler, x: PETSc.Vec, factor: float) -> PETSc.Vec:
-        """Return the forces that swing, on the unknowns of a state."""
+        """Return the amplitude of the forces on the unknowns of a state."""
         own = assembler_for(self.swinging, assembler.comm) if self.swinging.following else assembler
         out = assembler.vector()
         own.load(self.swinging, x, factor, out)
@@ -59,7 +59,7 @@ def driven(
     base_displacement: tuple[float, float, float] | None,
     loads: Sequence[int] | None,
 ) -> Drive:
-    """Return what swings of a model, by the arguments of `isorod.harmonic.solve`; raises `InputError`."""
+    """Return the excitation of a model, by the arguments of `isorod.harmonic.solve`; raises `InputError`."""
     if model.contacts:
         raise InputError("contact 0: a response is linear, and contact opens and closes; leave it out, or use dynamics")
     if model.solids:
@@ -91,7 +91,7 @@ def driven(
             for b, body in enumerate(model.bodies)
         ]
     with warnings.catch_warnings():
-        # They were said of the model itself.
+        # The model itself has given these warnings.
         warnings.simplefilter("ignore")
         still = replace(model, loads=[one for k, one in enumerate(model.loads) if k not in swing]) if swing else model
         swinging = replace(model, loads=forces)
@@ -100,14 +100,14 @@ def driven(
 
 
 def relaxing(model: Model) -> dict[int, Array]:
-    """Return the Prony series of bodies that are viscoelastic, rows of share and time, by their number.
+    """Return the Prony series of viscoelastic bodies, rows of fraction and time, by their number.
 
     Raises
     ------
     InputError
-        If a law has another memory, or a body several series.
+        If another law has memory, or a body has several series.
     """
-    found: dict[int, Array] = {}
+    prony: dict[int, Array] = {}
     for b, body in enumerate(model.bodies):
         other = next((law for law in body.laws if law.remembers and not isinstance(law, Viscoelastic)), None)
         if other is not None:
@@ -124,26 +124,26 @@ def relaxing(model: Model) -> dict[int, Array]:
             )
         if body.formulation != "displacement":
             raise InputError(f"body {b}: viscoelastic in the mixed formulation; take nu up to 0.48, or use dynamics")
-        found[b] = np.frombuffer(series.pop()).reshape(-1, 2)
-    return found
+        prony[b] = np.frombuffer(series.pop()).reshape(-1, 2)
+    return prony
 
 
 def shear_stiffness(model: Model, number: int, comm: PETSc.Comm) -> PETSc.Mat:
-    """Return the stiffness at rest that a body's shear moduli make."""
-    first, matrix = (_stiffness(model, number, share, comm) for share in (1.0, 1.0 - _PART))
+    """Return the part of the stiffness at rest due to a body's shear moduli."""
+    first, matrix = (_stiffness(model, number, fraction, comm) for fraction in (1.0, 1.0 - _PART))
     first.axpy(-1.0, matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
     first.scale(1.0 / _PART)
     matrix.destroy()
     return first
 
 
-def _stiffness(model: Model, number: int, share: float, comm: PETSc.Comm) -> PETSc.Mat:
-    """Return the stiffness at rest with a share of a body's shear moduli and all of its bulk moduli."""
+def _stiffness(model: Model, number: int, fraction: float, comm: PETSc.Comm) -> PETSc.Mat:
+    """Return the stiffness at rest with a fraction of a body's shear moduli and its full bulk moduli."""
 
     def softer(law: Any) -> Any:
         if isinstance(law, Sequence):
             return [softer(one) for one in law]
-        mu, bulk = share * law.mu, law.lame + 2.0 / 3.0 * law.mu
+        mu, bulk = fraction * law.mu, law.lame + 2.0 / 3.0 * law.mu
         return LinearElastic(
             E=9.0 * bulk * mu / (3.0 * bulk + mu), nu=(3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu)
         )

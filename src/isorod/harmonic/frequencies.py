@@ -7,7 +7,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError, numbers, whole_number
 
-# Round a resonance, in half-widths of its peak: enough to draw it, and for a parabola to find its top.
+# Frequencies round a resonance, in half-widths of its peak: enough to draw it, and for a parabola through its top.
 _ROUND = np.array([0.0, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0])
 
 _MOST = 1_000_000
@@ -15,16 +15,16 @@ _MOST = 1_000_000
 
 @dataclass(frozen=True)
 class Span(Checked):
-    """Frequencies from one to another, and as many more round each resonance as show its peak.
+    """A range of frequencies, refined round each resonance.
 
     Parameters
     ----------
     first, last
-        Cycles per time, both among them.
+        Cycles per time, both included.
     count
-        How many, those round resonances apart.
+        Number of frequencies, without those round resonances.
     log
-        Evenly spaced in their logarithm.
+        Whether they are evenly spaced in their logarithm.
     """
 
     first: float
@@ -46,21 +46,21 @@ class Span(Checked):
         return (np.geomspace if self.log else np.linspace)(self.first, self.last, self.count)
 
     def around(self, resonances: Array, ratios: Array) -> Array:
-        """Return these frequencies, and those round resonances of so much of critical damping."""
+        """Return these frequencies and those round resonances, given with their damping ratios."""
         away = np.concatenate([-_ROUND[:0:-1], _ROUND])
         more = (resonances[:, None] * (1.0 + ratios[:, None] * away)).ravel()
         return np.unique(np.concatenate([self.values, more[(more >= self.first) & (more <= self.last)]]))
 
 
 def checked(frequencies: object) -> "Span | Array":
-    """Return a span, or frequencies that are given each, ``(n,)``, ascending."""
+    """Return a span as it is, or a list of frequencies, checked, ``(n,)``, ascending."""
     if isinstance(frequencies, Span):
         return frequencies
-    found = numbers("frequencies", frequencies)
-    found = found.reshape(-1) if found.ndim < 2 else found
-    if found.ndim != 1 or not 1 <= found.size <= _MOST:
+    values = numbers("frequencies", frequencies)
+    values = values.reshape(-1) if values.ndim < 2 else values
+    if values.ndim != 1 or not 1 <= values.size <= _MOST:
         raise InputError("frequencies: need one or more numbers, cycles per time")
-    if not (np.isfinite(found).all() and (found >= 0.0).all()):
-        bad = found[~(np.isfinite(found) & (found >= 0.0))][0]
+    if not (np.isfinite(values).all() and (values >= 0.0).all()):
+        bad = values[~(np.isfinite(values) & (values >= 0.0))][0]
         raise InputError(f"frequencies: got {bad:g}, need numbers that are not negative")
-    return np.unique(found)
+    return np.unique(values)

@@ -1,4 +1,4 @@
-"""What harmonic responses answer: amplitude and phase of displacement, acceleration and stress at any point."""
+"""Results of harmonic response: amplitude and phase of displacement, acceleration and stress at any point."""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,19 +23,19 @@ from isorod.output.words import Component
 if TYPE_CHECKING:
     from isorod.harmonic.basis import Basis
 
-# Shapes are added to a state so small that sections turn by about this much: stress is linear in it.
+# Rotation of sections by shapes in differences of stress, which is linear in shapes so small.
 _SMALL = 1e-4
 
-# Share of the energy at some frequency from which a mode counts, and the error from which amplitudes are warned of.
+# Fraction of the energy at a frequency above which a mode counts; error of amplitudes above which there is a warning.
 _SWINGS, _LARGE = 0.01, 0.005
 
-# Share of the energy of one mode where its stresses are those of the response.
+# Fraction of the energy in one mode above which its stresses stand for those of the response.
 _ALONE = 0.8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ritz(State):
-    """A shape, or a state with a share of one, and its pressures."""
+    """A shape, or a state plus a multiple of one, and its pressures."""
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement ``(nodes, 3)``, and its pressure coefficients if it has some."""
@@ -45,35 +45,34 @@ class Ritz(State):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Response:
-    """A steady vibration ``Re(x exp(i omega t))`` at each of several frequencies; all arrays begin with these.
+    """A steady vibration ``Re(x exp(i omega t))`` at each of several frequencies, the first axis of all arrays.
 
-    Displacements are relative to what is shaken, accelerations are not; what is ahead of the excitation has a positive
-    phase.
+    Displacements are relative to the base, accelerations are absolute; a phase ahead of the excitation is positive.
 
     Attributes
     ----------
     model
-        What was solved, without the loads that swing.
+        The model without the oscillating loads.
     frequencies
         Cycles per time, shape ``(n,)``.
     coordinates
-        Of the shapes, complex ``(n, m)``.
+        Coefficients of the shapes, complex ``(n, m)``.
     ritz
-        Modes and what residuals add to them, of unit mass.
+        Modes and residual vectors, of unit mass.
     base
-        Amplitude of the supports' acceleration, or displacement, shape ``(3,)``; zeros where loads swing.
+        Amplitude of the supports' acceleration, or displacement, shape ``(3,)``; zeros without base excitation.
     asked
         The frequencies as they were given.
     resonances, ratios
-        Natural frequencies up to the highest, cycles per time, and the share of critical damping of each.
+        Natural frequencies up to the highest, cycles per time, and the damping ratio of each.
     truncation
-        What the shapes leave out, relative, in the energy norm, the most at both ends and at resonances.
+        Relative truncation error in the energy norm, the largest of both ends and resonances.
     modes
-        The undamped modes, those beyond the highest frequency too.
+        The undamped modes, with some beyond the highest frequency.
     soft
         Prony series of viscoelastic bodies, by their number.
     about
-        In words what it is about.
+        The state about which it is, as text.
     seconds, built, solver, ranks
         As for `isorod.modal.Modes`.
     """
@@ -106,7 +105,7 @@ class Response:
         )
 
     def over(self, frequencies: ArrayLike) -> "Response":
-        """Return the same response at other frequencies, up to the highest that was asked for."""
+        """Return the response at other frequencies, up to the highest that was asked for."""
         given = np.asarray(checked(frequencies))
         last = self.asked.last if isinstance(self.asked, Span) else self.asked.max()
         if given.max() > last * (1.0 + 1e-12):
@@ -119,19 +118,19 @@ class Response:
         return 2.0 * np.pi * self.frequencies
 
     def at(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None) -> Array:
-        """Return the displacement at points of a body, relative to what is shaken, complex ``(n, ..., 3)``."""
+        """Return the displacement at points of a body, relative to the base, complex ``(n, ..., 3)``."""
         each = np.array([one.at(body, u, xi) for one in self.ritz])
         return np.tensordot(self.coordinates, each, 1)
 
     def acceleration(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None) -> Array:
-        """Return the acceleration at points of a body, that of shaken supports included, complex ``(n, ..., 3)``."""
-        found = self.at(body, u, xi)
-        across = (slice(None), *[None] * (found.ndim - 1))
-        return self._shaken[across] * self.base - (self.omega**2)[across] * found
+        """Return the acceleration at points of a body, that of the base included, complex ``(n, ..., 3)``."""
+        displacement = self.at(body, u, xi)
+        across = (slice(None), *[None] * (displacement.ndim - 1))
+        return self._shaken[across] * self.base - (self.omega**2)[across] * displacement
 
     @property
     def _shaken(self) -> Array:
-        """By what the amplitude of the base is its acceleration, ``(n,)``."""
+        """Factors of ``base`` that give its acceleration, ``(n,)``."""
         return -self.basis.scale(self.omega) if self.basis.by_square else np.ones(len(self))
 
     def single(self, number: int) -> "Single":
@@ -141,29 +140,29 @@ class Response:
         return Single(**own | {"frequencies": self.frequencies[k], "coordinates": self.coordinates[k]})
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
-        """Return Cauchy's stress at points of a body, what is static left out, complex ``(n, ..., 3, 3)``."""
+        """Return the Cauchy stress at points of a body without its static part, complex ``(n, ..., 3, 3)``."""
         moved = np.array([one.displacement for one in self.ritz])
         count, shapes = self.ritz[0].pressures, [*self.ritz]
         turned = self.coordinates
         if 2 * len(self) < len(shapes) and not any(one is not None for one in count):
-            # Fewer shapes: those of the response itself.
+            # Fewer evaluations: the response itself as shapes.
             own = self.coordinates @ moved
             shapes = [Ritz(self.model, part) for part in (*own.real, *own.imag)]
             turned = np.hstack([np.eye(len(self)), 1j * np.eye(len(self))])
-        found = np.tensordot(turned, self._stresses(shapes, body, u, xi), 1)
+        stress = np.tensordot(turned, self._stresses(shapes, body, u, xi), 1)
         series = self.soft.get(self.ritz[0]._number(body))
         if series is not None:
             # Shear moduli relax, and bulk moduli do not.
             missing = (series[:, 0] / (1.0 + 1j * self.omega[:, None] * series[:, 1])).sum(axis=1)
-            shear = found - np.trace(found, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3)
-            found = found - missing.reshape(-1, *[1] * (found.ndim - 1)) * shear
-        return np.asarray(found)
+            shear = stress - np.trace(stress, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3)
+            stress = stress - missing.reshape(-1, *[1] * (stress.ndim - 1)) * shear
+        return np.asarray(stress)
 
     def signed(self, body: Named, u: Array, xi: Array, name: Component) -> Array:
-        """Return a component of the stress at a grid of points, ``(n, t, q)``: complex, or the largest of a period.
+        """Return a component of the stress at a grid of points, ``(n, t, q)``: complex, or the maximum of a period.
 
-        Von Mises' stress and the size of the shear stress have no phase: they are largest twice a period, and of an
-        ellipse that is its longer half-axis.
+        The von Mises stress and the magnitude of the shear stress have no phase: their maximum is the longer half-axis
+        of an ellipse, reached twice a period.
         """
         normals = self._normals(body, u, xi) if name in ("along", "shear") else np.empty(0)
         stress = self.stress(body, u, xi)
@@ -183,59 +182,61 @@ class Response:
         return np.sqrt(0.5 * (a + b) + np.hypot(0.5 * (a - b), c))
 
     def _normals(self, body: Named, u: Array, xi: Array) -> Array:
-        """Return normals of sections where they are in the state about which it is, ``(t, q, 3)``."""
+        """Return normals of sections in the state about which the response is, ``(t, q, 3)``."""
         _, jacobian = self.model.bodies[self.ritz[0]._number(body)].space.rod.grid(xi, u)
         moved = self.deformation_gradient(body, u, xi) @ jacobian
         return np.cross(moved[..., 0], moved[..., 1])
 
     def deformation_gradient(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
-        """Return that of the state about which it is, shape ``(..., 3, 3)``."""
+        """Return the deformation gradient of the state about which it is, shape ``(..., 3, 3)``."""
         return self._state.deformation_gradient(body, u, xi)
 
     @cached_property
     def _state(self) -> State:
-        found = self.modes.equilibrium
-        return State(self.model, np.zeros(self.model.dofs), factor=0.0) if found is None else found
+        equilibrium = self.modes.equilibrium
+        return State(self.model, np.zeros(self.model.dofs), factor=0.0) if equilibrium is None else equilibrium
 
     def _stresses(self, shapes: Sequence[Ritz], body: Named, u: ArrayLike, xi: ArrayLike) -> Array:
-        """Return the stress of each shape about the state, ``(m, ..., 3, 3)``: a central difference."""
+        """Return the stress of each shape about the state, ``(m, ..., 3, 3)``, by a central difference."""
         state, radius = self._state, min(one.space.rod.radius for one in self.model.bodies)
-        found = []
+        stresses = []
         for shape in shapes:
             step = _SMALL * radius / max(float(np.abs(shape.displacement).max()), 1e-300)
             ends = []
-            for way in (step, -step):
+            for amplitude in (step, -step):
                 pressures = [
-                    None if own is None else way * own + (0.0 if (there := _of(state.pressures, b)) is None else there)
+                    None
+                    if own is None
+                    else amplitude * own + (0.0 if (there := _of(state.pressures, b)) is None else there)
                     for b, own in enumerate(shape.pressures)
                 ]
-                moved = state.displacement + way * shape.displacement
+                moved = state.displacement + amplitude * shape.displacement
                 ends.append(Ritz(self.model, moved, factor=state.factor, pressures=pressures).stress(body, u, xi))
-            found.append((ends[0] - ends[1]) / (2.0 * step))
-        return np.array(found)
+            stresses.append((ends[0] - ends[1]) / (2.0 * step))
+        return np.array(stresses)
 
-    def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a record keeps of what is measured at each frequency (`isorod.output.swings.told`)."""
+    def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the entries of a record for what is measured at each frequency (`isorod.output.swings.told`)."""
         from isorod.output.swings import told
 
-        return told(found, self.frequencies, isinstance(self.asked, Span))
+        return told(measured, self.frequencies, isinstance(self.asked, Span))
 
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error of the heights of peaks; None where there is none.
 
-        It is twice that of the frequencies of the modes that swing (`isorod.modal.Modes.estimate`), by whose squares
-        compliances go, and what the shapes leave out.  On the flank of a peak, half as wide as the share of critical
-        damping, amplitudes at a given frequency err more; of that there is a warning.
+        It is twice that of the frequencies of the excited modes (`isorod.modal.Modes.estimate`), since compliances go
+        by their squares, plus the truncation error.  On the flank of a peak, as narrow as its damping ratio, errors at
+        a given frequency are larger; there is a warning.
         """
-        found = self._of_frequencies(directions)
-        if found is None:
+        error = self._of_frequencies(directions)
+        if error is None:
             return None
         if not directions:
-            self._warn_of_flanks(found)
-        return 2.0 * found + (0.0 if directions else self.truncation)
+            self._warn_of_flanks(error)
+        return 2.0 * error + (0.0 if directions else self.truncation)
 
     def _warn_of_flanks(self, error: float) -> None:
-        """Warn where natural frequencies are off by much of the width of peaks."""
+        """Warn if errors of natural frequencies are large beside the width of peaks."""
         damped = self.ratios[self.ratios > 0.0]
         flank = 0.5 * error / damped.min() if damped.size else 0.0
         if flank > max(_LARGE, 2.0 * error):
@@ -248,19 +249,19 @@ class Response:
             )
 
     def _of_frequencies(self, directions: Sequence[str]) -> float | None:
-        """Return an estimate of the error of natural frequencies of the modes that swing."""
+        """Return an estimate of the error of natural frequencies of the excited modes."""
         modes, rigid = self.modes, self.modes.rigid
         energies = np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
-        shares = (energies / np.maximum(energies.sum(axis=1, keepdims=True), 1e-300)).max(axis=0)[: len(modes)]
-        counted = (shares > _SWINGS) & (modes.frequencies <= 1.01 * self.frequencies.max())
-        # Below all resonances it is that of the first.
+        fractions = (energies / np.maximum(energies.sum(axis=1, keepdims=True), 1e-300)).max(axis=0)[: len(modes)]
+        counted = (fractions > _SWINGS) & (modes.frequencies <= 1.01 * self.frequencies.max())
+        # Below all resonances the first mode counts.
         counted[rigid] |= not counted[rigid:].any()
         own = slice(rigid, int(np.flatnonzero(counted)[-1]) + 1)
         given = modes.eigenvalues[own], modes.vectors[own], rigid > 0, modes.lumped, modes.equilibrium
         return of_modes(self.model, Spectrum(*given, counted=counted[own]), directions, self.ranks)
 
     def errors(self, *directions: str) -> Error:
-        """Return that, and an estimate of the error of stresses: of the worst of the modes that swing nearly alone."""
+        """Return `estimate`, and that of stresses: the worst of modes that are excited nearly alone."""
         modes, energies = self.modes, np.abs(self.coordinates) ** 2 * np.abs(self.basis.squares)
         largest = energies.argmax(axis=1)
         alone = energies.max(axis=1) > _ALONE * energies.sum(axis=1)
@@ -271,7 +272,7 @@ class Response:
         return Error(self.estimate(*directions), stress)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it, besides what is measured."""
+        """Return the entries of a record besides what is measured."""
         kept = ("about", "frequencies", "resonances", "ratios")
         left = {"share": self.truncation, "modes": len(self.modes), "shapes": len(self.ritz)}
         return {name: getattr(self, name) for name in kept} | {"left_out": left, "residuals": self.modes.residuals}
@@ -281,7 +282,7 @@ class Response:
         return self.modes.shapes()
 
     def frames(self) -> "list[tuple[float, Deformation]]":
-        """Return the states there are to show: none."""
+        """Return the states to show: none."""
         return []
 
     def curves(self) -> dict[str, Array]:
@@ -290,7 +291,7 @@ class Response:
 
 
 class Single(Response):
-    """A response at one frequency, whose stresses have no axis of frequencies."""
+    """A response at one frequency; its stresses have no axis of frequencies."""
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return Cauchy's stress at points of a body, complex ``(..., 3, 3)``."""

@@ -18,7 +18,7 @@ from isorod.errors import InputError, SolveError, expect
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.modes import Modes
-from isorod.modal.pencil import SPARE, Found, Pencil
+from isorod.modal.pencil import SPARE, Eigenpairs, Pencil
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
 from isorod.output.progress import Teller
@@ -41,40 +41,40 @@ def solve(
 ) -> Modes:
     """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
 
-    Where a model has any of these (or active muscles) its equilibrium is solved for first, as `isorod.statics.solve`
-    does: the modes are those of the deformed, prestressed and, with a spin, softened body.  Of laws with memory they
-    are elastic about the state reached: nothing flows, and what relaxes is as stiff as it is at once.
+    For a model with any of these (or active muscles) the equilibrium is solved first, as by `isorod.statics.solve`:
+    the modes are those of the deformed, prestressed and, with a spin, softened body.  Laws with memory respond
+    elastically about the state reached: without flow, viscoelastic laws with their instantaneous moduli.
 
     Parameters
     ----------
     model
         Bodies with densities, and supports.
     modes
-        Number of modes besides the rigid ones; ``-eps_nev`` wins over it.
+        Number of modes besides the rigid ones; ``-eps_nev`` overrides it.
     lumped
         Take the lumped mass matrix.  It puts all mass on control points: right for bending and stretching, but the
         polar inertia of a section is up to twice too large, and torsion up to 30 % too slow.
     state
-        A static solution of the same model, in the place of the one that would be solved for.
+        A static solution of the same model, used instead of solving for one.
     petsc
         PETSc and SLEPc options for this solve alone, such as ``{"eps_tol": 1e-10}`` (`isorod.petsc.options.in_force`).
     load_steps
-        Number of equal steps to the equilibrium to start with, as for `isorod.statics.solve`.
+        Initial number of equal load steps to the equilibrium, as for `isorod.statics.solve`.
     at_rest
         Leave out loads, motions of supports, spin and contact: modes about the state of rest.
     start
         Displacement ``(dofs,)`` near the equilibrium, as for `isorod.statics.solve`.
     progress
-        Show how far it is on standard error (`isorod.output.progress`).
+        Show progress on standard error (`isorod.output.progress`).
     end_time
-        Time to which histories are followed before, as by `isorod.statics.solve`: the modes are those there.
+        Time up to which histories are followed first, as by `isorod.statics.solve`: modes about the state at that time.
 
     Raises
     ------
     InputError
-        If a density is not positive, there are not as many unknowns as modes, an option is refused, or modes about the
-        equilibrium cannot be had: of a linear elastic body, whose tangent knows no stress, with contact, or under a
-        pressure that follows a surface with a free edge.
+        If a density is not positive, there are fewer unknowns than modes, an option is refused, or modes about the
+        equilibrium are not available: with a linear elastic body (no geometric stiffness), slipping contact, or a
+        follower pressure on a surface with a free edge.
     SolveError
         If the equilibrium or SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
         mode was missed.
@@ -89,19 +89,19 @@ def solve(
         model.refuse_hold("modes")
         refuse_massless(model.bodies, "modes need")
         began = perf_counter()
-        found = state
+        equilibrium = state
         if state is not None:
             loaded.refuse(model)
             if model not in (state.model, None if state.model.times is None else state.model.times.of):
                 raise InputError("modes: the state is of another model; take its own")
         elif not at_rest:
-            found = loaded.find(model, load_steps, comm, start, end_time)
-        taken = {"equilibrium": perf_counter() - began} if found is not state else {}
-        with closing(Teller()) as told:
-            # Vibrations are small: what flows does not, whatever state it has reached.
-            past = () if found is None else (*found.model.past, Past(1.0, found.displacement))
-            there = (model if found is None else found.model).after(past, settled=True)
-            return _solve(there, modes, lumped, found, comm, taken, told if progress else None)
+            equilibrium = loaded.find(model, load_steps, comm, start, end_time)
+        taken = {"equilibrium": perf_counter() - began} if equilibrium is not state else {}
+        with closing(Teller()) as teller:
+            # Vibrations are small: no law flows about the state reached.
+            past = () if equilibrium is None else (*equilibrium.model.past, Past(1.0, equilibrium.displacement))
+            there = (model if equilibrium is None else equilibrium.model).after(past, settled=True)
+            return _solve(there, modes, lumped, equilibrium, comm, taken, teller if progress else None)
 
 
 def _solve(
@@ -111,9 +111,9 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
-    told: Teller | None,
+    teller: Teller | None,
 ) -> Modes:
-    """Return the modes about a state, as the options in force say; some time was ``taken`` to find that."""
+    """Return the modes about a state, by the options in force; ``taken`` are seconds spent before."""
     start = perf_counter()
     loose = rigid_motions.free_motions(model) if state is None else []
     assembler = assembler_for(model, comm)
@@ -125,8 +125,8 @@ def _solve(
 
         loose = touching.hold(assembler, state)
     pencil = _pencil(assembler, lumped, loose, turns)
-    pencil.tell = told if assembler.comm.getRank() == 0 else None
-    wanted = _wanted(pencil, modes)
+    pencil.report = teller if assembler.comm.getRank() == 0 else None
+    count = _mode_count(pencil, modes)
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures, state.solids)
     setup = perf_counter() - start
     assembler.seconds = 0.0
@@ -134,21 +134,21 @@ def _solve(
     assembly = assembler.seconds
     try:
         if turns:
-            found = _whirling(assembler, pencil, wanted, lumped)
+            pairs = _whirling(assembler, pencil, count, lumped)
         else:
-            found = pencil.solve(wanted, _shift(pencil, model, loose))
+            pairs = pencil.solve(count, _shift(pencil, model, loose))
     except SolveError as problem:
         raise SolveError(f"{problem}{hourglass.hint(model)}") from None
-    vectors, quarter, solids = _shapes(assembler, found.vectors, found.later)
+    vectors, quarter, solids = _shapes(assembler, pairs.vectors, pairs.later)
     begin = perf_counter()
     rules = hourglass.better_rules(model)
     if rules:
         flexible = slice(len(loose), None)
         about = None if state is None else state.displacement
-        hourglass.check_modes(assembler, rules, found.eigenvalues[flexible], vectors[flexible], about)
+        hourglass.check_modes(assembler, rules, pairs.eigenvalues[flexible], vectors[flexible], about)
     patches = None
     if state is not None and model.contacts and model.solids:
-        patches = touching.doubt_with_solids(assembler, state, found, len(loose), lumped)
+        patches = touching.doubt_with_solids(assembler, state, pairs, len(loose), lumped)
     check = pencil.check_seconds + perf_counter() - begin
     seconds = {
         **taken,
@@ -158,54 +158,54 @@ def _solve(
         "check": check,
     }
     more = {"quarter": quarter if turns else None, "lumped": lumped, "patches": patches, "solids": solids}
-    return modes_of(assembler, found, vectors, len(loose), state, seconds, **more)
+    return modes_of(assembler, pairs, vectors, len(loose), state, seconds, **more)
 
 
 def modes_of(
     assembler: Assembler,
-    found: Found,
+    pairs: Eigenpairs,
     vectors: Array,
     rigid: int,
     state: Equilibrium | None,
     seconds: dict[str, float],
     **more: Any,
 ) -> Modes:
-    """Return an eigensolver's eigenpairs as modes, of shapes ``(modes, dofs)``; ``more`` are other fields of them."""
-    assert found.below is not None
+    """Return eigenpairs as modes with shapes ``(modes, dofs)``; ``more`` are further fields of `Modes`."""
+    assert pairs.below is not None
     return Modes(
         model=assembler.model,
-        frequencies=np.sign(found.eigenvalues) * np.sqrt(np.abs(found.eigenvalues)) / (2.0 * np.pi),
-        eigenvalues=found.eigenvalues,
+        frequencies=np.sign(pairs.eigenvalues) * np.sqrt(np.abs(pairs.eigenvalues)) / (2.0 * np.pi),
+        eigenvalues=pairs.eigenvalues,
         vectors=vectors,
-        residuals=found.residuals,
+        residuals=pairs.residuals,
         rigid=rigid,
-        below=found.below,
-        shift=found.shift,
-        iterations=found.iterations,
+        below=pairs.below,
+        shift=pairs.shift,
+        iterations=pairs.iterations,
         seconds=seconds,
         built=assembler.built,
-        solver=found.solver,
+        solver=pairs.solver,
         ranks=assembler.comm.getSize(),
         equilibrium=state,
         about=loaded.state_of(assembler.model, state),
-        falling=found.falling,
+        falling=pairs.falling,
         **more,
     )
 
 
-def _whirling(assembler: Assembler, pencil: Pencil, wanted: int, lumped: bool) -> Found:
-    """Return the modes of what turns, with Coriolis forces."""
+def _whirling(assembler: Assembler, pencil: Pencil, count: int, lumped: bool) -> Eigenpairs:
+    """Return the eigenpairs of a spinning model, with Coriolis forces."""
     from isorod.assembly.coriolis import coriolis
     from isorod.modal.gyroscopic import Quadratic
 
     matrix = coriolis(assembler, lumped)
     try:
-        return Quadratic(pencil, matrix).solve(wanted)
+        return Quadratic(pencil, matrix).solve(count)
     finally:
         matrix.destroy()
 
 
-def _wanted(pencil: Pencil, modes: int) -> int:
+def _mode_count(pencil: Pencil, modes: int) -> int:
     """Return the number of modes to solve for, the rigid ones included."""
     modes = PETSc.Options().getInt("eps_nev", modes)
     most = pencil.size - pencil.rigid
@@ -216,7 +216,7 @@ def _wanted(pencil: Pencil, modes: int) -> int:
 
 
 def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]], turns: bool) -> Pencil:
-    """Return the pencil with the mass, and room for the stiffness, of a model with some rigid motions."""
+    """Return the pencil with the assembled mass and a stiffness yet to be filled, of a model with rigid motions."""
     stiffness = assembler.matrix()
     multiplies = not (loose or turns) and only_multiplies()
     mass = assembler.mass_operator(lumped) if multiplies else assembler.mass(lumped)
@@ -227,13 +227,13 @@ def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array
         pressures=assembler.unknowns - assembler.model.unknowns,
         factors=factorisation(assembler, "st_"),
         motions=lambda: rigid_motions.on_unknowns(assembler, loose),
-        # What PETSc knows it writes down faster than it is assembled once more.
+        # Converting it is faster than assembling it again.
         entries=(lambda: mass.convert("aij", PETSc.Mat())) if multiplies and mass.getType().endswith("maij") else None,
     )
 
 
 def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> float:
-    """Return the shift to solve with; refuse a model for whose rigid motions none is found."""
+    """Return the shift to solve with; raises `SolveError` if rigid motions leave none."""
     rigid_motions.refuse_thin(model, loose)
     shift = pencil.shift()
     if shift is None:
@@ -249,12 +249,12 @@ def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> 
 def _shapes(
     assembler: Assembler, first: Sequence[PETSc.Vec], later: Sequence[PETSc.Vec]
 ) -> tuple[Array, Array, list[Array]]:
-    """Return mode shapes, shape ``(modes, dofs)``, those a quarter of a period later, if any, and those of solids.
+    """Return mode shapes ``(modes, dofs)``, those a quarter of a period later, if any, and those of solids.
 
-    The shape is the largest of a period; of its largest components the first is positive.
+    Each is the shape at its largest within a period, with its first largest component positive.
     """
     vectors, quarter = (
-        assembler.shapes(np.array([assembler.all_unknowns(x) for x in one])) for one in (first, later or first)
+        assembler.shapes(np.array([assembler.all_unknowns(x) for x in several])) for several in (first, later or first)
     )
     if later:
         # x cos + y sin is largest where the square of x + i y, summed, is real.
@@ -264,5 +264,5 @@ def _shapes(
         vectors, quarter = turned.real, turned.imag
     large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
     signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])[:, None]
-    solids = [signs * np.array(of_one) for of_one in zip(*(assembler.solids(x, 0.0) for x in first), strict=True)]
+    solids = [signs * np.array(shapes) for shapes in zip(*(assembler.solids(x, 0.0) for x in first), strict=True)]
     return vectors * signs, quarter * signs, solids

@@ -1,8 +1,8 @@
-"""Derivatives of frequencies by numbers of the model.
+"""Derivatives of frequencies by parameters of the model.
 
-``d lambda = x^T (dK - lambda dM) x``, ``x^T M x = 1``; of modes of one frequency, as round rods have, those are the
-eigenvalues of that matrix of all of them.  ``dK`` is the whole change, also that of the equilibrium which modes are
-about (`isorod.statics.derivatives`).
+``d lambda = x^T (dK - lambda dM) x``, ``x^T M x = 1``; for multiple eigenvalues, as of round rods, the derivatives are
+the eigenvalues of that matrix over all modes of the frequency.  ``dK`` is the total change of the stiffness, with that
+due to the equilibrium which modes are about (`isorod.statics.derivatives`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
 from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Kinked, Measured, Steps, Unavailable
 
-# Frequencies this near to each other, relatively, are one: discrete round rods split theirs by less.
+# Relative distance up to which frequencies count as multiple: discrete round rods split theirs by less.
 _SAME = 1e-5
 
 
@@ -36,12 +36,12 @@ def derivatives(
 ) -> Derivatives:
     """Return the derivatives of what is measured of modes, as `isorod.statics.derivatives.derivatives` does.
 
-    Of modes of one frequency each has the derivative of that among them which stays one, ascending.
+    Modes of one frequency get the derivatives of those combinations that stay modes, ascending.
 
     Raises
     ------
     InputError
-        As there; or if the body spins, has pressures as unknowns, or the frequency of an unstable state is asked for.
+        As there; or if the body spins, the formulation is mixed, or the state is unstable.
     """
     model = solution.model
     refuse(model)
@@ -63,13 +63,13 @@ def derivatives(
                 several = [assembler_for(one, comm) for one in models]
                 return [(one, one.vector()) for one in several]
             motion, known = moving.motion(steps, models)
-            found = [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
-            for (assembler, x), step in zip(found, steps.steps, strict=True):
+            moved = [(one, moving.x + step * motion.rate) for (one, _), step in zip(known, steps.steps, strict=True)]
+            for (assembler, x), step in zip(moved, steps.steps, strict=True):
                 if pressed is not None and not np.array_equal(
                     hold_beside(assembler, x, step * motion.pressures), pressed
                 ):
                     raise Kinked("points come into contact, or leave it")
-            return found
+            return moved
 
         factor = 0.0 if moving is None else 1.0
         own = assembler_for(model, comm) if moving is None else moving.beside(model)
@@ -78,35 +78,37 @@ def derivatives(
             from isorod.modal.touching import hold_beside
 
             pressed = hold_beside(own, moving.x, 0.0)
-        # Scaled so that all matter alike.
+        # Scaled so that all have the same weight.
         shapes = [
             own.state(vector / np.sqrt(value)) for vector, value in zip(solution.vectors[first:], values, strict=True)
         ]
 
-        # Forces on one motion are rounded alike on models beside, entries of matrices are not.
+        # Internal forces are rounded alike on models nearby, entries of matrices are not.
         exact = moving is None and not model.coupled and all(body.linear for body in model.bodies)
 
         def energies(assembler: Assembler, x: PETSc.Vec) -> Measured:
-            found = {"mass": np.sqrt(np.outer(values, values)) * assembler.mass_products(shapes, solution.lumped)}
+            products = {"mass": np.sqrt(np.outer(values, values)) * assembler.mass_products(shapes, solution.lumped)}
             if exact:
-                return found | {"stiffness": _products(lambda one, out: assembler.residual(one, factor, out), shapes)}
+                return products | {
+                    "stiffness": _products(lambda one, out: assembler.residual(one, factor, out), shapes)
+                }
             stiffness = assembler.matrix()
             assembler.tangent(x, factor, stiffness)
-            found["stiffness"] = _products(stiffness.mult, shapes)
+            products["stiffness"] = _products(stiffness.mult, shapes)
             stiffness.destroy()
-            return found
+            return products
 
         begun = energies(own, own.vector() if moving is None else moving.x)
 
         def along(steps: Steps, models: Sequence[Model]) -> Measured:
             return steps.slopes([energies(*one) for one in states(steps, models)], begun)
 
-        # Further off other points touch.
-        shares = [BY] if model.contacts else [BY, WIDE] if exact else [WIDE]
+        # With larger steps other points come into contact.
+        sizes = [BY] if model.contacts else [BY, WIDE] if exact else [WIDE]
         changes = beside.derivatives(
             begun,
             along,
-            shares,
+            sizes,
             lambda several: [partial(dict, one) for one in several],
         )
     by = {}
@@ -119,17 +121,17 @@ def derivatives(
 
 
 def _products(times: "Callable[[PETSc.Vec, PETSc.Vec], object]", shapes: "Sequence[PETSc.Vec]") -> Array:
-    """Return ``x^T A y`` of all pairs of shapes, of what fills the second with ``A`` times the first."""
-    found = np.zeros((len(shapes), len(shapes)))
+    """Return ``x^T A y`` of all pairs of shapes; ``times`` fills its second argument with ``A`` times the first."""
+    products = np.zeros((len(shapes), len(shapes)))
     image = shapes[0].duplicate()
-    for k, one in enumerate(shapes):
-        times(one, image)
-        found[k] = [image.dot(other) for other in shapes]
-    return 0.5 * (found + found.T)
+    for k, shape in enumerate(shapes):
+        times(shape, image)
+        products[k] = [image.dot(other) for other in shapes]
+    return 0.5 * (products + products.T)
 
 
 def _rates(values: Array, change: Measured) -> tuple[Array, Array]:
-    """Return the relative rates of eigenvalues, and by columns which sums of shapes of one frequency have these."""
+    """Return the relative rates of eigenvalues, and in columns the combinations of shapes that have them."""
     matrix = change["stiffness"] - change["mass"]
     rates, turn = np.zeros(values.size), np.eye(values.size)
     apart = np.flatnonzero(np.diff(values) > _SAME * values[1:]) + 1
@@ -140,12 +142,12 @@ def _rates(values: Array, change: Measured) -> tuple[Array, Array]:
 
 
 def _measured(solution: Any, shapes: Array, rates: Array, measure: Callable[[Any], Mapping[str, object]]) -> Measured:
-    """Return the derivatives of what is measured, of relative rates of the eigenvalues that are not rigid."""
+    """Return the derivatives of what is measured from relative rates of the flexible eigenvalues."""
     step = 1e-3 / (np.abs(rates).max() or 1.0)
     ends = []
-    for way in (-step, step):
-        # A frequency changes by half as much; what is measured of several is linear in them.
-        change = np.concatenate([np.zeros(solution.rigid), 0.5 * way * rates])
+    for change_by in (-step, step):
+        # The relative change of a frequency is half that of its eigenvalue.
+        change = np.concatenate([np.zeros(solution.rigid), 0.5 * change_by * rates])
         moved = replace(
             solution,
             frequencies=solution.frequencies * (1.0 + change),

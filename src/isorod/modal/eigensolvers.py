@@ -1,4 +1,4 @@
-"""SLEPc's eigensolvers: what each is offered, and what it wants of the mass."""
+"""SLEPc's eigensolvers: the default options of each, and what it needs of the mass."""
 
 from collections.abc import Mapping
 
@@ -9,10 +9,10 @@ from isorod.errors import InputError
 from isorod.options import defaults
 from isorod.petsc.direct import room
 
-# What a user's option overrides.
+# Defaults; the user's options override them.
 OPTIONS = {"eps_tol": 1e-10, "st_type": "sinvert", "st_ksp_type": "preonly"}
 
-# Measured on the blade: below a tolerance of 1e-8 none of them gets (LOBPCG 1e-7), and LOBPCG breaks down with blocks
+# Measured on the blade: none of them reaches a tolerance below 1e-8 (LOBPCG 1e-7), and LOBPCG breaks down with blocks
 # of several modes, which converge at very different rates.
 PRECONDITIONED_OPTIONS = {
     "eps_tol": 1e-8,
@@ -24,10 +24,10 @@ LOBPCG_OPTIONS = {"eps_tol": 1e-7, "eps_lobpcg_blocksize": 1, "st_ksp_type": "pr
 
 # Eigensolvers that take a preconditioner instead of a spectral transformation.
 PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
-# Eigensolvers that need a definite mass: those, which go down Rayleigh's quotient, and LAPACK's.
+# Eigensolvers that need a definite mass: those, which minimise Rayleigh's quotient, and LAPACK's.
 DEFINITE = (*PRECONDITIONED, "lapack")
 
-# Options after which the eigensolver still wants no more of the mass than its products.
+# Options with which the eigensolver still needs only products with the mass.
 _HARMLESS = (
     *("eps_nev", "eps_ncv", "eps_mpd", "eps_tol", "eps_max_it", "eps_purify", "eps_krylovschur", "eps_conv"),
     *("eps_monitor", "eps_view", "eps_error", "st_ksp", "st_pc"),
@@ -35,45 +35,45 @@ _HARMLESS = (
 
 
 def typed(singular: bool) -> str:
-    """Return the kind of eigensolver that is in force, for a mass that may be singular.
+    """Return the type of eigensolver in force, for a mass that may be singular.
 
     Raises
     ------
     InputError
-        If it takes none that is.
+        If the mass is singular and the eigensolver needs a definite one.
     """
     options = PETSc.Options().getAll()
     kind, transformation = options.get("eps_type", "krylovschur"), options.get("st_type", "sinvert")
-    said = None
+    option = None
     if kind in DEFINITE:
-        said, instead = f"-eps_type {kind}", "krylovschur"
+        option, instead = f"-eps_type {kind}", "krylovschur"
     elif transformation != "sinvert":
-        said, instead = f"-st_type {transformation}", "sinvert"
-    if singular and said is not None:
+        option, instead = f"-st_type {transformation}", "sinvert"
+    if singular and option is not None:
         raise InputError(
-            f"{said}: needs a definite mass matrix, the mixed formulation's is singular; use {instead}, the default"
+            f"{option}: needs a definite mass matrix, the mixed formulation's is singular; use {instead}, the default"
         )
     return str(kind)
 
 
 def offered(kind: str, others: Mapping[str, object]) -> Mapping[str, object]:
-    """Return what to offer an eigensolver of some kind; ``others`` suit those with a spectral transformation."""
+    """Return default options of a type of eigensolver; ``others`` suit those with a spectral transformation."""
     if kind not in PRECONDITIONED:
         return {**OPTIONS, **others}
-    found = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if kind == "lobpcg" else {})
+    options = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if kind == "lobpcg" else {})
     if PETSc.Options().getAll().get("st_pc_type", "cholesky") in ("lu", "cholesky"):
-        return found
-    return {name: value for name, value in found.items() if not name.startswith("st_pc_")}
+        return options
+    return {name: value for name, value in options.items() if not name.startswith("st_pc_")}
 
 
 def only_multiplies() -> bool:
-    """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
+    """Return whether the eigensolver needs only products with the mass, as the default with a shift of zero does."""
     typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
     return all(name.startswith(_HARMLESS) for name in typed)
 
 
 def solve(eps: SLEPc.EPS) -> None:
-    """Solve; what an error leaves half-done is given up, not destroyed, at which newer SLEPc would fail once more."""
+    """Solve; after an error the object is leaked, since newer SLEPc fails again on destroying it."""
     try:
         with defaults(room(eps.getComm(), "st_")):
             eps.solve()

@@ -1,9 +1,9 @@
 """The quadratic pencil ``K + i omega G - omega^2 M`` of a spinning body: its lowest eigenpairs by SLEPc, and a count.
 
 With ``K`` definite it is hyperbolic: each ``omega`` is real, they come in pairs ``+- omega``, and by Sylvester's law of
-inertia as many lie between zero and some value as the Hermitian matrix there has negative eigenvalues (Duffin, J.
+inertia the number between zero and some value is that of negative eigenvalues of the Hermitian matrix there (Duffin, J.
 Rational Mech. Anal. 4 (1955) 221-254; Tisseur & Meerbergen, SIAM Rev. 43 (2001) 235-286).  With ``K`` indefinite
-Coriolis forces may hold what would fall, and each ``omega`` counts by the sign of ``x^* (2 omega M - i G) x``.
+Coriolis forces may stabilise, and each ``omega`` counts by the sign of ``x^* (2 omega M - i G) x``.
 """
 
 from dataclasses import dataclass
@@ -17,27 +17,27 @@ from slepc4py import SLEPc
 
 from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
-from isorod.modal.pencil import BAD_RESIDUAL, Found, Pencil, just_above
+from isorod.modal.pencil import BAD_RESIDUAL, Eigenpairs, Pencil, just_above
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
 from isorod.petsc.library import pc_name
 from isorod.petsc.rows import local_rows
 
-# A change of a vector from which on a flutter is none.
+# Change of an eigenvector in its last iteration above which a complex eigenvalue is not taken for flutter.
 _KNOWN = 1e-4
 
-# Steps of inverse iteration that purify vectors.
+# Inverse iterations that purify vectors.
 _PURIFIED = 2
 
-# Attempts, each for more eigenpairs, until none is missing.
+# Attempts, each for more eigenpairs, until the count agrees.
 _ROUNDS = 3
 
-# Of an eigenvalue's size what of it is rounding.
+# Relative size of a part of an eigenvalue that is rounding.
 _ROUNDING = 1e-6
 
 
 class _Pair(NamedTuple):
-    """An eigenpair: ``omega^2``, real and imaginary part of its vector, whether it counts up or down, what is wrong."""
+    """An eigenpair: ``omega^2``, real and imaginary part of its vector, its sign in the count, its fault if any."""
 
     square: float
     real: PETSc.Vec
@@ -61,8 +61,8 @@ class Quadratic:
     pencil: Pencil
     coriolis: PETSc.Mat
 
-    def solve(self, wanted: int) -> Found:
-        """Return the lowest eigenpairs, as the user's options say.
+    def solve(self, count: int) -> Eigenpairs:
+        """Return the lowest eigenpairs, by the user's options.
 
         Raises
         ------
@@ -70,21 +70,21 @@ class Quadratic:
             If the eigensolver does not converge, the body flutters, residuals are large, or eigenvalues are missing.
         """
         unstable = self.pencil.count_below(0.0)
-        # Eigenvalues of about one are what the linearisation is accurate for.
-        rough = self.pencil.solve(min(wanted, self.pencil.size), 0.0, count=False)
+        # The linearisation is accurate for eigenvalues of about one.
+        rough = self.pencil.solve(min(count, self.pencil.size), 0.0, count=False)
         scale = float(np.sqrt(np.abs(rough.eigenvalues).max()))
-        asked, iterations = wanted + 1 + 2 * unstable, 0
+        asked, iterations = count + 1 + 2 * unstable, 0
         for _ in range(_ROUNDS):
             pairs, more, types = self._find(min(asked, self.pencil.size), scale)
             iterations += more
-            if len(pairs) < wanted:
+            if len(pairs) < count:
                 raise SolveError(
-                    f"modes: {len(pairs)} of {wanted} converged; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
+                    f"modes: {len(pairs)} of {count} converged; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
                 )
-            wrong = next((pair.wrong for pair in pairs[:wanted] if pair.wrong), "")
+            wrong = next((pair.wrong for pair in pairs[:count] if pair.wrong), "")
             if wrong:
                 raise SolveError(f"modes: {wrong}")
-            last = pairs[wanted - 1].square
+            last = pairs[count - 1].square
             counted = self._count(last)
             known = sum(pair.sign for pair in pairs if 0.0 < pair.square <= just_above(last))
             missing = counted - unstable - known
@@ -94,11 +94,11 @@ class Quadratic:
         if missing:
             raise SolveError(f"modes: {abs(missing)} eigenvalues up to {last:.6g} missed or spurious; raise -pep_ncv")
         below = sum(pair.square <= just_above(last) for pair in pairs)
-        residuals = np.array([self._residual(pair, rough.eigenvalues) for pair in pairs[:wanted]])
+        residuals = np.array([self._residual(pair, rough.eigenvalues) for pair in pairs[:count]])
         if not residuals.max() <= BAD_RESIDUAL:
             worst = int(np.argmax(residuals))
             raise SolveError(f"modes: the residual of mode {worst + 1} is {residuals[worst]:.2g}: -eps_tol is loose")
-        kept = pairs[:wanted]
+        kept = pairs[:count]
         for pair in kept:
             # Re(x exp(i omega t)) a quarter of a period later is minus the imaginary part.
             pair.imaginary.scale(-1.0)
@@ -114,8 +114,8 @@ class Quadratic:
             falling=unstable,
         )
 
-    def _find(self, wanted: int, scale: float) -> tuple[list[_Pair], int, dict[str, str]]:
-        """Solve once; return what has converged, ascending, restarts and what was used."""
+    def _find(self, count: int, scale: float) -> tuple[list[_Pair], int, dict[str, str]]:
+        """Solve once; return the converged pairs, ascending, restarts and types of solvers."""
         stiffness = self.pencil.stiffness
         if not np.diff(stiffness.getOwnershipRanges()).all():
             # SLEPc's basis becomes NaN.
@@ -123,8 +123,8 @@ class Quadratic:
         pep = SLEPc.PEP().create(stiffness.getComm())
         pep.setOperators([stiffness, self.coriolis, self.pencil.mass])
         pep.setProblemType(SLEPc.PEP.ProblemType.GENERAL)
-        # They come as pairs of conjugate ones.
-        pep.setDimensions(2 * wanted)
+        # Eigenvalues come in conjugate pairs.
+        pep.setDimensions(2 * count)
         pep.setTarget(0.0)
         pep.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
         pep.setTolerances(PETSc.Options().getReal("eps_tol", 1e-10), 1000)
@@ -132,7 +132,7 @@ class Quadratic:
         pep.getST().setType(SLEPc.ST.Type.SINVERT)
         with defaults({"pep_type": "toar", "st_type": "sinvert", "st_ksp_type": "preonly", **self.pencil.factors}):
             pep.setFromOptions()
-            # What is factorised is the stiffness.
+            # So that the stiffness is factorised.
             pep.setTarget(0.0)
             pep.getST().setShift(0.0)
             pep.solve()
@@ -145,7 +145,7 @@ class Quadratic:
         return pairs, iterations, types
 
     def _collect(self, pep: SLEPc.PEP) -> list[_Pair]:
-        """Return of each pair of eigenvalues one, with ``x^* M x = 1``."""
+        """Return one eigenpair of each conjugate pair, with ``x^* M x = 1``."""
         pairs = []
         image, solver = self.pencil.stiffness.createVecRight(), pep.getST().getKSP()
         for k in range(pep.getConverged()):
@@ -155,7 +155,7 @@ class Quadratic:
                 value, change = self._purify(solver, value, real, imaginary)
             rate, swing = value.real, value.imag
             if abs(swing) > _ROUNDING * abs(value) and abs(rate) > _ROUNDING * abs(value):
-                pairs.append(_Pair(abs(value) ** 2, real, imaginary, 0, _told(value, change)))
+                pairs.append(_Pair(abs(value) ** 2, real, imaginary, 0, _fault(value, change)))
                 continue
             grows = abs(rate) > abs(swing)
             if (rate if grows else swing) < 0.0:
@@ -172,13 +172,14 @@ class Quadratic:
     def _purify(
         self, solver: PETSc.KSP, value: complex, real: PETSc.Vec, imaginary: PETSc.Vec
     ) -> tuple[complex, float]:
-        """Take a vector to ``-K^-1 (s G x + s^2 M x)``, ``x^* M x = 1``, in place; return ``s`` of it, and its change.
+        """Replace a vector by ``-K^-1 (s G x + s^2 M x)``, ``x^* M x = 1``; return its ``s``, and its change.
 
-        That leaves nothing of high frequencies, which rounding adds; ``s`` is the root of ``s^2 + s x^* G x + x^* K x``
-        that is nearest.
+        This removes high frequencies, which rounding adds; ``s`` is the nearest root of ``s^2 + s x^* G x + x^* K x``.
         """
         square = value * value
-        twisted, heavy = ([matrix * one for one in (real, imaginary)] for matrix in (self.coriolis, self.pencil.mass))
+        twisted, heavy = (
+            [matrix * vector for vector in (real, imaginary)] for matrix in (self.coriolis, self.pencil.mass)
+        )
         forces = [self.pencil.stiffness.createVecRight() for _ in range(2)]
         for force, (own, other), sign in zip(forces, ((0, 1), (1, 0)), (-1.0, 1.0), strict=True):
             force.axpy(-value.real, twisted[own])
@@ -197,13 +198,13 @@ class Quadratic:
             part.scale(1.0 / np.sqrt(size))
         self.coriolis.mult(imaginary, heavy[0])
         roots = np.roots([1.0, 2j * real.dot(heavy[0]), work / size])
-        for one in (*twisted, *heavy, *forces):
-            one.destroy()
+        for vector in (*twisted, *heavy, *forces):
+            vector.destroy()
         change = np.sqrt(max(0.0, size - 2.0 * across + before) / before)
         return complex(roots[np.argmin(np.abs(roots - value))]), float(change)
 
     def _residual(self, pair: _Pair, scales: Array) -> float:
-        """Return the residual of a pair that swings; of one that grows that of ``K x + s G x + s^2 M x``."""
+        """Return the residual of an oscillating pair; of a growing one that of ``K x + s G x + s^2 M x``."""
         size = np.sqrt(abs(pair.square))
         total = heavy = 0.0
         mass, image = self.pencil.stiffness.createVecRight(), self.pencil.stiffness.createVecRight()
@@ -217,23 +218,23 @@ class Quadratic:
             self.coriolis.mult(other if swings else own, mass)
             image.axpy(rate if swings else size, mass)
             total += image.norm() ** 2
-        for one in (mass, image):
-            one.destroy()
+        for vector in (mass, image):
+            vector.destroy()
         return float(np.sqrt(total / heavy) / max(abs(pair.square), np.abs(scales).min()))
 
     def _count(self, square: float) -> int:
-        """Return the number of negative eigenvalues of the Hermitian matrix just above a frequency, pressures' apart.
+        """Return the number of negative eigenvalues of the Hermitian matrix just above a frequency, without pressures'.
 
-        As a real matrix, real and imaginary part of each unknown side by side, it has each of them twice.
+        The real matrix, with real and imaginary part of each unknown side by side, has each of them twice.
         """
         start = perf_counter()
         if square <= 0.0:
             return self.pencil.count_below(0.0)
         matrix = self._hermitian(np.sqrt(just_above(square)))
-        found = negative_eigenvalues(matrix) // 2 - self.pencil.pressures
+        count = negative_eigenvalues(matrix) // 2 - self.pencil.pressures
         matrix.destroy()
         self.pencil.check_seconds += perf_counter() - start
-        return found
+        return count
 
     def _hermitian(self, omega: float) -> PETSc.Mat:
         """Return ``K - omega^2 M`` and ``omega G`` as one symmetric matrix of twice as many rows."""
@@ -253,8 +254,8 @@ class Quadratic:
         return matrix
 
 
-def _told(value: complex, change: float) -> str:
-    """Return what is wrong with an eigenvalue that neither swings nor grows alone, of a vector of such a change."""
+def _fault(value: complex, change: float) -> str:
+    """Return the message for an eigenvalue neither real nor imaginary, by the last change of its vector."""
     swing, rate = abs(value.imag) / (2.0 * np.pi), abs(value.real)
     if change < _KNOWN:
         return f"flutter: the equilibrium is unstable, frequency {swing:.6g}, growth rate {rate:.3g}"
@@ -263,11 +264,11 @@ def _told(value: complex, change: float) -> str:
 
 def _whole_rows(matrix: PETSc.Mat) -> csr_array:
     """Return this rank's rows of a matrix, over all of its columns."""
-    found = local_rows(matrix)
+    local = local_rows(matrix)
     rows, first = matrix.getLocalSize()[0], matrix.getOwnershipRange()[0]
     shape = rows, matrix.getSize()[1]
-    own = csr_array((found.own.values, found.own.column + first, found.own.start), shape=shape)
-    if not found.columns.size:
-        return own
-    others = found.others
-    return own + csr_array((others.values, found.columns[others.column], others.start), shape=shape)
+    on_rank = csr_array((local.own.values, local.own.column + first, local.own.start), shape=shape)
+    if not local.columns.size:
+        return on_rank
+    off_rank = local.others
+    return on_rank + csr_array((off_rank.values, local.columns[off_rank.column], off_rank.start), shape=shape)

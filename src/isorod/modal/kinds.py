@@ -1,8 +1,8 @@
-"""What modes are mostly: bending, torsion, stretching of a rod, or what a load makes of the model.
+"""Classification of modes: bending, torsion or stretching of a rod, or likeness to the deflection by a load.
 
 The kinetic energy of a rod is decomposed: that of its sections' mean displacement along their normal (axial) and across
-it (bending), and of their mean rotation about the normal (torsion, `isorod.model.mean`).  Modes of one frequency, as
-bending of a round rod has them, are any vectors of their space: of these that is taken which is most of what is asked.
+it (bending), and of their mean rotation about the normal (torsion, `isorod.model.mean`).  Modes of one frequency, as of
+bending of a round rod, span a space: of its vectors the one is taken that has most of the kind asked for.
 """
 
 from collections.abc import Iterator
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 Kind = Literal["bending", "torsion", "axial"]
 
-# Relative distance of eigenvalues of one frequency: rounding, and what a discretisation makes of a round rod's.
+# Relative distance up to which eigenvalues count as one: rounding, and the split of a round rod's by discretisation.
 _SAME = 1e-3
 
-# A mode is of a kind if more than half of the rod's energy is, and the rod has this share of the model's.
+# A mode is of a kind if more than half of the rod's energy is, and the rod has this fraction of the model's.
 _MOST, _MOVES = 0.5, 0.02
 
 # Elements that are evaluated at a time: memory stays small.
@@ -32,14 +32,14 @@ _CHUNK = 8
 
 
 class Like(NamedTuple):
-    """The frequency of a mode, and what share of it is what was asked for: of the rod's kinetic energy, or the MAC."""
+    """The frequency of a mode, and the fraction of the rod's kinetic energy of the kind asked for, or the MAC."""
 
     frequency: float
-    share: float
+    fraction: float
 
 
 def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, number: int = 1) -> Like:
-    """Return the ``number``-th mode, from 1, that is mostly of a kind; bending ``towards`` a direction, or any.
+    """Return the ``number``-th mode, from 1, mostly of a kind; of bending ``towards`` a direction, or any.
 
     Raises
     ------
@@ -49,31 +49,31 @@ def of_rod(modes: "Modes", body: int, kind: Kind, towards: Array | None = None, 
     whole_number("number", number, 1, 1_000_000)
     if towards is not None and kind != "bending":
         raise InputError(f"direction: it goes with bending, and not with {kind}")
-    way = None if towards is None else direction("direction", towards)
+    axis = None if towards is None else direction("direction", towards)
     _refuse_spin(modes)
-    own, whole = _energies(modes, modes.model.bodies[body], body, kind, way)
-    found, largest = [], 0.0
+    own, whole = _energies(modes, modes.model.bodies[body], body, kind, axis)
+    likes, largest = [], 0.0
     for some in _clusters(modes):
         part, all_of_it = own[np.ix_(some, some)], whole[np.ix_(some, some)]
         values, vectors = np.linalg.eigh(part - _MOST * all_of_it)
         for value, x in zip(values[::-1], vectors.T[::-1], strict=True):
-            share = float(x @ part @ x / (x @ all_of_it @ x)) if x @ all_of_it @ x > _MOVES else 0.0
-            largest = max(largest, share)
-            if value > 0.0 and share > _MOST:
-                found.append(Like(_frequency(modes.eigenvalues[some], x), share))
-    if len(found) < number:
+            fraction = float(x @ part @ x / (x @ all_of_it @ x)) if x @ all_of_it @ x > _MOVES else 0.0
+            largest = max(largest, fraction)
+            if value > 0.0 and fraction > _MOST:
+                likes.append(Like(_frequency(modes.eigenvalues[some], x), fraction))
+    if len(likes) < number:
         raise InputError(
-            f"number: got {number}, but of {len(modes) - modes.rigid} modes {len(found)} are mostly {kind} of this rod "
+            f"number: got {number}, but of {len(modes) - modes.rigid} modes {len(likes)} are mostly {kind} of this rod "
             f"(largest share {100.0 * largest:.0f} % of its kinetic energy); ask for more modes"
             + (", or another direction" if towards is not None else "")
         )
-    return found[number - 1]
+    return likes[number - 1]
 
 
 def of_load(modes: "Modes", load: int) -> Like:
-    """Return the mode that is most of what a load makes of the model at rest: the largest MAC with its deflection.
+    """Return the mode most like the deflection of the model at rest by a load: the one with the largest MAC.
 
-    The deflection ``K^-1 f`` is ``sum phi_k (phi_k f) / lambda_k``; the MAC is that with the sum over modes.
+    The deflection ``K^-1 f`` is ``sum phi_k (phi_k f) / lambda_k``; the MAC is taken with the sum over modes.
 
     Raises
     ------
@@ -108,14 +108,14 @@ def _frequency(eigenvalues: Array, x: Array) -> float:
 
 
 def _clusters(modes: "Modes") -> Iterator[Array]:
-    """Yield the numbers of the modes of one frequency each, those that are rigid left out."""
+    """Yield the numbers of modes grouped by frequency, rigid ones left out."""
     numbers, values = np.arange(modes.rigid, len(modes)), modes.eigenvalues[modes.rigid :]
     apart = np.diff(values) > _SAME * np.abs(values[1:])
     yield from (one for one in np.split(numbers, np.flatnonzero(apart) + 1) if one.size)
 
 
 def _energies(modes: "Modes", body: "Body", number: int, kind: Kind, towards: Array | None) -> tuple[Array, Array]:
-    """Return ``phi_k S phi_l`` of what is asked for, and of the mass of the rod, shape ``(modes, modes)`` each."""
+    """Return ``phi_k S phi_l`` of the kind asked for, and of the mass of the rod, shape ``(modes, modes)`` each."""
     space = body.space
     nodal = [modes.model.nodal(vector, number) for vector in modes.vectors]
     at = np.zeros_like(nodal[0]) if modes.state is None else modes.model.nodal(modes.state, number)

@@ -1,4 +1,4 @@
-"""What a model is under, and the equilibrium under it, about which its modes are."""
+"""What loads a model, and the equilibrium about which its modes are."""
 
 import warnings
 
@@ -15,7 +15,7 @@ from isorod.statics.analysis import Equilibrium
 
 
 def burdens(model: Model) -> str:
-    """Return in words what takes a model away from its state of rest; empty where nothing does."""
+    """Return a text that names what moves a model from its state of rest; empty if nothing does."""
     following = [load for load in model.following if not isinstance(load, Pressure) or load.pressure]
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
@@ -24,7 +24,7 @@ def burdens(model: Model) -> str:
     heated = any(isinstance(law, Thermal) and law.heated for law in laws)
     grown = [law for law in map(bare, laws) if not law.timed and law.at(0.5) is not law]
     muscles = any(np.any(getattr(law, "activation", 1.0)) for law in grown)
-    found = [
+    parts = [
         _count(loads, "load"),
         _count(moved, "moved support"),
         "spin" if spins(model) else "",
@@ -32,7 +32,7 @@ def burdens(model: Model) -> str:
         "active muscles" if muscles else "",
         "a change of temperature" if heated else "",
     ]
-    words = [one for one in found if one]
+    words = [one for one in parts if one]
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
@@ -42,7 +42,7 @@ def spins(model: Model) -> bool:
 
 
 def state_of(model: Model, state: Equilibrium | None) -> str:
-    """Return in words what modes are about."""
+    """Return a text that names the state about which modes are."""
     under = burdens(model)
     if state is None:
         return "the state of rest" + (f", without {under}" if under else "")
@@ -67,29 +67,29 @@ def find(
     start: Array | None = None,
     end_time: float | None = None,
 ) -> Equilibrium | None:
-    """Return the equilibrium under what a model is under, None where that is nothing.
+    """Return the equilibrium of a model, None if nothing moves it from rest (`burdens`).
 
     PETSc's options act on it as on `isorod.statics.solve`.
 
     Raises
     ------
     InputError, SolveError
-        If modes about it cannot be had (`refuse`).
+        If modes about it are not available (`refuse`), or it does not converge.
     """
     if not burdens(model):
         return None
     refuse(model)
     with warnings.catch_warnings():
-        # Nobody asks for them.
+        # Reactions are not reported here.
         warnings.filterwarnings("ignore", "support reactions are at round-off level")
         return analysis.solve(model, load_steps, comm, start=start, end_time=end_time)
 
 
 def refuse(model: Model, advice: str = "or use modes of the undeformed state (at_rest)") -> None:
-    """Raise `InputError` where the tangent about an equilibrium is not that of small motions; ``advice`` ends it.
+    """Raise `InputError` if the tangent about an equilibrium is not that of small motions; the text ends in ``advice``.
 
-    It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
-    for the edges of the surface at ends that are free.
+    A linear elastic body has no geometric stiffness.  The load stiffness of a follower pressure is made symmetric,
+    which is right unless the surface has edges at free ends.
     """
     laws = [(f"body {b}", law) for b, body in enumerate(model.bodies) for law in body.laws]
     laws += [(f"solid {k}", solid.law) for k, solid in enumerate(model.solids) if solid.law is not None]

@@ -1,4 +1,4 @@
-"""One vibration mode, and what any shape about a state answers for any point of it."""
+"""One vibration mode, and post-processing of any shape about a state."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,17 +16,17 @@ _EXAGGERATION = 0.12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Shape(Deformation, Animated, WithSolids):
-    """A motion of any size about a state, which answers for any point of it (`isorod.output.state`).
+    """A displacement of arbitrary amplitude about a state, evaluated at any point (`isorod.output.state`).
 
     Attributes
     ----------
     model, displacement
         What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``.
     number
-        Its place among others, from 0.
+        Its number, from 0.
     state
-        Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
-        so, and more by the shape; None for the state of rest.
+        Displacement of the state, shape ``(dofs,)``: positions, centre lines and pictures add the shape to it; None for
+        the state of rest.
     quarter
         Of a body that spins the shape a quarter of a period later, shape ``(dofs,)``, else None: it whirls.
     solids
@@ -40,13 +40,13 @@ class Shape(Deformation, Animated, WithSolids):
 
     @property
     def _words(self) -> str:
-        """What it is, in words."""
+        """Its title."""
         raise NotImplementedError
 
     def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
-        """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
-        found = super().position(body, u, xi, scale)
-        return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
+        """Return positions of points of a body, shape ``(..., 3)``: the state plus ``scale`` times the shape."""
+        position = super().position(body, u, xi, scale)
+        return position if self.state is None else position + Deformation(self.model, self.state).at(body, u, xi)
 
     def _moments(self) -> list[Moment]:
         from isorod.output.animation import quarters, shares

@@ -1,4 +1,4 @@
-"""What vibration modes answer: frequencies, shapes, errors."""
+"""Results of modal analysis: frequencies, shapes, errors."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Vibration modes, ascending: ``modes[k]`` is the `Mode` ``k``, which answers for any point of it.
+    """Vibration modes, ascending: ``modes[k]`` is the `Mode` ``k``, which is evaluated at any point.
 
     Attributes
     ----------
@@ -40,26 +40,25 @@ class Modes:
     rigid
         Number of rigid modes among them.
     below
-        Number of eigenvalues below the last one returned, that one included, by the inertia of ``K - tau M`` (Sturm
-        count).
+        Number of eigenvalues up to and including the last one returned, by the inertia of ``K - tau M`` (Sturm count).
     shift
         Shift of the spectral transformation.
     iterations
-        Restarts of the eigensolver, those of all its rounds.
+        Restarts of the eigensolver in all rounds.
     seconds
-        ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time; ``equilibrium`` where that
-        was solved for.
+        Wall times ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``; ``equilibrium`` if solved
+        for.
     built, solver, ranks
         As for `isorod.statics.Equilibrium`.
     equilibrium
-        What they are about, or None for the state of rest.
+        The equilibrium about which they are, or None for the state of rest.
     about
-        That in words.
+        The same as text.
     quarter
-        Of a body that spins, in the frame that turns: shapes a quarter of a period later, shape ``(modes, dofs)``; at
-        time ``t`` it is ``vectors cos(omega t) + quarter sin(omega t)``, and the sum of both ``x^T M x`` is 1.
+        Of a spinning body, in the rotating frame: shapes a quarter of a period later, shape ``(modes, dofs)``; at time
+        ``t`` it is ``vectors cos(omega t) + quarter sin(omega t)``, and the sum of both ``x^T M x`` is 1.
     falling
-        Of a body that spins the number of motions that its stiffness alone would not hold, as beyond a critical speed.
+        Of a spinning body the number of negative eigenvalues of its stiffness, as beyond a critical speed.
     lumped
         Whether the mass matrix is lumped.
     patches
@@ -96,14 +95,14 @@ class Modes:
 
     @property
     def contacts(self) -> "Sequence[ContactResult]":
-        """Outcome of each contact in the equilibrium about which they are."""
+        """Result of each contact in the equilibrium about which they are."""
         return () if self.equilibrium is None else self.equilibrium.contacts
 
     def __len__(self) -> int:
         return self.frequencies.size
 
     def __getitem__(self, number: int) -> Mode:
-        """Return a mode, the first (of a free body a rigid one) by 0, the last by -1; raises `InputError`."""
+        """Return a mode: 0 is the first (of a free body a rigid one), -1 the last; raises `InputError`."""
         k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
         later = None if self.quarter is None else self.quarter[k]
         solids = [one[k] for one in self.solids]
@@ -123,11 +122,11 @@ class Modes:
         )
 
     def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`).
+        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`), or None.
 
-        None where there is none.  It takes about as long as the modes.  It is the sum of those across the ``"section"``
-        and along the ``"axis"``, of `contact_error`, and of what recovered strains say of finite element bodies; of one
-        direction alone where that is asked for.  Collective with such bodies.
+        It takes about as long as the modes.  It is the sum of those across the ``"section"`` and along the ``"axis"``,
+        of `contact_error`, and of the error of finite element bodies by recovered strains; or of one direction alone.
+        Collective with such bodies.
         """
         from isorod.checks import embedded
         from isorod.checks.estimate_of_modes import Spectrum, of_modes
@@ -135,16 +134,16 @@ class Modes:
         modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
         solids = [one[self.rigid :] for one in self.solids]
         spectrum = Spectrum(*modes, self.equilibrium, self.quarter, solids)
-        found = of_modes(self.model, spectrum, directions, self.ranks)
+        error = of_modes(self.model, spectrum, directions, self.ranks)
         if self.model.solids and not directions:
-            # Beside contact the rods' part is not known, and not counted.
-            rods, meshes = 0.0 if self.model.contacts else found, self._of_solids[0]
-            found = None if rods is None or meshes is None else rods + meshes
-        return found if found is None or directions else found + self.contact_error() + embedded.of(self).error
+            # With contact the rods' part is not known, and not counted.
+            rods, meshes = 0.0 if self.model.contacts else error, self._of_solids[0]
+            error = None if rods is None or meshes is None else rods + meshes
+        return error if error is None or directions else error + self.contact_error() + embedded.of(self).error
 
     @property
     def coarsest(self) -> Array | None:
-        """Where finite element bodies have most of the error of frequencies, ``(3,)``; None without an estimate."""
+        """Position of the largest error of frequencies in finite element bodies, ``(3,)``; None without an estimate."""
         return self._of_solids[1] if self.model.solids else None
 
     @cached_property
@@ -156,12 +155,12 @@ class Modes:
         return of_solids(self.model, self.eigenvalues[self.rigid :], solids, about)
 
     def shapes(self) -> Iterator[tuple[float, Array]]:
-        """Yield what is not rigid with twice its energy: half of a share of that is missing in the frequency."""
+        """Yield flexible modes with twice their energy, whose relative error is twice that of the frequency."""
         for value, vector in zip(self.eigenvalues[self.rigid :], self.vectors[self.rigid :], strict=True):
             yield abs(float(value)), vector
 
     def contact_error(self) -> float:
-        """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""
+        """Return a bound on the frequencies' relative error by the compliance of contact patches; 0 without contact."""
         if self.equilibrium is None or not self.contacts:
             return 0.0
         if self.patches is not None:
@@ -172,7 +171,7 @@ class Modes:
         return touching.doubt(self.model, self.equilibrium, *modes, self.quarter is not None)
 
     def matrices(self) -> "Matrices":
-        """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
+        """Return the stiffness and the mass of the pencil (`isorod.output.matrices.matrices`)."""
         from isorod.output.matrices import matrices
 
         return matrices(self.model, self.equilibrium, self.lumped)
@@ -189,15 +188,15 @@ class Modes:
         return derivatives(self, make, at, measure)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them, and of how the equilibrium was reached."""
+        """Return the entries of a record, and those of the equilibrium."""
         kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
-        found = {name: getattr(self, name) for name in kept}
+        record = {name: getattr(self, name) for name in kept}
         if self.falling:
-            found["falling"] = self.falling
-        return found if self.equilibrium is None else self.equilibrium.record() | found
+            record["falling"] = self.falling
+        return record if self.equilibrium is None else self.equilibrium.record() | record
 
     def frames(self) -> "list[tuple[float, Modes]]":
-        """Return what there is to show: these modes."""
+        """Return the states to show: these modes."""
         return [(0.0, self)]
 
     def curves(self) -> dict[str, Array]:
@@ -206,14 +205,14 @@ class Modes:
         return {"mode": numbers, "frequency": self.frequencies, "residual": self.residuals}
 
     def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's part of each mode shape, ``(nodes, 3)``, and the fields of what they are about, if any."""
-        found = {} if self.equilibrium is None else self.equilibrium.fields(body)
+        """Return a body's part of each mode shape, ``(nodes, 3)``, and the fields of the equilibrium, if any."""
+        fields = {} if self.equilibrium is None else self.equilibrium.fields(body)
         later = () if self.quarter is None else self.quarter
         for name, vectors in (("mode", self.vectors), ("quarter", later)):
-            found |= {f"{name}_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(vectors)}
-        return found
+            fields |= {f"{name}_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(vectors)}
+        return fields
 
     def solid_fields(self, solid: int) -> dict[str, Array]:
-        """Return a finite element body's part of each mode shape, ``(3 nodes,)``, and what they are about, if any."""
-        found = {} if self.equilibrium is None else self.equilibrium.solid_fields(solid)
-        return found | {f"mode_{k + 1}": shape for k, shape in enumerate(self.solids[solid])}
+        """Return a finite element body's part of each mode shape, ``(3 nodes,)``, and of the equilibrium, if any."""
+        fields = {} if self.equilibrium is None else self.equilibrium.solid_fields(solid)
+        return fields | {f"mode_{k + 1}": shape for k, shape in enumerate(self.solids[solid])}

@@ -27,24 +27,24 @@ _ABOVE = 1e-6
 _ROUNDS = 12
 BAD_RESIDUAL = 1e-5
 
-# Residuals of long rods are rounding: of the stiffness times a mode, ``eps |K| |x|``, with a margin of ten, it may be
-# so much.  Of the eigenvalue it makes no more than ``eps |x|^T |K| |x|``, of which this share is allowed.
+# Residuals of long rods are rounding of the stiffness times a mode, ``eps |K| |x|``, allowed with a margin of ten.  The
+# error of the eigenvalue is at most ``eps |x|^T |K| |x|``; this fraction of the eigenvalue is allowed.
 _MARGIN, _LOST = 10.0, 2e-4
 
 # Dimensions of a Krylov space beyond those asked for, where the mass is singular: with 1 it seldom converges (5 of 20
 # small bars), with 2 in 63 restarts, with 4 in 16.
 SPARE = 5
 
-# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would
+# The shift of a free body lies this fraction of its first flexible eigenvalue below zero; farther off the modes would
 # cluster.
 _SHIFT = 0.1
 
-# A typed shift that turns out to be an eigenvalue is moved by this share of it.  Near one, purified vectors of high
+# A typed shift that turns out to be an eigenvalue is moved by this fraction of it.  Near one, purified vectors of high
 # modes lose digits.
 _ASIDE = 1e-2
 
 
-class Found(NamedTuple):
+class Eigenpairs(NamedTuple):
     """The lowest eigenpairs, ascending.
 
     Attributes
@@ -55,9 +55,9 @@ class Found(NamedTuple):
     residuals : (m,)
         ``|K x - lambda M x| / (|lambda| |M x|)``; for rigid modes with the first flexible ``lambda``.
     below
-        Number of eigenvalues up to just above the last one, or None if nothing was counted.
+        Number of eigenvalues up to just above the last one, or None if not counted.
     iterations
-        Of the eigensolver, those of all its rounds.
+        Of the eigensolver in all rounds.
     tolerance, shift
         Of the eigensolver, and of its spectral transformation.
     solver, options
@@ -100,19 +100,19 @@ class Pencil:
     pressures
         Number of pressures.
     factors
-        Options, named ``st_...``, of the factorisation that suits the stiffness, and whatever else shall stand instead
-        of what `isorod.modal.eigensolvers` offers; the user's own win.  Eigensolvers without a spectral transformation
-        take no notice.
+        Options, named ``st_...``, of the factorisation that suits the stiffness, and others that replace the defaults
+        of `isorod.modal.eigensolvers`; the user's override them.  Eigensolvers without a spectral transformation
+        ignore them.
     motions
-        Returns the rigid motions on the unknowns, if they are known: those eigensolvers find no end of a kernel.
+        Returns the rigid motions on the unknowns, if known: those eigensolvers do not converge on a kernel.
     entries
         Returns the mass as a new matrix with entries, where `mass` only multiplies.
     structure
-        How the entries of the mass lie in those of the stiffness.
+        Relation of the nonzero pattern of the mass to that of the stiffness.
     floor, check_seconds
         Residuals of smaller eigenvalues are relative to this one; wall time of Sturm counts so far.
-    tell
-        Called at each restart with what says how far it is, if it is not None.
+    report
+        Called at each restart with a function that returns a line of progress, if it is not None.
     """
 
     stiffness: PETSc.Mat
@@ -125,11 +125,11 @@ class Pencil:
     structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     floor: float = 0.0
     check_seconds: float = field(default=0.0, init=False)
-    tell: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
+    report: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
 
     @property
     def finite(self) -> int:
-        """Number of eigenvalues that are finite whatever the ``C`` of pressures."""
+        """Number of eigenvalues that are finite for any ``C`` of pressures."""
         return int(self.stiffness.getSize()[0]) - 2 * self.pressures
 
     @property
@@ -143,21 +143,23 @@ class Pencil:
         eps.setOperators(self.stiffness, self.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         count = min(count, self.size)
-        # In a Krylov space of more dimensions than there are finite eigenvalues, rounding makes up others.
+        # In a Krylov space larger than the number of finite eigenvalues, rounding makes spurious ones.
         narrow = self.pressures > 0 and max(2 * count, count + 15) >= self.finite
         eps.setDimensions(count, self.finite if narrow else None)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(shift)
         eps.getST().setShift(shift)
         eps.getST().setMatStructure(self.structure)
-        if self.tell is not None:
-            eps.setMonitor(lambda eps, restart, found, *_: self._said(f"restart {restart}, {found} of {count} found"))
+        if self.report is not None:
+            eps.setMonitor(
+                lambda eps, restart, converged, *_: self._report(f"restart {restart}, {converged} of {count} found")
+            )
         return eps
 
     def shift(self) -> float | None:
-        """Return the shift to solve with: zero, or below it where there are rigid motions, whose eigenvalue is zero.
+        """Return the shift to solve with: zero, or below it if there are rigid motions, whose eigenvalue is zero.
 
-        None means that no flexible mode converged to place it by.
+        None if no flexible mode converged from which to choose it.
         """
         if not self.rigid or PETSc.Options().hasName("st_shift"):
             return 0.0
@@ -165,7 +167,7 @@ class Pencil:
         return None if first is None else -_SHIFT * first
 
     def _first_flexible(self) -> float | None:
-        """Return a rough value of the first eigenvalue above the rigid modes of a free body, if it is found."""
+        """Return a rough value of the first eigenvalue above the rigid modes of a free body, None if not converged."""
         inertia = self.mass.getDiagonal().array_r
         sums = float(self.stiffness.getDiagonal().array_r[inertia > 0.0].sum()), float(inertia.sum())
         stiffness, mass = (self.stiffness.getComm().tompi4py().allreduce(one) for one in sums)
@@ -189,18 +191,18 @@ class Pencil:
             if len(values) <= self.rigid:
                 return None
             first = float(values[self.rigid])
-            # Too far below zero, the shift makes rigid and flexible modes look alike.
+            # With a shift too far below zero, rigid and flexible modes cannot be distinguished.
             if first > 0.01 * guess:
                 return first
             guess = max(10.0 * abs(first), 1e-3 * guess)
         return None
 
-    def solve(self, wanted: int, shift: float, count: bool = True) -> Found:
-        """Return the lowest ``wanted`` eigenpairs, rigid modes included, as the user's options say.
+    def solve(self, number: int, shift: float, count: bool = True) -> Eigenpairs:
+        """Return the lowest eigenpairs, rigid modes included, by the user's options.
 
         Parameters
         ----------
-        wanted
+        number
             Number of eigenpairs, at most `size`.
         shift
             Of the spectral transformation, see `shift`.
@@ -211,36 +213,36 @@ class Pencil:
         Raises
         ------
         SolveError
-            If the eigensolver does not converge, residuals are large, or eigenvalues are missing, or too many.
+            If the eigensolver does not converge, residuals are large, or eigenvalues are missing or spurious.
         InputError
-            If an eigensolver is typed that takes no mass that is singular, and there are pressures.
+            If an eigensolver is typed that needs a definite mass, and there are pressures.
         """
-        self._said("assembled")
-        found = self._find(wanted, shift, count)
-        limit = max(BAD_RESIDUAL, 100.0 * found.tolerance)
-        if not self._excess(found, limit)[1] <= limit:
+        self._report("assembled")
+        pairs = self._find(number, shift, count)
+        limit = max(BAD_RESIDUAL, 100.0 * pairs.tolerance)
+        if not self._excess(pairs, limit)[1] <= limit:
             # The last copy of a multiple eigenvalue, which rounding brings in, may pass the test of convergence early.
-            # Purification mends its vector; it costs a tenth, so the first round goes without.
-            found = self._find(wanted, shift, count, purify=1)
-        if not self._excess(found, limit)[1] <= limit and PETSc.Options().hasName("st_shift"):
+            # Purification corrects its vector; it costs a tenth, so the first round goes without.
+            pairs = self._find(number, shift, count, purify=1)
+        if not self._excess(pairs, limit)[1] <= limit and PETSc.Options().hasName("st_shift"):
             # What was factorised is singular if the shift is an eigenvalue.
-            first = float(found.eigenvalues[min(self.rigid, wanted - 1)])
-            found = self._find(wanted, shift, count, aside=_ASIDE * (found.shift or -abs(first)))
-        worst, excess = self._excess(found, limit)
+            first = float(pairs.eigenvalues[min(self.rigid, number - 1)])
+            pairs = self._find(number, shift, count, aside=_ASIDE * (pairs.shift or -abs(first)))
+        worst, excess = self._excess(pairs, limit)
         if not excess <= limit:
             raise SolveError(
-                f"modes: the residual of mode {worst + 1} is {found.residuals[worst]:.2g}: -eps_tol is loose, or "
+                f"modes: the residual of mode {worst + 1} is {pairs.residuals[worst]:.2g}: -eps_tol is loose, or "
                 "the stiffness contrast along the model is too large for double precision"
             )
-        return found
+        return pairs
 
-    def _excess(self, found: Found, limit: float) -> tuple[int, float]:
-        """Return which residual is worst, and how large; those that are harmless rounding do not count."""
-        residuals = np.where(np.isfinite(found.residuals), found.residuals, np.inf)
+    def _excess(self, pairs: Eigenpairs, limit: float) -> tuple[int, float]:
+        """Return the number and size of the largest residual, without those at round-off level."""
+        residuals = np.where(np.isfinite(pairs.residuals), pairs.residuals, np.inf)
         if residuals.max() > limit and has_whole_rows(self.stiffness):
             comm, image = self.stiffness.getComm().tompi4py(), self.stiffness.createVecRight()
             for k in np.flatnonzero(residuals > limit):
-                x, values = found.vectors[k], np.abs(found.eigenvalues[[k, self.rigid]])
+                x, values = pairs.vectors[k], np.abs(pairs.eigenvalues[[k, self.rigid]])
                 self.mass.mult(x, image)
                 own = np.abs(x.array_r)
                 noise = absolute_product(self.stiffness, own)
@@ -252,26 +254,26 @@ class Pencil:
         worst = int(np.argmax(residuals))
         return worst, float(residuals[worst])
 
-    def _said(self, said: str) -> None:
-        """Say how far it is."""
-        if self.tell is not None:
-            self.tell(lambda: f"modes: {self.size:,} unknowns, {said}")
+    def _report(self, message: str) -> None:
+        """Report progress."""
+        if self.report is not None:
+            self.report(lambda: f"modes: {self.size:,} unknowns, {message}")
 
-    def _find(self, wanted: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Found:
-        """Solve once; the shift in force is moved ``aside`` by so much."""
-        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
+    def _find(self, number: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Eigenpairs:
+        """Solve once, with the shift in force moved by ``aside``."""
+        # One more than asked for, so that the last one seldom lacks its double; yet one more would cost ten modes a
         # restart.
-        eps = self._eps(wanted + 1, shift)
+        eps = self._eps(number + 1, shift)
         kind = eigensolvers.typed(self.pressures > 0)
         if kind in eigensolvers.PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
         pairs: list[tuple[float, PETSc.Vec]] = []
-        # Where there are pressures the mass does not see what rounding adds to them.
+        # With pressures the mass does not see their rounding errors.
         with defaults(eigensolvers.offered(kind, {"eps_purify": purify or int(self.pressures > 0), **self.factors})):
             eps.setFromOptions()
             if PETSc.Options().hasName("eps_nev"):
                 _, *spaces = eps.getDimensions()
-                eps.setDimensions(min(wanted + 1, self.size), *spaces)
+                eps.setDimensions(min(number + 1, self.size), *spaces)
             if aside:
                 eps.getST().setShift(eps.getST().getShift() + aside)
             if kind in eigensolvers.PRECONDITIONED and self.rigid:
@@ -281,23 +283,23 @@ class Pencil:
             options = dict(PETSc.Options().getAll())
         self._collect(eps, pairs)
         iterations = eps.getIterationNumber()
-        if len(pairs) < wanted:
+        if len(pairs) < number:
             raise SolveError(
-                f"modes: SLEPc found {len(pairs)} of {wanted} in {iterations} iterations (reason "
+                f"modes: SLEPc found {len(pairs)} of {number} in {iterations} iterations (reason "
                 f"{eps.getConvergedReason()}); raise -eps_max_it or -eps_ncv, or loosen -eps_tol"
             )
         below = None
         if count:
-            below, more = self._complete(eps, pairs, wanted)
+            below, more = self._complete(eps, pairs, number)
             iterations += more
         st, ksp = eps.getST(), eps.getST().getKSP()
         types = {"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())}
         (tolerance, _), placed = eps.getTolerances(), st.getShift()
         eps.destroy()
-        return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, placed, types, options)
+        return Eigenpairs(*self._normalised(pairs, number), below, iterations, tolerance, placed, types, options)
 
     def _rigid_pairs(self) -> list[tuple[float, PETSc.Vec]]:
-        """Return the Rayleigh quotients of the rigid motions that are known, and vectors with ``x^T M x = 1``."""
+        """Return the Rayleigh quotients of the known rigid motions, and vectors with ``x^T M x = 1``."""
         image = self.stiffness.createVecRight()
         pairs = []
         for vector in orthonormalise(self.motions(), self.mass):
@@ -307,36 +309,36 @@ class Pencil:
         return pairs
 
     def _collect(self, eps: SLEPc.EPS, pairs: list[tuple[float, PETSc.Vec]]) -> None:
-        """Add what an eigensolver has found; keep them ascending."""
+        """Add the converged eigenpairs of an eigensolver; keep them ascending."""
         for k in range(eps.getConverged()):
             vector = self.stiffness.createVecRight()
             pairs.append((eps.getEigenpair(k, vector).real, vector))
         pairs.sort(key=lambda pair: pair[0])
 
-    def _complete(self, eps: SLEPc.EPS, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[int, int]:
-        """Add eigenpairs until none of the lowest ``wanted`` is missing; return the Sturm count and the iterations.
+    def _complete(self, eps: SLEPc.EPS, pairs: list[tuple[float, PETSc.Vec]], number: int) -> tuple[int, int]:
+        """Add eigenpairs until none of the lowest ones is missing; return the Sturm count and the iterations.
 
-        A Krylov space holds one vector of a multiple eigenvalue until rounding brings the others in.  Where the count
-        of eigenvalues shows that some are missing, those found are deflated and the rest is solved for.
+        A Krylov space holds one vector of a multiple eigenvalue until rounding brings the others in.  If the count
+        shows that some are missing, the converged ones are deflated and the rest is solved for.
         """
         iterations = 0
         for _ in range(_ROUNDS):
-            last = pairs[wanted - 1][0]
+            last = pairs[number - 1][0]
             below = self.count_below(last)
             missing = below - sum(value <= just_above(last) for value, _ in pairs)
             if missing == 0:
                 return below, iterations
-            said = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} converged"
+            problem = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} converged"
             if missing < 0:
                 raise SolveError(
-                    f"{said}: some are spurious; tighten -eps_tol, use the default -eps_type, or the stiffness "
+                    f"{problem}: some are spurious; tighten -eps_tol, use the default -eps_type, or the stiffness "
                     "contrast along the model is too large for double precision"
                 )
             before = len(pairs)
             if before >= self.finite:
                 break
             eps.setDeflationSpace([vector for _, vector in pairs])
-            # All three: SLEPc 3.22 keeps from the first solve what is not given, and it need not fit the new count.
+            # All three: SLEPc 3.22 keeps those not given from the first solve, which need not fit the new count.
             count = max(1, min(missing + 2, self.finite - before - 1))
             room = max(count + 1, min(max(2 * count, count + 15), self.finite - before))
             eps.setDimensions(count, room, room)
@@ -345,24 +347,24 @@ class Pencil:
             self._collect(eps, pairs)
             if len(pairs) == before:
                 break
-        raise SolveError(f"{said}; raise -eps_ncv or shift elsewhere (-st_shift)")
+        raise SolveError(f"{problem}; raise -eps_ncv or shift elsewhere (-st_shift)")
 
-    def _normalised(self, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[Array, list[PETSc.Vec], Array]:
-        """Return eigenvalues, vectors and residuals of the lowest pairs; give back the other vectors."""
-        values = np.array([value for value, _ in pairs[:wanted]])
+    def _normalised(self, pairs: list[tuple[float, PETSc.Vec]], number: int) -> tuple[Array, list[PETSc.Vec], Array]:
+        """Return eigenvalues, vectors and residuals of the lowest pairs; destroy the other vectors."""
+        values = np.array([value for value, _ in pairs[:number]])
         scales = np.maximum(np.abs(values), max(abs(values[self.rigid]), self.floor))
         kx, mx = self.stiffness.createVecRight(), self.stiffness.createVecRight()
-        residuals = np.empty(wanted)
-        images = products(self.stiffness, [x for _, x in pairs[:wanted]])
-        for k, (value, x) in enumerate(pairs[:wanted]):
+        residuals = np.empty(number)
+        images = products(self.stiffness, [x for _, x in pairs[:number]])
+        for k, (value, x) in enumerate(pairs[:number]):
             kx.array_w[:] = images[k]
             self.mass.mult(x, mx)
             kx.axpy(-value, mx)
             residuals[k] = kx.norm() / (scales[k] * mx.norm())
             x.scale(1.0 / np.sqrt(x.dot(mx)))
-        for vector in (kx, mx, *(x for _, x in pairs[wanted:])):
+        for vector in (kx, mx, *(x for _, x in pairs[number:])):
             vector.destroy()
-        return values, [x for _, x in pairs[:wanted]], residuals
+        return values, [x for _, x in pairs[:number]], residuals
 
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
@@ -376,7 +378,7 @@ class Pencil:
         return negative - self.pressures
 
     def shifted(self, shift: float) -> PETSc.Mat:
-        """Return the stiffness less so many times the mass."""
+        """Return the stiffness minus ``shift`` times the mass."""
         shifted = self.stiffness.copy()
         if not add_componentwise(shifted, -shift, self.mass):
             mass = self.mass if self.entries is None else self.entries()
@@ -396,5 +398,5 @@ class Pencil:
 
 
 def just_above(eigenvalue: float) -> float:
-    """Return where eigenvalues up to one of them are counted."""
+    """Return the shift of the count of eigenvalues up to and including one."""
     return eigenvalue + _ABOVE * abs(eigenvalue)

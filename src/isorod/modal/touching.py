@@ -1,9 +1,9 @@
-"""Contact in small vibrations about an equilibrium: what is pressed stays so, and what else does not touch.
+"""Contact in small vibrations about an equilibrium: the active set is kept.
 
-Surfaces keep the mean gaps of their cells and slide along each other, with what their curvature adds
-(`isorod.contact.frozen`); points that stick do not slide.  Penalties give way within cells alone, where surfaces cannot
-follow any more: as springs of all points they would be far too soft (of a cylinder that lies on a plane, with half as
-much again for the patch itself), and much stiffer ones would hold surfaces beyond the patch.
+Surfaces keep the mean gaps of their cells and slide along each other, with the terms of their curvature
+(`isorod.contact.frozen`); points that stick do not slide.  Penalties act as springs only within cells, where surfaces
+cannot follow: as springs of all points they would be far too soft (for a cylinder on a plane, half of the patch's own
+compliance more), and much stiffer ones would constrain surfaces beyond the patch.
 """
 
 import warnings
@@ -20,41 +20,41 @@ from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction, rigid_motions
 from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
-from isorod.modal.pencil import Found
+from isorod.modal.pencil import Eigenpairs
 from isorod.model.model import Model
 from isorod.statics.analysis import Equilibrium
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
 
-# A rigid motion slides if gaps change by less than this share of it, root mean squares of both, and is held if by more
-# than that one: between them patches hold it by their width, as what rolls or tips.
+# Root mean square change of gaps relative to that of a rigid motion: below the first it slides, above the second it is
+# constrained; between them it is constrained by the width of patches, as in rolling or tipping.
 _SLIDES, _HELD = 1e-6, 0.25
 
-# Doubt that is warned of.
+# Uncertainty above which there is a warning.
 _UNSURE = 0.005
 
-# Changes that are told by reactions alone; iterations to the frequencies of softer contact.
+# Changes up to which reactions alone suffice; iterations to the frequencies of softer contact.
 _SURE, _ITERATIONS = 0.01, 3
 
-# Stiffness, relative to the sum of its parts, of a rigid motion that meets none.
+# Stiffness against a rigid motion, relative to the sum of its parts, that is rounding.
 _NONE = 1e-9
 
 
 def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
-    """Let contact be as it is in an equilibrium; return the rigid motions that nothing resists: body, and its nodes'.
+    """Freeze the contact of an equilibrium; return unconstrained rigid motions: body, and displacement of its nodes.
 
     Raises
     ------
     InputError
-        If points slip, or a body is held by the width of patches alone.
+        If points slip, or a body is constrained by the width of patches alone.
     """
     model = assembler.model
-    for k, one in enumerate(state.contacts):
-        if one.slipping:
+    for k, result in enumerate(state.contacts):
+        if result.slipping:
             raise InputError(
-                f"contact {k}: {one.slipping} of {one.active} points slip; modes are of points that stick or slide "
-                "without friction: raise the friction, or leave it out"
+                f"contact {k}: {result.slipping} of {result.active} points slip; modes are of points that stick or "
+                "slide without friction: raise the friction, or leave it out"
             )
     x = assembler.state(state.displacement, state.pressures, state.solids)
     contact = Frozen(model, model.contacts, state.contacts, assembler.touching(x, 1.0), assembler.comm, tight=True)
@@ -66,20 +66,20 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
     assembler.tangent(x, 1.0, matrix)
     vectors = list(rigid_motions.on_unknowns(assembler, slides))
     sizes = matrix.getDiagonal()
-    found = []
+    free = []
     for slide, vector in zip(slides, vectors, strict=True):
         weight = sizes.duplicate()
         weight.pointwiseMult(vector, vector)
         if abs((matrix * vector).dot(vector)) <= _NONE * abs(sizes.dot(weight)):
-            found.append(slide)
+            free.append(slide)
     matrix.destroy()
-    return found
+    return free
 
 
 def hold_beside(assembler: Assembler, x: PETSc.Vec, pressures: float | Array) -> Array:
-    """Let contact be as it is in a state near an equilibrium; return which points ``(Q,)`` are pressed.
+    """Freeze the contact of a state near an equilibrium; return which points ``(Q,)`` are active.
 
-    Contact is as the equilibrium left it (`isorod.statics.derivatives.Moving.beside`), and multipliers change by
+    Contact starts from the equilibrium's (`isorod.statics.derivatives.Moving.beside`), with multipliers changed by
     ``pressures``.
     """
     contact, moved = assembler.contact, assembler.touching(x, 1.0)
@@ -99,20 +99,20 @@ def doubt(
     lumped: bool = False,
     whirls: bool = False,
 ) -> float:
-    """Return how far frequencies may be off by what is not known of how much patches give way, relative, the largest.
+    """Return the largest relative uncertainty of frequencies by the unknown compliance of contact patches.
 
-    What is known lies between springs of all points, which are too soft, and points that are all held.  Of the former
-    there are frequencies by inverse iteration from these modes.  Reactions of cells, squared over their springs, tell
-    them where they change little alone: those of cells side by side may be large and cancel.
+    The bounds are springs at all points, which are too soft, and points that are all constrained.  The frequencies with
+    springs follow by inverse iteration from these modes.  If they change little, reactions of cells, squared over
+    their springs, suffice: those of adjacent cells may be large and cancel.
 
     Parameters
     ----------
     eigenvalues, vectors
-        ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of modes that are not rigid.
+        ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of flexible modes.
     free, lumped
-        Whether there are rigid ones, and whether with the lumped mass matrix.
+        Whether there are rigid modes, and whether the mass matrix is lumped.
     whirls
-        Whether there are Coriolis forces: then springs in series with the body say how much softer it is.
+        Whether there are Coriolis forces: then the estimate is by springs in series with the body.
     """
     contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF, tight=True)
 
@@ -123,14 +123,14 @@ def doubt(
     return _doubt(contact, eigenvalues, vectors, None if whirls else softer)
 
 
-def doubt_with_solids(assembler: Assembler, state: Equilibrium, found: Found, rigid: int, lumped: bool) -> float:
-    """Return what `doubt` does of modes of a model with solids, and warn of it: of these there is no other estimate.
+def doubt_with_solids(assembler: Assembler, state: Equilibrium, pairs: Eigenpairs, rigid: int, lumped: bool) -> float:
+    """Return `doubt` of a model with solids, and warn of it: there is no other estimate for these.
 
-    `hold` has prepared the assembler, whose contact is then as springs of all points are; ``rigid`` modes come first.
+    `hold` has prepared the assembler, whose contact then becomes springs at all points; ``rigid`` modes come first.
     """
-    eigenvalues, vectors, contact = found.eigenvalues[rigid:], found.vectors[rigid:], assembler.contact
+    eigenvalues, vectors, contact = pairs.eigenvalues[rigid:], pairs.vectors[rigid:], assembler.contact
     assert isinstance(contact, Frozen)
-    # Supports that are moved are no part of a mode.
+    # Without prescribed displacements, which are no part of a mode.
     still = assembler.touching(assembler.vector(), 0.0)
     moved = np.array([assembler.touching(one, 0.0) - still for one in vectors])
     copies = [one.copy() for one in vectors]
@@ -147,22 +147,22 @@ def doubt_with_solids(assembler: Assembler, state: Equilibrium, found: Found, ri
 
 
 def _doubt(contact: Frozen, eigenvalues: Array, moved: Array, springs: Callable[[], Array] | None) -> float:
-    """Return what `doubt` does of modes that move what contact takes, ``(m, dofs)``.
+    """Return `doubt` of modes with displacements ``moved`` ``(m, dofs)`` as contact takes them.
 
-    ``springs`` returns how much softer these are, if that can be known.
+    ``springs``, if any, returns the relative decrease of frequencies with springs at all points.
     """
     within, besides = (one / np.abs(eigenvalues) for one in contact.give(moved))
     softer = 1.0 - 1.0 / np.sqrt(1.0 + besides)
-    # Where little changes there is no need of another factorisation.
+    # Small changes need no further factorisation.
     if springs is not None and softer.max(initial=0.0) > _SURE:
         softer = springs()
     return float(np.max(0.5 * within + softer, initial=0.0))
 
 
 def _softer(
-    assembler: Assembler, state: Equilibrium, eigenvalues: Array, found: list[PETSc.Vec], free: bool, lumped: bool
+    assembler: Assembler, state: Equilibrium, eigenvalues: Array, shapes: list[PETSc.Vec], free: bool, lumped: bool
 ) -> Array:
-    """Return by how much springs of all points make frequencies lower, relative, ``(m,)``; changes the vectors."""
+    """Return the relative decrease ``(m,)`` of frequencies by springs at all points; overwrites the shapes."""
     model, x = assembler.model, assembler.state(state.displacement, state.pressures, state.solids)
     contact = Frozen(model, model.contacts, state.contacts, assembler.touching(x, 1.0), assembler.comm)
     assembler.contact = contact  # type: ignore[assignment]
@@ -174,13 +174,13 @@ def _softer(
     ksp = correction.solver(assembler, matrix)
     try:
         for _ in range(_ITERATIONS):
-            pushed = [mass * one for one in found]
-            for force, one in zip(pushed, found, strict=True):
-                ksp.solve(force, one)
-        values = eigh(correction.reduced(mass, pushed, found)[0], eigvals_only=True) - shift
+            pushed = [mass * shape for shape in shapes]
+            for force, shape in zip(pushed, shapes, strict=True):
+                ksp.solve(force, shape)
+        values = eigh(correction.reduced(mass, pushed, shapes)[0], eigvals_only=True) - shift
     finally:
-        for held in (ksp, matrix, mass):
-            held.destroy()
+        for handle in (ksp, matrix, mass):
+            handle.destroy()
     ratio = np.sort(values) / np.sort(eigenvalues)
     return np.asarray(1.0 - np.sqrt(np.clip(ratio, 0.0, 1.0)))
 
@@ -188,11 +188,11 @@ def _softer(
 def _sliding(
     model: Model, displacement: Array, contact: Frozen, results: "Sequence[ContactResult]"
 ) -> list[tuple[int, Array]]:
-    """Return rigid motions that supports and contact leave free; raises `InputError` for one that patches hold."""
+    """Return rigid motions free of supports and contact; raises `InputError` for one that only patches constrain."""
     free = rigid_motions.free_motions(model, displacement)
     weights = np.sqrt(contact.springs / max(float(contact.springs.sum()), 1e-300))
     normals = np.concatenate([np.zeros((0, 3)), *(one.normals[one.pressure > 0.0] for one in results)])
-    found, everywhere = [], []
+    sliding, everywhere = [], []
     for b in sorted({b for b, _ in free}):
         moved = np.stack([motion.ravel() for body, motion in free if body == b], axis=1)
         moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_control_point.sum())
@@ -211,18 +211,18 @@ def _sliding(
                     "such modes are not computed; add a support"
                 )
             if size <= _SLIDES:
-                found.append((b, motion))
+                sliding.append((b, motion))
     together = np.concatenate(everywhere, axis=1) if everywhere else np.zeros((1, 0))
     least = np.linalg.svd(together.T @ together, compute_uv=False) if together.size else np.empty(0)
-    if int((least <= _SLIDES**2).sum()) > len(found):
+    if int((least <= _SLIDES**2).sum()) > len(sliding):
         raise InputError(
             "equilibrium: bodies have a common rigid-body mode, constrained by no support or contact; support one"
         )
-    return found
+    return sliding
 
 
 def _tilts(model: Model, displacement: Array, body: int, motion: Array, normals: Array) -> float:
-    """Return how much a rigid motion of a body's nodes ``(nodes, 3)`` tilts what presses, in sizes of the body."""
+    """Return how much a rigid motion of a body's nodes ``(nodes, 3)`` tilts contact normals, in sizes of the body."""
     space = model.bodies[body].space
     places = (space.positions + model.nodal(displacement, body))[space.is_control_point]
     arms = places - places.mean(axis=0)

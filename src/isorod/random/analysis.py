@@ -1,4 +1,4 @@
-"""Stationary random vibrations: the integral over frequency of what transfer functions make of a spectral density."""
+"""Stationary random vibrations: transfer functions times a spectral density, integrated over frequency."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -14,7 +14,7 @@ from isorod.harmonic.response import Response
 from isorod.model.model import Model
 from isorod.random.response import RandomResponse
 
-# Points of Gauss on each piece between rows of the table and places round resonances, in half-widths of their peaks.
+# Gauss points on each interval between rows of the table and frequencies round resonances, in half-widths of peaks.
 _POINTS = 8
 _ROUND = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
 
@@ -31,19 +31,19 @@ def solve(
     petsc: Mapping[str, object] | None = None,
     progress: bool = False,
 ) -> RandomResponse:
-    """Return the stationary response to loads, or supports, that move at random, all by one signal.
+    """Return the stationary response to random loads or base motion, all by one signal.
 
     Parameters
     ----------
     model
         Bodies with densities, supports and loads.
     psd
-        One-sided spectral density of the signal, rows of frequency, cycles per time, and value, its square per
-        frequency; straight between them in logarithms of both, zero beyond.
+        One-sided spectral density of the signal: rows of frequency [cycles per time] and value [signal squared per
+        frequency]; linear between them in logarithms of both, zero beyond.
     damping
         As for `isorod.harmonic.solve`.
     base, base_displacement
-        Acceleration, or displacement, of the supports where the signal is 1, shape ``(3,)``.
+        Acceleration, or displacement, of the supports for a signal of 1, shape ``(3,)``.
     loads
         The loads that the signal multiplies, as for `isorod.harmonic.solve`.
     load_steps, petsc, progress
@@ -52,9 +52,9 @@ def solve(
     Raises
     ------
     InputError
-        If the density is none, or as `isorod.harmonic.solve` does.
+        If the density is invalid, or as `isorod.harmonic.solve` does.
     SolveError
-        As that does.
+        As `isorod.harmonic.solve` does.
     """
     table = numbers("psd", psd)
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
@@ -74,11 +74,11 @@ def solve(
 
 
 def _rule(rows: Array, response: Response) -> tuple[Array, Array]:
-    """Return frequencies and weights of the integral over all of a table."""
+    """Return frequencies and weights of the integral over the range of a table."""
     away = np.concatenate([-_ROUND[:0:-1], _ROUND])
     near = (response.resonances[:, None] * (1.0 + response.ratios[:, None] * away)).ravel()
     first, last = rows[[0, -1]]
-    # No piece is so short that its points are one for rounding.
+    # Intervals at round-off level are left out.
     ends = np.unique(np.concatenate([rows, near[(near > first) & (near < last)]]))
     ends = ends[np.append(True, np.diff(ends) > 1e-9 * last)]
     place, weight = np.polynomial.legendre.leggauss(_POINTS)

@@ -1,4 +1,4 @@
-"""What random vibrations answer: spectral densities, and root mean squares of displacement, acceleration and stress."""
+"""Results of random vibration: spectral densities, and root mean squares of displacement, acceleration and stress."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -19,21 +19,21 @@ from isorod.output.words import Component
 class RandomResponse(Response):
     """A stationary vibration: a `Response` times the root of the spectral density, at each frequency.
 
-    The square of its size is a spectral density, whose integral is a mean square (`rms`).
+    The square of its amplitude is a spectral density, whose integral is a mean square (`rms`).
 
     Attributes
     ----------
     density
-        That of the signal, shape ``(n,)``.
+        Spectral density of the signal, shape ``(n,)``.
     weights
-        Of the integral over frequencies, shape ``(n,)``.
+        Weights of the integral over frequencies, shape ``(n,)``.
     """
 
     density: Array
     weights: Array
 
     def rms(self, values: Array) -> Array:
-        """Return the root mean square of values at each frequency, ``(n, ...)``, of zero mean."""
+        """Return the root mean square of values given at each frequency, ``(n, ...)``, of zero mean."""
         return np.asarray(np.sqrt(np.tensordot(self.weights, np.abs(values) ** 2, 1)))
 
     @property
@@ -41,9 +41,10 @@ class RandomResponse(Response):
         return super()._shaken * np.sqrt(self.density)
 
     def amplitude(self, stress: Array, name: Component, normals: Array) -> Array:
-        """Return the root of the density of a component of stresses, which needs no phase (D. J. Segalman et al.).
+        """Return the root of the spectral density of a component of stress, which needs no phase.
 
-        The mean square of von Mises' stress is that of its quadratic form (J. Vib. Acoust. 122 (2000) 42-48).
+        The mean square of the von Mises stress is that of its quadratic form (D. J. Segalman et al., J. Vib. Acoust.
+        122 (2000) 42-48).
         """
         refuse_principal(name)
         if name not in ("von_mises", "shear"):
@@ -59,15 +60,15 @@ class RandomResponse(Response):
         own = {one.name: getattr(self, one.name) for one in fields(self)}
         return Whole(**own | {"coordinates": (np.sqrt(np.maximum(sizes, 0.0)) * turns).T})
 
-    def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a record keeps of what is measured: root mean squares, densities and apparent frequencies.
+    def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the entries of a record for what is measured: root mean squares, densities and apparent frequencies.
 
-        The last are how often it passes zero upwards (S. O. Rice), for counts of cycles.
+        The last are rates of zero upcrossings (S. O. Rice), for counts of cycles.
         """
         result: dict[str, Any] = {}
         response: dict[str, Any] = {}
         apparent: dict[str, float] = {}
-        for name, given in found.items():
+        for name, given in measured.items():
             values = np.asarray(given)
             size = self.rms(values)
             result[name] = float(size) if size.ndim == 0 else size
@@ -82,15 +83,15 @@ class RandomResponse(Response):
         return result | {"response": response, "apparent": apparent}
 
     def _warn_of_flanks(self, error: float) -> None:
-        """Say nothing: the area below a peak does not depend on where it is."""
+        """Do not warn: the area below a peak does not depend on its frequency."""
 
 
-# What is a smaller share of the largest component is rounding.
+# Fraction of the largest component below which others are rounding.
 _ROUNDING = 1e-9
 
 
 class Whole(RandomResponse):
-    """Shapes of which each moves by itself, all at once: what is measured is the root of the sum of their squares."""
+    """Uncorrelated shapes: what is measured is the root of the sum of their squares."""
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the stress of each shape, ``(m, ..., 3, 3)``."""
