@@ -41,7 +41,7 @@ class Loads:
         largest = max(float(one.max(initial=0.0)) for one in most)
         where = [np.nonzero(one > _ROUNDING * largest) for one in most]
         for factor, own in zip(stops, rods, strict=True):
-            share = self.model.share(None, factor)
+            share = self.model.amplitude(None, factor)
             dead = [own, *(share * forces for _, forces in self.blocks[1:])]
             yield self._step(factor, [(at, one[at]) for at, one in zip(where, dead, strict=True)])
 
@@ -55,12 +55,12 @@ class Loads:
         for load in (one for one in self.model.following if isinstance(one, Pressure)):
             rod, k, surface = nodal.face_of(load).split(" ")
             title = abaqus.name_of(f"{self.names[f'{rod} {k}']} {surface}")
-            yield from ["*DSLOAD", f"{title},P,{self.model.share(load.history, factor) * load.pressure:.12g}"]
+            yield from ["*DSLOAD", f"{title},P,{self.model.amplitude(load.history, factor) * load.pressure:.12g}"]
         if self.warm.any():
             yield from deck_heat.lines("*TEMPERATURE", self.blocks[0][0], factor * self.warm)
         spin = self.model.spin
         if spin is not None and any(spin.velocity):
             speed = float(np.linalg.norm(spin.velocity))
             axis = ",".join(f"{one:.12g}" for one in [*spin.center, *(np.array(spin.velocity) / speed)])
-            force = self.model.share(spin.history, factor) * speed**2
+            force = self.model.amplitude(spin.history, factor) * speed**2
             yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},CENTRIF,{force:.12g},{axis}"]

@@ -73,7 +73,7 @@ class Means:
     def _refer(self, k: int, support: MeanSupport, name: str, place: Array) -> None:
         """Add the reference nodes of a support: of its mean displacement, and of its mean rotation."""
         first = 0
-        for title, vectors in ((f"{name} mean", support.ways), (f"{name} rotation", support.axes)):
+        for title, vectors in ((f"{name} mean", support.directions), (f"{name} rotation", support.axes)):
             if not len(vectors):
                 continue
             components = np.abs(vectors).argmax(axis=1)
@@ -154,7 +154,7 @@ class Means:
     def held(self, factor: float) -> Iterator[str]:
         """Yield what is prescribed at a load factor: the means, or of nodes with springs what no spring acts on."""
         for one in self._found:
-            share = self.model.share(self.model.means[one.support].clock.table, factor)
+            share = self.model.amplitude(self.model.means[one.support].clock.table, factor)
             held = dict(zip(one.components.tolist(), (share * one.signs * one.values).tolist(), strict=True))
             if one.stiffness is not None:
                 held = {component: 0.0 for component in range(3) if component not in held}

@@ -77,7 +77,7 @@ class Held:
         support, motion = model.supports[k], model.motions[k]
         assert isinstance(support, Support), "whoever asks has refused mean motions and springs"
         self.motion, self.body = motion, support.body
-        self._share = partial(model.share, motion.clock.table)
+        self._share = partial(model.amplitude, motion.clock.table)
         self.first, self.space = int(model.first_node[support.body]), trace.space
         self.components, self.tied = (
             sorted("xyz".index(letter) for letter in letters) for letters in (support.components, support.tied)

@@ -77,7 +77,7 @@ def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
     """
     result = np.zeros_like(mesh.points)
     for k, load in enumerate(model.loads):
-        share = model.share(load.history, factor)
+        share = model.amplitude(load.history, factor)
         if isinstance(load, SectionLoad):
             if load.turns and load in model.following:
                 raise InputError(

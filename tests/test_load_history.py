@@ -236,7 +236,7 @@ def test_times_that_are_but_rounding_apart_are_one():
     timed = until(model, 1.0)
     assert timed.stages == [0.3, 1.0]
     assert [timed.times.time(place) for place in timed.stages] == [0.3, 1.0]
-    assert timed.times.place(0.3) == 0.3 and timed.share(None, 0.15) == pytest.approx(0.5)
+    assert timed.times.place(0.3) == 0.3 and timed.amplitude(None, 0.15) == pytest.approx(0.5)
 
 
 def test_finite_element_bodies_go_along_and_are_kept_at_each_time(tmp_path):

@@ -13,7 +13,7 @@ from isorod.petsc import banded, inertia
 from isorod.petsc.band import Factors
 from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.rows import Compressed, local_rows
-from isorod.petsc.shared_band import SharedFactors
+from isorod.petsc.shared_band import DistributedFactors
 from isorod.scenes.spring import Spring
 from isorod.statics import continuation
 
@@ -122,7 +122,7 @@ def test_factors_whose_entries_would_grow_are_refused_and_rows_exchanged():
     assert not Factors().factorise(Ordered(compressed(big), 0, 24), 24)
     rows = csr_matrix(big)
     matrix = PETSc.Mat().createAIJ(rows.shape, csr=(rows.indptr, rows.indices, rows.data), comm=PETSc.COMM_SELF)
-    factors = SharedFactors()
+    factors = DistributedFactors()
     assert factors.factorise(matrix)
     assert factors.negative is None
     x = np.random.default_rng(0).standard_normal(24)
@@ -189,7 +189,7 @@ def compare():
                 assert (np.abs(dense @ found - wanted) / amount).max() < 1e-12, (n, width, shift, bounds)
                 assert inertia.negative_eigenvalues(matrix) == negative(dense)
                 enough = bool((np.diff(bounds) > width).all())
-                factors = SharedFactors()
+                factors = DistributedFactors()
                 if enough or size == 1:
                     assert factors.eliminate(matrix) and factors.negative == negative(dense)
                 else:
@@ -199,7 +199,7 @@ def compare():
     assert gathered > 0 or size == 1
     # Singular, and not so when something has changed.
     matrix = shared(np.kron(np.eye(10), np.ones((4, 4))), 40 * np.arange(size + 1) // size, comm)
-    factors = SharedFactors()
+    factors = DistributedFactors()
     assert not factors.factorise(matrix)
     matrix.shift(1.0)
     assert factors.factorise(matrix)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isorod import Body, Model, NeoHookean, Space
-from isorod.assembly.split import Split
+from isorod.assembly.split import Partition
 from isorod.assembly.unknowns import Unknowns
 from isorod.scenes.ring import Ring
 
@@ -20,13 +20,13 @@ def model(cylinder):
 
 
 def split_of(model, size):
-    return Split(model, 3 * model.first_node, [Unknowns.layer_dofs(body) for body in model.bodies], size)
+    return Partition(model, 3 * model.first_node, [Unknowns.layer_dofs(body) for body in model.bodies], size)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 40])
 def test_each_element_is_on_one_rank_and_shares_are_equal(model, size):
     split = split_of(model, size)
-    found = [[(s.which, e) for s in split.shares(rank) for e in range(s.first, s.last)] for rank in range(size)]
+    found = [[(s.which, e) for s in split.element_ranges(rank) for e in range(s.first, s.last)] for rank in range(size)]
     bodies = model.bodies
     assert [one for own in found for one in own] == [
         (b, e) for b, body in enumerate(bodies) for e in range(body.space.axis.elements)
@@ -41,7 +41,7 @@ def test_a_rank_owns_the_layers_whose_first_element_it_has(model, size):
     owner = split.owners()
     first = np.full(owner.size, size)
     for rank in reversed(range(size)):
-        for share in split.shares(rank):
+        for share in split.element_ranges(rank):
             first[share.dofs] = rank
     assert np.array_equal(owner, first)
 

@@ -74,7 +74,7 @@ class Mean:
         self._rest, self._support, self.factor = elements.source.points, support, 1.0
         arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
         size = float(np.sqrt(trace.weights @ np.sum(arms**2, axis=1) / trace.weights.sum()))
-        held = stiff * unit * np.repeat([size, size**3], [len(support.ways), len(support.axes)])
+        held = stiff * unit * np.repeat([size, size**3], [len(support.directions), len(support.axes)])
         self.penalty = 0.0
         self._stiffness = held if support.stiffness is None else support.stiffness
         self._wanted = support.values if support.stiffness is None else np.zeros(len(held))
@@ -101,7 +101,7 @@ class Mean:
     @property
     def resultant(self) -> tuple[Array, Array]:
         """Force and moment on the model, ``(3,)`` each."""
-        ways, axes = self._support.ways, self._support.axes
+        ways, axes = self._support.directions, self._support.axes
         return self.carried[: len(ways)] @ ways, self.carried[len(ways) :] @ axes
 
 

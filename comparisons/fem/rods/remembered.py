@@ -177,7 +177,7 @@ def _in_steps(task: Task, load_steps: int) -> Solution:
 
         def load(factor: float) -> None:
             newton.time = factor
-            shares = [model.share(one.history, factor) for one in model.loads]
+            shares = [model.amplitude(one.history, factor) for one in model.loads]
             newton.carry(sum((a * b for a, b in zip(shares, dead, strict=True)), np.zeros_like(task.mesh.points)))
             supports.move(factor)
 

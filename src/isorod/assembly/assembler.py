@@ -34,10 +34,10 @@ class Assembler(Loaded):
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
-        # What the elements had in the last tangent, kept where there is contact.
+        # The elements' entries of the last tangent, kept where there is contact.
         self._elements: Array | None = None
-        # The displacement of the whole model that the last local state is of, where there is contact, that of facets
-        # that rods touch behind it; and the forces on these.
+        # With contact: the model's displacement at the last local state, followed by that of the facets that rods
+        # touch, and the contact forces on these facets.
         self._everywhere: Array = np.empty(0)
         self._pushed: Array = np.empty(0)
         super().__init__(model, comm)
@@ -62,24 +62,24 @@ class Assembler(Loaded):
         return local
 
     def _with_facets(self, moved: Array, x: PETSc.Vec, factor: float) -> Array:
-        """Return a displacement of the rods ``(dofs,)`` with that of facets that they touch behind it."""
+        """Return a displacement of the rods ``(dofs,)``, followed by that of the facets that they touch."""
         if self.coupling is None or self.contact is None or not self.contact.beyond.size:
             return moved
         solids = self.coupling.everywhere(self.coupling.solids(x, factor))
         return np.append(moved, solids[self.contact.beyond - self.model.dofs])
 
     def touching(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return the displacement that contact takes: all degrees of freedom, and those of facets behind them."""
+        """Return the displacement for contact: all degrees of freedom of the rods, then those of the facets."""
         return self._with_facets(self.displacement(x, factor), x, factor)
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is: that of friction is not, nor that of moments on bodies that turn."""
+        """Whether the tangent is symmetric: not with friction, nor with moments on bodies that rotate."""
         return (self.contact is None or self.contact.friction is None) and self.model.has_potential
 
     @cached_property
     def _constant(self) -> bool:
-        """Whether no state changes the tangent; on all ranks alike, since to have a state takes them all."""
+        """Whether the tangent is the same in all states; the same on all ranks, since `_state` is collective."""
         return self.contact is None and not self.model.following and self._linear
 
     @cached_property
@@ -88,7 +88,7 @@ class Assembler(Loaded):
         return all(body.linear for body in self.model.bodies)
 
     def matrix(self) -> PETSc.Mat:
-        """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
+        """Return a new matrix with room for the tangent: AIJ, or the ``-mat_type`` given."""
         rods = self._own_matrix()
         if self.coupling is None:
             return rods
@@ -110,13 +110,13 @@ class Assembler(Loaded):
         return made
 
     def _indices(self, pattern: Pattern | None) -> tuple[Index, Index]:
-        """Return row and column of each entry, or of contact's alone, those of held degrees of freedom negative."""
-        found = [] if pattern is None else [pattern.indices()]
+        """Return row and column of each entry, or of contact alone; negative for held degrees of freedom."""
+        entries = [] if pattern is None else [pattern.indices()]
         if self.contact is not None:
             some = self.contact.of_rods
-            found.append((self.unknown_of[self.contact.rows[some]], self.unknown_of[self.contact.columns[some]]))
-        rows, columns = zip(*found, strict=True)
-        return (rows[0], columns[0]) if len(found) == 1 else (np.concatenate(rows), np.concatenate(columns))
+            entries.append((self.unknown_of[self.contact.rows[some]], self.unknown_of[self.contact.columns[some]]))
+        rows, columns = zip(*entries, strict=True)
+        return (rows[0], columns[0]) if len(entries) == 1 else (np.concatenate(rows), np.concatenate(columns))
 
     def _internal(self, local: Array, factor: float) -> Array:
         """Return the internal forces on this rank's degrees of freedom."""
@@ -130,8 +130,8 @@ class Assembler(Loaded):
         spin = self.model.spin
         total = self._internal(local, factor)
         if spin is not None:
-            grown = self.model.share(spin.history, factor)
-            total -= grown * self._sums(part.centrifugal(local, spin) for part in self.parts)
+            amplitude = self.model.amplitude(spin.history, factor)
+            total -= amplitude * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
             forces = self.contact.forces(self._everywhere)[0]
             own, self._pushed = np.split(forces, [self.model.dofs])
@@ -140,7 +140,7 @@ class Assembler(Loaded):
         return total - self._loads(local)
 
     def _solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
-        """Return what `_forces`, of the same state and called before, is of solids: on those of this rank."""
+        """Return the forces on this rank's solids; `_forces` must have been called for the same state."""
         assert self.coupling is not None
         forces = self.coupling.solid_forces(x, factor)
         if self.contact is not None and self._pushed.size:
@@ -148,7 +148,7 @@ class Assembler(Loaded):
         return forces
 
     def advance(self, x: PETSc.Vec, factor: float) -> None:
-        """Let laws with memory go on to the state at the end of a step, which ends here."""
+        """Update the internal variables of laws with memory at the end of a step."""
         with self._timed():
             local = self._state(x, factor)
             for part in self.parts:
@@ -156,17 +156,17 @@ class Assembler(Loaded):
 
     @property
     def laws(self) -> list[Laws]:
-        """Those of this rank's parts, with their state."""
+        """The laws of this rank's parts, with their internal variables."""
         return [part.laws for part in self.parts]
 
     def obey(self, laws: Sequence[Laws]) -> None:
-        """Go on with laws with memory in another state (`laws`)."""
+        """Set laws with memory to other internal variables (`laws`)."""
         for part, own in zip(self.parts, laws, strict=True):
             if own.remember:
                 part.obey(own)
 
     def extrapolate(self) -> None:
-        """Let the next tangent be exact; those of slender bodies then extrapolate (`isorod.assembly.extrapolation`)."""
+        """Make the next tangent exact; later ones of slender bodies extrapolate (`isorod.assembly.extrapolation`)."""
         for part in self.parts:
             part.extrapolate(part.laws.objective and pays(part.body.space.rod))
 
@@ -198,11 +198,11 @@ class Assembler(Loaded):
         return self.on_supports(self.acting(x, factor))
 
     def on_supports(self, acting: Array) -> Array:
-        """Return of `acting` what supports exert, those on slaves of ties passed on to what holds the masters."""
+        """Return the support forces in `acting`; forces on slaves of ties are distributed to the masters."""
         return acting if self.coupling is None else self.coupling.passed_on(acting)[self.model.bound]
 
     def acting(self, x: PETSc.Vec, factor: float, out: PETSc.Vec | None = None) -> Array:
-        """Return the internal less the external forces on `Model.bound`, with ties those on all, on every rank.
+        """Return the internal less the external forces on `Model.bound`, or with ties on all, on every rank.
 
         ``out`` is filled with those on the unknowns.
         """
@@ -221,14 +221,11 @@ class Assembler(Loaded):
         assert self.coupling is not None
         with self._timed():
             rods = self.everywhere(self._forces(self._state(x, factor), factor))
-            found = np.append(rods, self.coupling.everywhere(self._solid_forces(x, factor)))
-            return found + self.coupling.bond_forces(self.system_displacement(x, factor))
+            forces = np.append(rods, self.coupling.everywhere(self._solid_forces(x, factor)))
+            return forces + self.coupling.bond_forces(self.system_displacement(x, factor))
 
     def carried(self, x: PETSc.Vec) -> float:
-        """Return the norm of the nodal forces of loads, of what holds solids, and of the push of moving obstacles.
-
-        All are those at load factor 1.
-        """
+        """Return the norm of the nodal forces of loads, solids' supports and moving obstacles at load factor 1."""
         self._reach(1.0)
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
         coupling = self.coupling
@@ -236,7 +233,7 @@ class Assembler(Loaded):
         return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own) + solids) + self._push() ** 2))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return the resultant ``(3,)`` of the forces on what no support holds."""
+        """Return the resultant ``(3,)`` of the forces on unsupported nodes."""
         with self._timed():
             moved, slots = self._exchange.moved
             loose = self.model.is_control_point[moved // 3] & ~np.isin(moved, self.model.bound)
@@ -247,28 +244,28 @@ class Assembler(Loaded):
             return np.asarray(self.comm.tompi4py().allreduce(own))
 
     def inside(self, x: PETSc.Vec, factor: float) -> float:
-        """Return the norm of the nodal forces that elements pass on to each other and to supports."""
+        """Return the norm of the element forces before they are summed at the nodes."""
         local = self._state(x, factor)
         own = sum(float(np.sum(part.inside(local, factor) ** 2)) for part in self.parts)
         return float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reaction_noise(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return what rounding makes of the forces on `Model.bound`, on every rank.
+        """Return the round-off errors of the forces on `Model.bound`, on every rank.
 
-        It is the largest change of the internal forces, none but for rounding, when everything moves by about the
-        model's size: one such way may by chance change next to nothing somewhere.
+        They are the largest change of the internal forces under rigid translations by about the model's size: several,
+        since one of them may by chance change next to nothing somewhere.
         """
         with self._timed():
             local = self._state(x, factor)
             moved, slots = self._exchange.moved
             before, lost = self._internal(local, factor), np.zeros(self.model.bound.size)
-            for way in (1.0, -1.7, 0.3):
-                local[slots[self.model.is_control_point[moved // 3]]] += way * self.model.size
+            for fraction in (1.0, -1.7, 0.3):
+                local[slots[self.model.is_control_point[moved // 3]]] += fraction * self.model.size
                 lost = np.maximum(lost, np.abs(self._bound(self._internal(local, factor) - before)))
             return lost
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
-        """Fill ``out`` with the tangent stiffness; where it lags, with the elements' last one and the contact's own."""
+        """Fill ``out`` with the tangent stiffness; if it lags, the elements' is the last one, contact's is new."""
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
             system, out = out, out if self.coupling is None else self.coupling.of_rods(out)
@@ -281,7 +278,7 @@ class Assembler(Loaded):
             if self.contact is not None:
                 self._elements = entries
                 entries = np.concatenate([entries, self.contact.tangent(self._everywhere)[self.contact.of_rods]])
-                # Of any rank's entries.
+                # On any rank.
                 if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
                     if not fits(out, pattern.total, *self._indices(None)):
                         preallocate(out, *self._indices(pattern))
@@ -301,9 +298,9 @@ class Assembler(Loaded):
                 add(self._load_stiffness(k, local, factor, np.arange(part.layers.shape[0])), blocks, entries)
 
     def geometric_stiffness(self, rate: PETSc.Vec, step: float, out: PETSc.Mat) -> None:
-        """Fill ``out`` with what loads add to the tangent at rest (`isorod.assembly.prestress`).
+        """Fill ``out`` with the geometric stiffness of the loads at rest (`isorod.assembly.prestress`).
 
-        Unknowns grow there by ``rate`` times the load factor; ``step`` is a short way of that.
+        ``rate`` is the derivative of the unknowns by the load factor there, ``step`` a small load factor.
         """
         from isorod.assembly.prestress import entries
 
@@ -329,8 +326,8 @@ class Assembler(Loaded):
         """
         with self._timed():
             local = self._state(x, factor)
-            way = self.prescribed(factor + step) - self.prescribed(factor)
-            move = self.local(way)
+            increment = self.prescribed(factor + step) - self.prescribed(factor)
+            move = self.local(increment)
             self._reach(factor, step)
             total = -self._loads(local)
             self._reach(factor)
@@ -341,8 +338,8 @@ class Assembler(Loaded):
                 if self.contact.beyond.size:
                     assert self.coupling is not None
                     change = self.coupling.given(factor + step) - self.coupling.given(factor)
-                    way = np.append(way, change[self.contact.beyond])
-                change = self.contact.product(way) - self.contact.carried_along(self._everywhere, factor, step)
+                    increment = np.append(increment, change[self.contact.beyond])
+                change = self.contact.product(increment) - self.contact.carried_along(self._everywhere, factor, step)
                 own, pushed = np.split(change, [self.model.dofs])
                 total += self._once(own)
             self._store(total, out)
@@ -352,13 +349,13 @@ class Assembler(Loaded):
                     self.coupling.add(self.coupling.push(pushed, self.contact.beyond), out)
 
     def _add_change(self, k: int, local: Array, factor: float, move: Array, step: float, total: Array) -> None:
-        """Add a part's to `load_forces`: supports ``move`` its nodes."""
+        """Add a part's contribution to `load_forces`; ``move`` is the prescribed displacement."""
         part = self.parts[k]
-        # Those at supports alone.
+        # Only elements at supports.
         self._add_product(k, local, factor, move, part.elements_of(np.flatnonzero(move)), total)
         if self.model.spin is not None:
-            grown = self.model.share(self.model.spin.history, factor, step)
-            part.add(-grown * part.centrifugal(local, self.model.spin), total)
+            amplitude = self.model.amplitude(self.model.spin.history, factor, step)
+            part.add(-amplitude * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
             part.add_activation(local, factor, step, total)
 
@@ -368,16 +365,16 @@ class Assembler(Loaded):
             local = self._state(x, factor)
             energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
             for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
-                energy += solid.energy(moved, self.model.share(None, factor))
+                energy += solid.energy(moved, self.model.amplitude(None, factor))
             if self.coupling is not None and self.coupling.bonds is not None:
                 energy += self.coupling.bonds.energy(self.system_displacement(x, factor))
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:
-        """Return this rank's parts of the bodies for which there are rules, and the same elements by those rules."""
+        """Return this rank's parts of the bodies with other rules, each with the same elements by its rule."""
         return [
-            (part, Part(share, self._exchange, rules[part.which]))
-            for part, share in zip(self.parts, self.shares, strict=True)
+            (part, Part(element_range, self._exchange, rules[part.which]))
+            for part, element_range in zip(self.parts, self.element_ranges, strict=True)
             if part.which in rules
         ]
 
@@ -386,7 +383,7 @@ class Assembler(Loaded):
         return ()
 
     def jacobians(self, x: PETSc.Vec, factor: float) -> list[Array]:
-        """Return ``det F`` at the points of this rank's parts, one where a linear law does not care."""
+        """Return ``det F`` at the points of this rank's parts; 1 for linear laws, which do not depend on it."""
         local = self._state(x, factor)
         return [
             part.jacobians(local) if part.laws.objective else np.ones(part.table.weights.shape) for part in self.parts
@@ -395,5 +392,5 @@ class Assembler(Loaded):
     def smallest_jacobian(self, x: PETSc.Vec, factor: float) -> tuple[float, int, int, float]:
         """Return the smallest ``det F`` over all ranks, with its body, element and axis parameter ``u``."""
         local = self._state(x, factor)
-        found = min((part.smallest_jacobian(local) for part in self.parts), default=(np.inf, -1, -1, np.nan))
-        return min(self.comm.tompi4py().allgather(found))
+        smallest = min((part.smallest_jacobian(local) for part in self.parts), default=(np.inf, -1, -1, np.nan))
+        return min(self.comm.tompi4py().allgather(smallest))

@@ -1,4 +1,4 @@
-"""Supports of mean motions (`isorod.model.mean.MeanSupport`) on a model's nodes."""
+"""Supports of mean motions (`isorod.model.mean.MeanSupport`) in terms of a model's nodes."""
 
 from typing import NamedTuple
 
@@ -16,11 +16,11 @@ class Mean(NamedTuple):
     Attributes
     ----------
     nodes : (n,)
-        Those that take part.
+        Nodes of the section.
     rows : (k, n, 3)
-        What the mean motions are of their displacements.
+        Coefficients of the mean motions in terms of their displacements.
     stiffness : (k,)
-        Of springs that act on them; None where they are held.
+        Stiffness of the springs on them; None where they are held.
     """
 
     nodes: Index
@@ -44,20 +44,20 @@ class Mean(NamedTuple):
         return np.asarray(np.einsum("kna,na->k", self.rows, displacement.reshape(-1, 3)[self.nodes]))
 
     def pushed(self, carried: Array, count: int) -> Array:
-        """Return the forces on all of so many nodes, of forces and moments ``(k,)``."""
+        """Return the nodal forces ``(count, 3)`` of generalised forces ``(k,)``."""
         result = np.zeros((count, 3))
         result[self.nodes] = np.einsum("k,kna->na", carried, self.rows)
         return result
 
 
 def mean_of(model: Model, support: MeanSupport) -> Mean:
-    """Return a support on the nodes of its model."""
+    """Return a support in terms of its model's nodes."""
     nodes, rows = support.rows(model.bodies[support.body].space)
     return Mean(int(model.first_node[support.body]) + nodes, rows, support.stiffness)
 
 
 def apart(means: dict[int, Mean]) -> list[list[int]]:
-    """Return the numbers of supports in sets that have no node in common."""
+    """Return the numbers of supports in sets without common nodes."""
     sets: list[tuple[list[int], set[int]]] = []
     for k, one in means.items():
         nodes = set(one.nodes.tolist())
@@ -68,8 +68,8 @@ def apart(means: dict[int, Mean]) -> list[list[int]]:
     return [numbers for numbers, _ in sets]
 
 
-def shares(model: Model, support: MeanSupport) -> Array:
-    """Return what the middle of a support's section is of all nodes, ``(nodes,)``."""
+def centroid_weights(model: Model, support: MeanSupport) -> Array:
+    """Return the weights of all nodes in the position of a support's section centroid, ``(nodes,)``."""
     nodes, values = support.middle(model.bodies[support.body].space)
     result = np.zeros(model.dofs // 3)
     result[int(model.first_node[support.body]) + nodes] = values
@@ -79,7 +79,7 @@ def shares(model: Model, support: MeanSupport) -> Array:
 def forces_of(model: Model, amounts: dict[int, Array]) -> Array:
     """Return the resultant force of each support of mean motions, zero of others, ``(supports, 3)``."""
     result = np.zeros((max(len(model.supports), 1), 3))
-    for k, one in amounts.items():
-        ways = model.means[k].ways
-        result[k] = one[: len(ways)] @ ways
+    for k, amount in amounts.items():
+        directions = model.means[k].directions
+        result[k] = amount[: len(directions)] @ directions
     return result

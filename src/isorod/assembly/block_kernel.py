@@ -1,10 +1,9 @@
-"""What happens at a block of quadrature points on the way to forces and tangents, compiled.
+"""Steps of evaluating forces and tangents at a block of quadrature points, compiled.
 
-Rows of a block as in `isorod.material.points`, which says why indices are unsigned.  Those behind the law's:
-``d(xi_1, xi_2, u)/dx``, the weight, ``F`` and ``det F`` while another state's are in the law's rows, the stress that is
-foreseen there, and
-of the mixed formulation's pressure the present one and that of the other state.  Compiled once: what uses them calls
-them by their addresses (`Steps`).
+Rows of a block are as in `isorod.material.points`, which explains the unsigned indices.  The rows after the law's:
+``d(xi_1, xi_2, u)/dx``, the weight, present ``F`` and ``det F`` while the law's rows hold the last state's, the
+extrapolated stress, and the present and the last pressure of the mixed formulation.  Compiled once; callers use their
+addresses (`Steps`).
 """
 
 from typing import NamedTuple
@@ -157,7 +156,7 @@ def press_moduli(work: Array) -> None:
 @njit(STEP, **FAST)
 def pull_back_moduli(work: Array) -> None:
     """Replace the moduli by ``w dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``."""
-    # A loop each: where rows begin has to be a constant in it.
+    # One loop each: the first row has to be a constant in it.
     for k in range(_W):
         _pull_back_pair(work, k, _R[_M])
     for k in range(_W):
@@ -174,7 +173,7 @@ def pull_back_moduli(work: Array) -> None:
 
 @njit(**FAST)
 def _pull_back_pair(work: Array, k: int, row: int) -> None:
-    """Do so with the nine moduli of a pair of components at a point."""
+    """Pull back the nine moduli of a pair of components at a point (`pull_back_moduli`)."""
     w = work[_R[WEIGHT] + k]
     i00, i01, i02 = work[_R[_G] + k], work[_R[_G + 1] + k], work[_R[_G + 2] + k]
     i10, i11, i12 = work[_R[_G + 3] + k], work[_R[_G + 4] + k], work[_R[_G + 5] + k]
@@ -198,7 +197,7 @@ def _pull_back_pair(work: Array, k: int, row: int) -> None:
 
 @njit(**FAST)
 def _pull_back_square(work: Array, k: int, row: int) -> None:
-    """Do so with the six moduli of one component at a point."""
+    """Pull back the six moduli of one component at a point (`pull_back_moduli`)."""
     w = work[_R[WEIGHT] + k]
     i00, i01, i02 = work[_R[_G] + k], work[_R[_G + 1] + k], work[_R[_G + 2] + k]
     i10, i11, i12 = work[_R[_G + 3] + k], work[_R[_G + 4] + k], work[_R[_G + 5] + k]
@@ -236,7 +235,7 @@ def _pulled(work: Array, k: int) -> tuple[float, ...]:
 
 @njit(STEP, **FAST)
 def foresee(work: Array) -> None:
-    """Fill in the stress to which a step extrapolates, from stress and moduli of its start, which are in the rows.
+    """Fill in the extrapolated stress at the end of a step from stress and moduli at its start, in the rows.
 
     With ``D`` the change of ``F`` (`isorod.assembly.extrapolation`): ``S0 + F0^-1 (A0 : D - D S0)``.
     """
@@ -266,7 +265,7 @@ def foresee(work: Array) -> None:
         x0, x1, x2, z0, z1, z2 = x0 + a0, x1 + a1, x2 + a2, z0 + b0, z1 + b1, z2 + b2
         a0, a1, a2, b0, b1, b2 = _of_pair(work, k, _R[_M + 18], (d10, d11, d12), (d20, d21, d22))
         y0, y1, y2, z0, z1, z2 = y0 + a0, y1 + a1, y2 + a2, z0 + b0, z1 + b1, z2 + b2
-        # In the place of the stress, of which nothing is asked any more.
+        # Overwrites the stress, which is not needed any more.
         work[k] = x0 - (d00 * s0 + d01 * s1 + d02 * s2)
         work[_R[1] + k] = x1 - (d00 * s1 + d01 * s3 + d02 * s4)
         work[_R[2] + k] = x2 - (d00 * s2 + d01 * s4 + d02 * s5)
@@ -307,7 +306,7 @@ def _of_pair(work: Array, k: int, row: int, p: tuple[float, ...], q: tuple[float
 
 @njit(STEP, **FAST)
 def press_on(work: Array) -> None:
-    """Add the change of pressure since the start of the step, times ``F0^-1 F0^-T``, to what is foreseen."""
+    """Add the change of pressure since the start of the step, times ``F0^-1 F0^-T``, to the extrapolated stress."""
     for k in range(_W):
         c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
         det = work[_R[DETERMINANT] + k]
@@ -322,7 +321,7 @@ def press_on(work: Array) -> None:
 
 @njit(STEP, **FAST)
 def exceed(work: Array) -> None:
-    """Add to the moduli by how much the stress foreseen exceeds that in the rows."""
+    """Add the extrapolated stress less that in the rows to the moduli, as a geometric stiffness."""
     for k in range(_W):
         s0, s1, s2, s3, s4, s5 = _pulled(work, k)
         x0, x1, x2 = work[_R[TARGET] + k] - s0, work[_R[TARGET + 1] + k] - s1, work[_R[TARGET + 2] + k] - s2
@@ -338,7 +337,7 @@ def exceed(work: Array) -> None:
 
 
 class Steps(NamedTuple):
-    """Addresses of what happens at a block, in turn; zero where it does not."""
+    """Addresses of the steps at a block, in their order; zero for those that are left out."""
 
     deform: int
     press: int

@@ -19,9 +19,9 @@ class Bond(NamedTuple):
     Attributes
     ----------
     jump : (q, nodes)
-        The master's less the slave's functions, on all nodes.
+        The master's functions less the slave's, on all nodes.
     nodes, values : (q, m)
-        The same: nodes, and what of these the jump is made of.
+        The same by point: nodes and their coefficients in the jump.
     normals, weights
         The slave's normals at rest ``(q, 3)``, and areas ``(q,)``.
     law
@@ -54,16 +54,16 @@ class Bond(NamedTuple):
         slips = self.slips(moved)
         sizes = np.linalg.norm(slips, axis=1)
         secant, tangent, _ = self.law.at(sizes)
-        way = slips / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+        direction = slips / np.where(sizes > 0.0, sizes, 1.0)[:, None]
         across = np.eye(3) - self.normals[:, :, None] * self.normals[:, None]
-        along = way[:, :, None] * way[:, None]
+        along = direction[:, :, None] * direction[:, None]
         return np.asarray(
             (self.weights * secant)[:, None, None] * across + (self.weights * (tangent - secant))[:, None, None] * along
         )
 
-    def change(self, moved: Array, way: Array) -> Array:
-        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
-        tractions = np.einsum("qab,qb->qa", self.stiffness(moved), self.jump @ way.reshape(-1, 3))
+    def change(self, moved: Array, direction: Array) -> Array:
+        """Return the derivative of the forces along a ``direction`` ``(dofs,)``."""
+        tractions = np.einsum("qab,qb->qa", self.stiffness(moved), self.jump @ direction.reshape(-1, 3))
         return np.asarray(self.jump.T @ tractions).ravel()
 
     @property
@@ -71,12 +71,12 @@ class Bond(NamedTuple):
         """Whether its stiffness is the same in all states."""
         return self.law.linear
 
-    def pieces(self, first: int, last: int) -> "Iterator[_Piece]":
-        """Yield its points by the nodes whose functions do not vanish there, given this rank's range of nodes."""
+    def elements(self, first: int, last: int) -> "Iterator[_BondElement]":
+        """Yield groups of points with the same nonzero functions, given this rank's range of nodes."""
         sets, of = np.unique(self.nodes, axis=0, return_inverse=True)
         order = np.argsort(of.ravel(), kind="stable")
         for own, points in zip(sets, np.split(order, np.cumsum(np.bincount(of.ravel()))[:-1]), strict=True):
-            yield _Piece(self, points, own, self.values[points], (own >= first) & (own < last))
+            yield _BondElement(self, points, own, self.values[points], (own >= first) & (own < last))
 
 
 class Spring(NamedTuple):
@@ -112,17 +112,17 @@ class Spring(NamedTuple):
         """Return the energy."""
         return 0.5 * float(self.stiffness @ self.mean.moved(moved) ** 2)
 
-    def change(self, moved: Array, way: Array) -> Array:
-        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
-        return self.forces(way)
+    def change(self, moved: Array, direction: Array) -> Array:
+        """Return the derivative of the forces along a ``direction`` ``(dofs,)``."""
+        return self.forces(direction)
 
-    def pieces(self, first: int, last: int) -> "Iterator[_Springs]":
-        """Yield the whole, given this rank's range of nodes."""
-        yield _Springs(self, self.mean.nodes, (self.mean.nodes >= first) & (self.mean.nodes < last))
+    def elements(self, first: int, last: int) -> "Iterator[_SpringElement]":
+        """Yield all springs as one element, given this rank's range of nodes."""
+        yield _SpringElement(self, self.mean.nodes, (self.mean.nodes >= first) & (self.mean.nodes < last))
 
 
-class _Piece(NamedTuple):
-    """Points of a bond at which the same functions do not vanish.
+class _BondElement(NamedTuple):
+    """Points of a bond with the same nonzero functions.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class _Piece(NamedTuple):
     values : (p, m)
         The functions.
     mine : (m,)
-        Which of these are of nodes whose rows this rank has.
+        Which nodes have their rows on this rank.
     """
 
     bond: Bond
@@ -151,8 +151,8 @@ class _Piece(NamedTuple):
         return np.moveaxis(products, 0, 2).reshape(-1, 3, 3)
 
 
-class _Springs(NamedTuple):
-    """Springs, as a `_Piece`."""
+class _SpringElement(NamedTuple):
+    """Springs, with the interface of `_BondElement`."""
 
     spring: Spring
     nodes: Index
@@ -161,8 +161,8 @@ class _Springs(NamedTuple):
     def blocks(self, moved: Array) -> Array:
         """Return the tangent, blocks ``(pairs, 3, 3)`` of nodes."""
         rows = self.spring.mean.rows
-        found = np.einsum("k,kma,knb->mnab", self.spring.stiffness, rows[:, self.mine], rows, optimize=True)
-        return found.reshape(-1, 3, 3)
+        blocks = np.einsum("k,kma,knb->mnab", self.spring.stiffness, rows[:, self.mine], rows, optimize=True)
+        return blocks.reshape(-1, 3, 3)
 
 
 class Bonds:
@@ -190,10 +190,10 @@ class Bonds:
         self.linear = all(one.linear for one in bonds)
         rank, size = comm.getRank(), comm.getSize()
         first, last = nodes * rank // size, nodes * (rank + 1) // size
-        self._pieces = [piece for bond in bonds for piece in bond.pieces(first, last)]
+        self._elements = [element for bond in bonds for element in bond.elements(first, last)]
         places = [np.empty(0, dtype=np.int64)]
-        places += [((one.nodes[one.mine] - first)[:, None] * nodes + one.nodes).ravel() for one in self._pieces]
-        # Pairs of nodes, row by row, and of each entry of each piece which one it is.
+        places += [((one.nodes[one.mine] - first)[:, None] * nodes + one.nodes).ravel() for one in self._elements]
+        # Pairs of nodes, row by row, and the pair of each element block.
         self._pairs, self._which = np.unique(np.concatenate(places), return_inverse=True)
         sizes = ((3 * (last - first), 3 * nodes),) * 2
         row = np.searchsorted(self._pairs, nodes * np.arange(last - first + 1, dtype=np.int64))
@@ -209,10 +209,10 @@ class Bonds:
         whole = csr_array(bsr_array((blocks, column, start), shape=shape).tocsr())
         return whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data
 
-    def set(self, moved: Array, share: float = 1.0) -> None:
-        """Let the matrix be ``share`` times the tangent at displacements of all degrees of freedom ``(dofs,)``."""
-        found = [np.empty((0, 3, 3)), *(share * one.blocks(moved) for one in self._pieces)]
-        entries = np.concatenate(found).reshape(-1, 9)
+    def set(self, moved: Array, factor: float = 1.0) -> None:
+        """Set the matrix to ``factor`` times the tangent at displacements of all degrees of freedom ``(dofs,)``."""
+        parts = [np.empty((0, 3, 3)), *(factor * one.blocks(moved) for one in self._elements)]
+        entries = np.concatenate(parts).reshape(-1, 9)
         count = self._pairs.size
         sums = [np.bincount(self._which.ravel(), one, count) for one in entries.T]
         blocks: Array = np.stack(sums, axis=1).astype(float)
@@ -220,18 +220,18 @@ class Bonds:
         self.matrix.assemble()
 
     def forces(self, moved: Array) -> Array:
-        """Return the forces on all degrees of freedom ``(dofs,)``, of displacements of these."""
+        """Return the forces on all degrees of freedom ``(dofs,)`` at displacements of these."""
         return np.asarray(sum(one.forces(moved) for one in self._bonds))
 
-    def change(self, moved: Array, way: Array) -> Array:
-        """Return the derivative of the forces along a ``way`` ``(dofs,)``."""
-        return np.asarray(sum(one.change(moved, way) for one in self._bonds))
+    def change(self, moved: Array, direction: Array) -> Array:
+        """Return the derivative of the forces along a ``direction`` ``(dofs,)``."""
+        return np.asarray(sum(one.change(moved, direction) for one in self._bonds))
 
     def energy(self, moved: Array) -> float:
-        """Return the energy of all."""
+        """Return the stored energy."""
         return sum(one.energy(moved) for one in self._bonds)
 
 
 def tangential(vectors: Array, normals: Array) -> Array:
-    """Return the parts of vectors ``(q, 3)`` across normals."""
+    """Return the tangential components of vectors ``(q, 3)`` for unit normals."""
     return np.asarray(vectors - np.sum(vectors * normals, axis=1)[:, None] * normals)

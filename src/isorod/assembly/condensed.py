@@ -1,4 +1,4 @@
-"""What the matrix of a part, of rods or of a solid, adds to that of the system that ties make of the parts."""
+"""Contributions ``T^T K T`` of the matrix of rods or of a solid to the matrix of a system with ties."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 
 class Group(NamedTuple):
-    """Slaves that have masters in common, as those of one component of a weld.
+    """Slaves with common masters, such as those of one component of a weld.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Group(NamedTuple):
     masters : (m,)
         Unknowns of the system that they depend on, ascending.
     rows : (s, m)
-        What they are of these: few of them are zero.
+        Coefficients of the slaves in terms of the masters; few are zero.
     """
 
     slaves: Index
@@ -34,7 +34,7 @@ class Group(NamedTuple):
 
 
 def groups(dependent: csr_array) -> list[Group]:
-    """Return slaves, of which rows ``(slaves, unknowns)`` are given, as groups that have no master in common."""
+    """Return groups of slaves without common masters, given the slaves' rows ``(slaves, unknowns)``."""
     masters, columns = np.unique(dependent.indices, return_inverse=True)
     rows = csr_array((dependent.data, columns, dependent.indptr), shape=(dependent.shape[0], masters.size))
     if not masters.size:
@@ -53,8 +53,8 @@ def _split(label: Index, count: int) -> list[Index]:
     return np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label, minlength=count))[:-1])
 
 
-class _Piece(NamedTuple):
-    """What a group's slaves have to do with other unknowns of a part.
+class _CrossBlock(NamedTuple):
+    """Block of a part's matrix that couples a group's slaves to other unknowns.
 
     Attributes
     ----------
@@ -63,9 +63,9 @@ class _Piece(NamedTuple):
     others : (n,)
         The other unknowns.
     matrix : (n, s)
-        A row of each of them; the values are given each time.
+        Its sparsity, a row for each of them; the values are set by `product`.
     which
-        Where these are among the entries of the part's matrix.
+        Positions of its entries among those of the part's matrix.
     """
 
     group: Group
@@ -74,16 +74,16 @@ class _Piece(NamedTuple):
     which: Index
 
     def product(self, entries: Array) -> Array:
-        """Return the product ``(n, m)`` with what slaves are of masters."""
+        """Return the product ``(n, m)`` with the rows of the slaves."""
         self.matrix.data[:] = entries[self.which]
         return np.asarray(self.matrix @ self.group.rows)
 
 
 class Condensed:
-    """Entries of ``T^T K T``, of this rank's rows of a part's own matrix ``K``.
+    """Entries of ``T^T K T`` from this rank's rows of a part's own matrix ``K``.
 
-    Where no tie determines row or column they are those of ``K``, in the order of its own.  Behind them are blocks of
-    each group of slaves, full ones since what slaves are of their masters nearly is.
+    Entries whose row and column are no slaves come first, in the order of ``K``.  Dense blocks of each group of slaves
+    follow: the slaves' rows are nearly dense.
 
     Parameters
     ----------
@@ -92,14 +92,14 @@ class Condensed:
     number : (n,)
         Unknown of the system of each of the part's, -1 where it is held or a slave.
     slave : (n,)
-        Number of each of the part's among all slaves, -1 of those that are none.
+        Number of each of the part's unknowns among all slaves, -1 if it is none.
     every
         All groups of slaves.
 
     Attributes
     ----------
     rows, columns
-        Places of all entries in the system, negative ones of those that are in none.
+        Row and column of all entries in the system; negative where an entry is dropped.
     """
 
     def __init__(self, own: PETSc.Mat, number: Index, slave: Index, every: Sequence[Group]) -> None:
@@ -107,8 +107,8 @@ class Condensed:
         self._group, self._place = _grouped(slave, every)
         self._every, self._free = every, number >= 0
         tied = self._group >= 0
-        self._of_rows = list(self._pieces(rows, columns, tied | self._free))
-        self._of_columns = list(self._pieces(columns, rows, self._free))
+        self._of_rows = list(self._cross_blocks(rows, columns, tied | self._free))
+        self._of_columns = list(self._cross_blocks(columns, rows, self._free))
         places = [(number[rows], number[columns])]
         for one in self._of_rows:
             free, blocks = self._split_others(one)
@@ -118,9 +118,9 @@ class Condensed:
         self.rows, self.columns = (np.concatenate(each) for each in zip(*places, strict=True))
 
     def values(self, own: PETSc.Mat) -> Array:
-        """Return the values of all entries, of the part's matrix as it is now."""
-        found = local_rows(own)
-        entries = np.concatenate([found.own.values, found.others.values])
+        """Return the values of all entries from the present values of the part's matrix."""
+        rows = local_rows(own)
+        entries = np.concatenate([rows.own.values, rows.others.values])
         values = [entries]
         for one in self._of_rows:
             product = one.product(entries)
@@ -130,33 +130,34 @@ class Condensed:
         values += [one.product(entries).ravel() for one in self._of_columns]
         return np.concatenate(values)
 
-    def _pieces(self, mine: Index, others: Index, kept: Mask) -> Iterator[_Piece]:
-        """Yield what the slaves among ``mine``, rows or columns of entries, have to do with others that are kept."""
+    def _cross_blocks(self, mine: Index, others: Index, kept: Mask) -> Iterator[_CrossBlock]:
+        """Yield the blocks of slaves among ``mine``, the entries' rows or columns, with ``others`` that are kept."""
         some = np.flatnonzero((self._group[mine] >= 0) & kept[others])
         split = _split(self._group[mine[some]], len(self._every)) if some.size else []
         for group, own in zip(self._every, split, strict=False):
             if not own.size:
                 continue
             which = some[own]
-            found, row = np.unique(others[which], return_inverse=True)
+            unknowns, row = np.unique(others[which], return_inverse=True)
             place = self._place[mine[which]]
             order = np.lexsort((place, row))
-            start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=found.size))])
-            shape = found.size, group.slaves.size
-            yield _Piece(group, found, csr_array((np.ones(own.size), place[order], start), shape=shape), which[order])
+            start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=unknowns.size))])
+            shape = unknowns.size, group.slaves.size
+            matrix = csr_array((np.ones(own.size), place[order], start), shape=shape)
+            yield _CrossBlock(group, unknowns, matrix, which[order])
 
-    def _split_others(self, piece: _Piece) -> tuple[Mask, list[tuple[Group, Index, Index]]]:
-        """Return which of the others are no slaves, and of each group which ones are, and their places in it."""
-        group = self._group[piece.others]
+    def _split_others(self, block: _CrossBlock) -> tuple[Mask, list[tuple[Group, Index, Index]]]:
+        """Return which others are no slaves, and for each group which are its slaves, and their positions in it."""
+        group = self._group[block.others]
         blocks: list[tuple[Group, Index, Index]] = []
         for k in np.unique(group[group >= 0]):
             some = np.flatnonzero(group == k)
-            blocks.append((self._every[k], some, self._place[piece.others[some]]))
+            blocks.append((self._every[k], some, self._place[block.others[some]]))
         return group < 0, blocks
 
 
 def _grouped(slave: Index, every: Sequence[Group]) -> tuple[Index, Index]:
-    """Return of a part's unknowns the group of those that are slaves, else -1, and their place in it."""
+    """Return the group of each of a part's unknowns, -1 if it is no slave, and its position in the group."""
     count = max((int(one.slaves.max()) for one in every), default=-1) + 1
     known = np.full((2, max(count, int(slave.max(initial=-1)) + 1) + 1), -1)
     for k, one in enumerate(every):
@@ -166,12 +167,12 @@ def _grouped(slave: Index, every: Sequence[Group]) -> tuple[Index, Index]:
 
 
 def _block(rows: Index, columns: Index) -> tuple[Index, Index]:
-    """Return the places of the entries of a full block, row by row."""
+    """Return rows and columns of the entries of a dense block, row by row."""
     return np.repeat(rows, columns.size), np.tile(columns, rows.size)
 
 
 def indices(matrix: PETSc.Mat) -> tuple[Index, Index]:
-    """Return row and column of each entry of this rank's rows, first those at columns that are numbers of these."""
+    """Return row and column of each entry of this rank's rows, those in the diagonal block first."""
     own, others, ghosts = local_rows(matrix)
     numbers = np.arange(*matrix.getOwnershipRange(), dtype=np.int64)
     rows = np.concatenate([np.repeat(numbers, np.diff(part.start)) for part in (own, others)])

@@ -1,4 +1,4 @@
-"""Linear constraints of ties and mean supports: what each degree of freedom of a surface is made of.
+"""Linear constraints of ties and mean supports: slave degrees of freedom in terms of others.
 
 Of a tie, ``integral of t_i (u_slave - u_master) = 0`` over the slave's surface, for the traces ``t_i`` of its own
 functions that no support holds, is solved for the slave's coefficients (`isorod.model.tie.Tie`).  So are the mean
@@ -32,11 +32,11 @@ from isorod.model.model import Model
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface, Surface, Tie
 from isorod.space.trace import Mask, Rows, Trace, breaks_on, end_trace, lateral_trace, rows_at, touching
 
-# A degree of freedom of the slave whose part in the multipliers is smaller than this share of others' counts for none.
+# Pivots of the multipliers' matrix below this fraction of the largest count as zero: their slaves are dropped.
 _DEPENDENT = 1e-8
 
-# Points of the slave for each node of a solid that is the master, at least, and by how much they are brought closer at
-# most.
+# At least so many points of the slave for each node of a solid that is the master, and the largest refinement of the
+# points for that.
 _TO_A_NODE, _FINEST = 6, 8
 
 # The largest gap by default, in sizes of the slave.
@@ -47,25 +47,25 @@ _TOUCH = 0.01
 
 
 class Tied(NamedTuple):
-    """A tie as it is on a model's nodes.
+    """A tie in terms of a model's nodes.
 
     Attributes
     ----------
     trace
         The slave's functions on its surface.
     slaves, rows
-        Degrees of freedom that the tie determines, ``(s,)``, and what they are of others, slaves of other ties among
-        them, ``(s, dofs)``.
+        Degrees of freedom that the tie determines, ``(s,)``, and their coefficients in terms of others, which may be
+        slaves of other ties, ``(s, dofs)``.
     own : (q, nodes)
         The slave's functions at the points of the trace, on all nodes.
     jump : (q, nodes)
-        The master's less the slave's functions at the points of the trace, on all nodes.
+        The master's functions less the slave's at the points of the trace, on all nodes.
     gap
         Largest distance of the surfaces at rest.
     bond
-        Of what slides, if there is one.
+        The bond of a sliding tie, if it has one.
     multipliers
-        Of a weld, for each component.
+        Those of a weld, for each component.
     """
 
     trace: Trace
@@ -88,19 +88,19 @@ class Constraints:
     slaves : (s,)
         Degrees of freedom that ties determine, ascending.
     rows : (s, dofs)
-        What they are of others, none of which is a slave.
+        Their coefficients in terms of others, none of which is a slave.
     held, values : (dofs,)
-        Whether a degree of freedom is held, and of solids where to at load factor 1.
+        Whether a degree of freedom is held, and the prescribed displacements of solids at load factor 1.
     ranks_of_solids
         Rank of each degree of freedom of each solid.
     ties, order
-        Each tie as it is on the nodes, and an order in which none is the master of what comes later.
+        Each tie on the nodes, and an order in which no tie's slaves are masters of later ties.
     means
-        Each mean support as it is on the nodes, by its number.
+        Each mean support on the nodes, by its number.
     averaged, held_means
-        The slaves of these, and the numbers of those that are held, in the order in which their motions stand.
+        The slaves of mean supports, and the numbers of those that are held, in the order of their motions.
     offsets : (s, h)
-        What the slaves have of each of the mean motions that are held.
+        Coefficients of the slaves in terms of the held mean motions.
 
     Raises
     ------
@@ -134,13 +134,13 @@ class Constraints:
         known = [(tied.slaves, tied.rows, np.zeros((tied.slaves.size, 0))) for tied in self.ties]
         sets = apart({k: one for k, one in self.means.items() if one.held})
         known += [self._averaged(several) for several in sets]
-        found = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
-        order = np.argsort(found)
-        self.slaves = found[order]
+        slaves = np.concatenate([np.empty(0, dtype=np.int64), *(slaves for slaves, _, _ in known)])
+        order = np.argsort(slaves)
+        self.slaves = slaves[order]
         rows = csr_array(vstack([csr_array((0, 3 * self._nodes)), *(rows for _, rows, _ in known)], format="csr"))
-        self.averaged = found[sum(tied.slaves.size for tied in self.ties) :]
+        self.averaged = slaves[sum(tied.slaves.size for tied in self.ties) :]
         self.order = self._ordered()
-        # What is given stands behind the degrees of freedom.
+        # Columns of the given mean motions follow those of the degrees of freedom.
         whole = csr_array(
             hstack([rows, block_diag([csr_array((0, 0)), *(csr_array(one) for _, _, one in known)])], format="csr")
         )
@@ -149,10 +149,10 @@ class Constraints:
         self.held_means = [k for several in sets for k in several]
 
     def _averaged(self, several: Sequence[int]) -> tuple[Index, csr_array, Array]:
-        """Return the slaves of the mean motions of supports, their rows, and what they have of the values of these."""
+        """Return the slaves of mean supports, their rows, and their coefficients in terms of the mean motions."""
         known = [self.means[k] for k in several]
         nodes = np.unique(np.concatenate([one.nodes for one in known]))
-        # Rotations and displacements have sizes of their own.
+        # Rotations and displacements have different units: scale them.
         sizes = [np.linalg.norm(one.rows, axis=(1, 2)) for one in known]
         whole = [one.on_dofs(1.0 / size, 3 * self._nodes) for one, size in zip(known, sizes, strict=True)]
         for last in range(1, len(known) + 1):
@@ -184,14 +184,14 @@ class Constraints:
         return rows_at(self._model.bodies[surface.body].space, points)
 
     def _on_nodes(self, surface: Surface, nodes: Index, values: Array) -> csr_array:
-        """Return functions of a body at points as a matrix ``(q, nodes)`` of all nodes."""
+        """Return functions of a body at points as a matrix ``(q, nodes)`` over all nodes."""
         points, functions = nodes.shape
         start = np.arange(points + 1) * functions
         columns = self._first(surface) + nodes.ravel()
         return csr_array((values.ravel(), columns, start), shape=(points, self._nodes))
 
     def _tied(self, tie: Tie) -> Tied:
-        """Return a tie on the nodes."""
+        """Return a tie in terms of the nodes."""
         trace, near = self._met(tie)
         self._refuse_gap(tie, trace, near)
         own = self._on_nodes(tie.slave, trace.nodes, trace.values)
@@ -200,20 +200,20 @@ class Constraints:
         candidates = self._first(tie.slave) + trace.independent
         multipliers: dict[int, Multipliers] = {}
         passed = self._passed(tie, trace, own, other, near, candidates)
-        found, rows = (
+        slaves, rows = (
             self._welded(tie, trace, own, jump, candidates, passed, multipliers)
             if tie.kind == "weld"
             else self._condensed(tested(tie.kind, trace, own[:, candidates]), jump, candidates)
         )
-        if not found.size:
+        if not slaves.size:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
-        self._taken[found] = True
+        self._taken[slaves] = True
         bond = None
         if tie.law is not None:
             nodes = np.hstack([self._first(tie.slave) + trace.nodes, self._first(tie.master) + near.nodes])
             values = np.hstack([-trace.values, near.values])
             bond = Bond(jump, nodes, values, trace.normals, trace.weights, tie.law)
-        return Tied(trace, found, rows, own, jump, float(near.gap.max()), bond, multipliers)
+        return Tied(trace, slaves, rows, own, jump, float(near.gap.max()), bond, multipliers)
 
     def _welded(
         self,
@@ -225,9 +225,9 @@ class Constraints:
         passed: Passed | None,
         multipliers: dict[int, Multipliers],
     ) -> tuple[Index, csr_array]:
-        """Return the slaves of a weld, and their rows: of each component the same, where supports hold none.
+        """Return the slaves of a weld and their rows, the same for each component unless supports hold some of them.
 
-        Their multipliers are added to those given, by component.
+        Their multipliers are added to ``multipliers``, by component.
         """
         tests = trace.weights[:, None] * own[:, candidates].toarray()
         slaves, rows = [], []
@@ -241,10 +241,10 @@ class Constraints:
                 if mine.size < candidates.size:
                     chosen = chosen + tests[:, ~free] @ self._passed_on(tie.slave, trace, own, candidates, free)
                 mass = np.asarray(own[:, mine].T @ chosen)
-                found = projection(jump, mine, chosen, mass)
+                solution = projection(jump, mine, chosen, mass)
                 if passed is not None and mine.size == candidates.size:
-                    found, mass = passed.corrected(found, mass), mass + passed.shown
-                known[key] = found, Multipliers(csr_array(chosen / trace.weights[:, None]), mass)
+                    solution, mass = passed.corrected(solution, mass), mass + passed.shown
+                known[key] = solution, Multipliers(csr_array(chosen / trace.weights[:, None]), mass)
             if mine.size:
                 slaves.append(3 * mine + a)
                 rows.append(of_component(known[key][0], a))
@@ -255,24 +255,24 @@ class Constraints:
     def _passed_on(
         self, surface: Surface, trace: Trace, own: csr_array, candidates: Index, free: NDArray[np.bool_]
     ) -> csr_array:
-        """Return to which multipliers traces of what is held are added ``(held, free)``."""
+        """Return the weights with which traces of held functions are added to free ones, ``(held, free)``."""
         if isinstance(surface, SolidSurface):
             return passed_on_near(trace.points, trace.weights, own[:, candidates], free)
         return passed_on_along(self._model.bodies[surface.body].space, candidates - self._first(surface), free)
 
     def _condensed(self, tests: Array, jump: csr_array, candidates: Index) -> tuple[Index, csr_array]:
-        """Return slaves and their rows where multipliers are vectors ``(k, q, 3)``, weights included."""
+        """Return slaves and their rows for vector-valued multipliers ``(k, q, 3)``, weights included."""
         on_dofs = [of_component(csr_array(csr_array(tests[:, :, a]) @ jump), a) for a in range(3)]
         return self._solved(csr_array(on_dofs[0] + on_dofs[1] + on_dofs[2]), candidates)[:2]
 
     def _solved(self, whole: csr_array, nodes: Index) -> tuple[Index, csr_array, Array]:
-        """Return degrees of freedom of some nodes that equations ``whole u = value`` ``(k, dofs)`` determine.
+        """Return the slaves among nodes that equations ``whole u = value`` ``(k, dofs)`` determine.
 
-        With them, what they are of others, and of the values ``(slaves, k)``.
+        With them their coefficients in terms of other degrees of freedom, and of the values ``(slaves, k)``.
         """
         free = (3 * nodes[:, None] + np.arange(3)).ravel()
         free = free[~self._taken[free]]
-        # Of as many multipliers as there are slaves for, those that these know.
+        # Independent equations only: as many as there are slaves for them.
         basis, triangle, order = qr(whole[:, free].toarray(), mode="economic", pivoting=True)
         sizes = np.abs(np.diag(triangle))
         count = int(np.count_nonzero(sizes > _DEPENDENT * sizes.max(initial=0.0)))
@@ -283,12 +283,12 @@ class Constraints:
         drop[slaves] = 0.0
         rest = csr_array(equations @ csr_array(diags(drop)))
         columns = np.unique(rest.indices)
-        found = csr_array(np.linalg.solve(left, -rest[:, columns].toarray()))
-        rows = csr_array((found.data, columns[found.indices], found.indptr), shape=(count, whole.shape[1]))
+        solution = csr_array(np.linalg.solve(left, -rest[:, columns].toarray()))
+        rows = csr_array((solution.data, columns[solution.indices], solution.indptr), shape=(count, whole.shape[1]))
         return slaves, rows, np.linalg.solve(left, basis[:, :count].T)
 
     def _met(self, tie: Tie) -> tuple[Trace, Rows]:
-        """Return the slave's functions, at points close enough for the master's, and those of the master there."""
+        """Return the traces of slave and master at the same points, enough of them for the master's nodes."""
         finer = 1
         while True:
             trace = trace_of(self._model, tie.slave, finer, tie.master)
@@ -306,10 +306,10 @@ class Constraints:
             finer *= 2
 
     def _refuse_gap(self, tie: Tie, trace: Trace, near: Rows) -> None:
-        """Raise `InputError` where the surfaces are farther apart than they may be."""
+        """Raise `InputError` where the gap between the surfaces is too large."""
         apart, most = near.gap, _GAP * _size(trace) if tie.gap is None else tie.gap
         if isinstance(tie.master, EndFace):
-            # Within the rod it is the end that is far.
+            # Points inside the rod have no gap to it: measure their distance from the plane of its end.
             face = trace_of(self._model, tie.master, 1, tie.slave).points
             normal = np.linalg.svd(face - face.mean(axis=0), full_matrices=False)[2][-1]
             uneven = np.abs((face - face.mean(axis=0)) @ normal).max()
@@ -325,7 +325,7 @@ class Constraints:
     def _passed(
         self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, near: Rows, candidates: Index
     ) -> Passed | None:
-        """Return what tractions linear on the slave do to both sides, if it is an end face."""
+        """Return the forces of linear tractions on both sides, if the slave is an end face."""
         if not isinstance(tie.slave, EndFace):
             return None
         space, which = self._model.bodies[tie.slave.body].space, tie.slave.which
@@ -334,14 +334,14 @@ class Constraints:
         if isinstance(tie.master, EndFace):
             master = self._model.bodies[tie.master.body].space, tie.master.which
             if faces.coincide(trace, near.gap, size, (space, which), master):
-                radii = faces.shared_radii(space, master[0])
+                radii = faces.common_radii(space, master[0])
                 theirs = self._first(tie.master), faces.moments(*master, origin, size, radii)
         mine = faces.moments(space, which, origin, size, radii)
         nodes = candidates - self._first(tie.slave)
         return faces.passed(mine, nodes, trace, csr_array(own[:, candidates]), other, theirs)
 
     def _ordered(self) -> list[int]:
-        """Return the ties in an order in which none is the master of what comes later."""
+        """Return the ties in an order in which no tie's slaves are masters of later ties."""
         owner = np.full(3 * self._nodes, -1)
         for k, tied in enumerate(self.ties):
             owner[tied.slaves] = k
@@ -352,7 +352,7 @@ class Constraints:
             raise InputError("ties go round in a circle, each slave the master of another; turn one round") from None
 
     def _resolved(self, rows: csr_array) -> csr_array:
-        """Return the slaves' rows with slaves of other ties replaced by what these are of others."""
+        """Return the slaves' rows with slaves of other ties eliminated."""
         keep = np.ones(rows.shape[1])
         keep[self.slaves] = 0.0
         for _ in range(len(self.ties) + len(self.means) + 1):
@@ -367,14 +367,14 @@ def trace_of(
 ) -> Trace:
     """Return the functions of a surface's body on it.
 
-    Points are so many times as close as for itself alone (`isorod.space.trace.end_trace`), and Gauss rules end at the
-    joints of ``other``'s elements, if that is a rod's lateral surface, of which ``kept`` says what is meant.
+    There are ``finer`` times as many points in each direction as by default (`isorod.space.trace.end_trace`).  Gauss
+    rules end at element boundaries of ``other`` if that is a rod's lateral surface; ``kept`` restricts the surface.
     """
     if isinstance(surface, SolidSurface):
         if surface.facets is None:
             raise InputError(f"the slave is solid {surface.solid}: name its facets")
-        found = model.solids[surface.solid].trace(surface.facets)
-        return Trace(*found[:-1], independent=np.unique(found.nodes))
+        trace = model.solids[surface.solid].trace(surface.facets)
+        return Trace(*trace[:-1], independent=np.unique(trace.nodes))
     space = model.bodies[surface.body].space
     if isinstance(surface, EndFace):
         return end_trace(space, surface.which, finer)

@@ -11,17 +11,17 @@ from isorod.errors import InputError
 from isorod.petsc.matrix import create_matrix, set_values
 from isorod.tensors import cross
 
-# Pairs of components that they couple.
+# Pairs of components coupled by Coriolis forces.
 _PAIRS = [(a, b) for a in range(3) for b in range(3) if a != b]
 
 
 def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
-    """Return the antisymmetric matrix ``G`` of a model with a spin, as fast as it is at load factor 1."""
+    """Return the antisymmetric matrix ``G`` of a model with a spin, at load factor 1."""
     model = assembler.model
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
         raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
     assert model.spin is not None
-    across = np.sqrt(model.share(model.spin.history, 1.0)) * cross(model.spin.velocity)
+    across = np.sqrt(model.amplitude(model.spin.history, 1.0)) * cross(model.spin.velocity)
     mass = masses(assembler.parts, [assembler.unknown_of[a::3] for a in range(3)], lumped)
 
     def indices() -> tuple[Index, Index]:

@@ -1,7 +1,7 @@
-"""A model with ties and finite element bodies as one system: vectors and matrices of what ties leave free.
+"""A model with ties and finite element bodies as one system, in terms of its independent unknowns.
 
-The rods' assembler and the solids keep unknowns of their own, of which those of tied surfaces depend on others.  With
-``y = T x + g`` residuals are ``T^T r`` and tangents ``T^T K T``: symmetric, and definite where those of the parts are.
+The rods' assembler and the solids keep their own unknowns ``y``, some of which depend on others.  With ``y = T x + g``
+residuals are ``T^T r`` and tangents ``T^T K T``: symmetric, and definite where those of the parts are.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,15 +23,15 @@ from isorod.petsc.matrix import create_matrix, fits, keep_symmetric, preallocate
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
 
-# Attributes of a matrix of the system: the rods' own, and what rods and solids add to it.
+# Attributes of a matrix of the system: the rods' own matrix, and the contributions of rods and solids.
 _RODS, _ADDED = "isorod_rods", "isorod_added"
 
-# Attribute of another: the pattern of contact that it has room for.
+# Attribute of the same: the version of contact's pattern that it is preallocated for.
 _CONTACT = "isorod_contact"
 
 
 class Coupling:
-    """What ties make of the unknowns of a model's rods and solids.
+    """Transformation of the unknowns of a model's rods and solids by ties.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Coupling:
     unknown_of
         Unknown of the rods' assembler of each degree of freedom of theirs, -1 where it is held, shape ``(dofs,)``.
     rows, unknowns
-        Number of these on this rank and in all.
+        Number of the rods' unknowns on this rank and in all.
 
     Attributes
     ----------
@@ -52,15 +52,15 @@ class Coupling:
         Number of unknowns of the system, on this rank and in all.
     """
 
-    # How much of a change of the unknowns bonds see.
-    _share = 1.0
+    # Derivative by the unknowns of the displacement at which bonds are evaluated.
+    _bond_factor = 1.0
 
     def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
         self._model, self._comm = model, comm
         self.constraints = constraints = Constraints(model)
         count, slaves = unknown_of.size, constraints.slaves
         owned = np.array(comm.tompi4py().allgather(rows))
-        # Which unknowns of the rods and degrees of freedom of the solids are unknowns of the system.
+        # Rods' unknowns and solids' degrees of freedom that are unknowns of the system.
         rods = np.ones(unknowns, dtype=bool)
         rods[unknown_of[slaves[slaves < count]]] = False
         solids = ~constraints.held[count:]
@@ -69,7 +69,7 @@ class Coupling:
         rank = np.concatenate(
             [np.repeat(ranks, owned)[rods], np.concatenate([ranks[:0], *constraints.ranks_of_solids])[solids]]
         )
-        # Of each rank first those of rods, then of solids.
+        # On each rank first those of rods, then of solids.
         number = np.empty(rank.size, dtype=np.int64)
         number[np.argsort(rank, kind="stable")] = np.arange(rank.size)
         self.unknowns, self.rows = rank.size, int(np.count_nonzero(rank == comm.getRank()))
@@ -91,27 +91,27 @@ class Coupling:
             for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
         ]
         self._of_solids = [of_dofs[own] for own in self.own_dofs]
-        # Of all degrees of freedom of each solid.
+        # The same for all degrees of freedom of each solid.
         starts = 3 * constraints.first_node[len(model.bodies) :]
         self._of_solid = [(of_dofs[begin:end], slave_of[begin:end]) for begin, end in pairwise(starts)]
         self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self.own_dofs]
-        # State, load factor and tangents of the solids, each with PETSc's number of its changes, as they were last.
+        # The solids' last state, load factor and tangents, each with PETSc's counter of its changes.
         self._known: tuple[list[Array], float, list[tuple[PETSc.Mat, int]]] = [], np.nan, []
-        # What of the unknowns each degree of freedom is made, and which of these solids have in contact.
+        # The matrix T of all degrees of freedom.
         plain = np.flatnonzero(of_dofs >= 0)
         whole = csr_array((np.ones(plain.size), (plain, of_dofs[plain])), shape=(of_dofs.size, self.unknowns))
         place = csr_array((np.ones(slaves.size), (slaves, np.arange(slaves.size))), shape=(of_dofs.size, slaves.size))
         self._whole = whole = csr_array(whole + place @ dependent)
         bonds: list[Bond | Spring] = [tied.bond for tied in constraints.ties if tied.bond is not None]
         bonds += [Spring.of(one) for one in constraints.means.values() if not one.held]
-        # What linear ones add is always the same.
+        # Linear bonds always add the same.
         self._kept: tuple[Condensed | None, Array] = None, np.empty(0)
         self.bonds = Bonds(bonds, of_dofs.size // 3, comm) if bonds else None
         if self.bonds is not None:
             first = int(np.count_nonzero(rank < comm.getRank()))
             self._pushed = csr_array(whole.T.tocsr()[first : first + self.rows])
             self._of_dofs = of_dofs, slave_of
-            self.bonds.set(np.zeros(of_dofs.size), self._share)
+            self.bonds.set(np.zeros(of_dofs.size), self._bond_factor)
 
     def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
         """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
@@ -148,7 +148,7 @@ class Coupling:
         return rods, others
 
     def to_rods(self, x: PETSc.Vec) -> PETSc.Vec:
-        """Return ``T x`` of the rods, until this is called again."""
+        """Return ``T x`` of the rods, valid until the next call."""
         self._rods.mult(x, self._inner)
         return self._inner
 
@@ -158,8 +158,8 @@ class Coupling:
         self._rods.multTranspose(self._inner, out)
 
     def given(self, factor: float) -> Array:
-        """Return ``g`` of all degrees of freedom, those of solids behind those of rods."""
-        result = self._model.share(None, factor) * self.constraints.values
+        """Return ``g`` of all degrees of freedom, first those of rods, then of solids."""
+        result = self._model.amplitude(None, factor) * self.constraints.values
         own = self._model.prescribed(factor)
         result[: own.size] = own
         constraints = self.constraints
@@ -169,10 +169,12 @@ class Coupling:
     def _means(self, factor: float) -> Array:
         """Return the values of the mean motions that are held."""
         means = [self._model.means[k] for k in self.constraints.held_means]
-        return np.concatenate([np.empty(0), *(self._model.share(one.history, factor) * one.values for one in means)])
+        return np.concatenate(
+            [np.empty(0), *(self._model.amplitude(one.history, factor) * one.values for one in means)]
+        )
 
     def passed_on(self, forces: Array) -> Array:
-        """Return forces on all degrees of freedom, maybe of rods alone, with those on slaves on their masters."""
+        """Return forces on all degrees of freedom, or of rods alone, with those on slaves moved to their masters."""
         constraints = self.constraints
         everywhere = np.zeros(constraints.held.size)
         everywhere[: forces.size] = forces
@@ -184,20 +186,20 @@ class Coupling:
         """Return the displacement of each solid's degrees of freedom on this rank."""
         if not self._solids:
             return []
-        found, given = [], self.given(factor)
+        displacements, given = [], self.given(factor)
         for own, transformation in zip(self.own_dofs, self._solids, strict=True):
             moved = transformation.createVecLeft()
             transformation.mult(x, moved)
-            found.append(given[own] + moved.array_r)
-        return found
+            displacements.append(given[own] + moved.array_r)
+        return displacements
 
     def everywhere(self, own: Sequence[Array]) -> Array:
-        """Return what each solid has on this rank, on every rank, one solid behind the other."""
-        found = [np.concatenate(self._comm.tompi4py().allgather(one)) for one in own]
-        return np.concatenate([np.empty(0), *found])
+        """Return the values that ranks have of each solid, gathered on every rank, solid by solid."""
+        values = [np.concatenate(self._comm.tompi4py().allgather(one)) for one in own]
+        return np.concatenate([np.empty(0), *values])
 
     def push(self, forces: Array, where: Index, to: Sequence[Array] | None = None) -> Sequence[Array]:
-        """Add forces on some degrees of freedom, the same on all ranks, to those of each solid's on this rank."""
+        """Add forces on degrees of freedom ``where``, the same on all ranks, to those of each solid on this rank."""
         to = [np.zeros(own.size) for own in self.own_dofs] if to is None else to
         for own, force in zip(self.own_dofs, to, strict=True):
             if own.size:
@@ -208,12 +210,12 @@ class Coupling:
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the internal less the external forces of each solid's degrees of freedom on this rank."""
         return [
-            solid.residual(moved, self._model.share(None, factor))
+            solid.residual(moved, self._model.amplitude(None, factor))
             for solid, moved in zip(self._model.solids, self.solids(x, factor), strict=True)
         ]
 
     def add(self, forces: Sequence[Array], out: PETSc.Vec) -> None:
-        """Add ``T^T r`` of the solids' ``r``, of each on this rank."""
+        """Add ``T^T r`` of the forces ``r`` of each solid on this rank."""
         for force, transformation in zip(forces, self._solids, strict=True):
             row = transformation.createVecLeft()
             row.array_w[:] = force
@@ -225,13 +227,13 @@ class Coupling:
             out.array_w[:] += self._pushed @ self.bond_forces(self._everything(x, factor))
 
     def bond_forces(self, moved: Array) -> Array:
-        """Return the forces of bonds on all degrees of freedom, of displacements of these."""
+        """Return the forces of bonds on all degrees of freedom at displacements of these."""
         return np.zeros(moved.size) if self.bonds is None else self.bonds.forces(self._seen(moved))
 
     def set_bonds(self, x: PETSc.Vec, factor: float) -> None:
-        """Let what bonds add to matrices be of a state."""
+        """Update the tangent of bonds to a state."""
         if self.bonds is not None and not self.bonds.linear:
-            self.bonds.set(self._seen(self._everything(x, factor)), self._share)
+            self.bonds.set(self._seen(self._everything(x, factor)), self._bond_factor)
 
     def _everything(self, x: PETSc.Vec, factor: float) -> Array:
         """Return all degrees of freedom, on every rank."""
@@ -239,17 +241,17 @@ class Coupling:
         return np.asarray(self._whole @ unknowns + self.given(factor))
 
     def _seen(self, moved: Array) -> Array:
-        """Return the displacements that bonds see where degrees of freedom are ``moved``."""
+        """Return the displacements at which bonds are evaluated, given those at the end of a step."""
         return moved
 
     def carried(self, forces: Sequence[Array], factor: float) -> float:
-        """Return the sum of the squares of the solids' loads, and of the forces where they are held, on this rank."""
+        """Return the sum of squares of the solids' loads and support forces on this rank."""
         held = (force[self.constraints.held[own]] for own, force in zip(self.own_dofs, forces, strict=True))
-        loads = (self._model.share(None, factor) * solid.external() for solid in self._model.solids)
+        loads = (self._model.amplitude(None, factor) * solid.external() for solid in self._model.solids)
         return float(sum(np.sum(one**2) for one in (*held, *loads)))
 
     def unheld(self, forces: Sequence[Array]) -> Array:
-        """Return the resultant ``(3,)`` of the solids' forces on this rank where nothing holds them."""
+        """Return the resultant ``(3,)`` of the solids' forces on this rank on unsupported nodes."""
         result = np.zeros(3)
         for own, force in zip(self.own_dofs, forces, strict=True):
             result += np.where(self.constraints.held[own], 0.0, force).reshape(-1, 3).sum(axis=0)
@@ -264,20 +266,20 @@ class Coupling:
             move, force = tangent.createVecs()
             move.array_w[:] = change[own]
             tangent.mult(move, force)
-            forces.append(force.array_r - self._model.share(None, factor, step) * solid.external())
+            forces.append(force.array_r - self._model.amplitude(None, factor, step) * solid.external())
         self.add(forces, out)
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
-        """Return the solids' own tangents; those that are of this state already are not assembled again."""
+        """Return the solids' own tangents, assembled only if the state has changed."""
         moved = self.solids(x, factor)
         if not self._is_known(moved, factor):
-            share = self._model.share(None, factor)
-            made = [solid.tangent(one, share) for solid, one in zip(self._model.solids, moved, strict=True)]
+            amplitude = self._model.amplitude(None, factor)
+            made = [solid.tangent(one, amplitude) for solid, one in zip(self._model.solids, moved, strict=True)]
             self._known = moved, factor, [(one, one.stateGet()) for one in made]
         return [matrix for matrix, _ in self._known[2]]
 
     def _is_known(self, moved: Sequence[Array], factor: float) -> bool:
-        """Return whether the last tangents are of this state, and no other system has filled the solids' matrices."""
+        """Return whether the last tangents are of this state, and no other system has refilled the matrices."""
         known, at, matrices = self._known
         same = at == factor and all(map(np.array_equal, moved, known))
         return self._comm.tompi4py().allreduce(
@@ -285,9 +287,9 @@ class Coupling:
         )
 
     def state(self, rods: Array, solids: Sequence[Array] | float) -> PETSc.Vec:
-        """Return the vector of the system of the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
+        """Return the system's vector from the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
 
-        Those of solids are of each on this rank, or one value for all.
+        The latter are those of each solid on this rank, or one value for all.
         """
         x = self.vector()
         known = self._of_rods >= 0
@@ -302,12 +304,12 @@ class Coupling:
     def matrix(
         self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool, stiffness: bool = True
     ) -> PETSc.Mat:
-        """Return a new matrix of the system with room for ``T^T K T`` of these and, of a stiffness, for bonds."""
+        """Return a new matrix of the system, preallocated for ``T^T K T`` and, if it is a stiffness, for bonds."""
         added = [self._added(k, one) for k, one in enumerate((rods, *solids))]
         if stiffness and self.bonds is not None:
             added.append(Condensed(self.bonds.matrix, *self._of_dofs, self._groups))
         made = create_matrix(self._comm, (self.rows, self.unknowns), 1, lambda: self._places(added))
-        # Both are new, and nothing was factorised yet.
+        # Both are new and not yet factorised: reset their flags.
         renewed(rods), renewed(made)
         made.setAttr(_RODS, rods)
         made.setAttr(_ADDED, added)
@@ -315,7 +317,7 @@ class Coupling:
 
     @staticmethod
     def of_rods(matrix: PETSc.Mat) -> PETSc.Mat:
-        """Return the rods' own matrix of one of the system."""
+        """Return the rods' own matrix that belongs to a matrix of the system."""
         return matrix.getAttr(_RODS)
 
     def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat], contact: "ContactOperator | None" = None) -> None:
@@ -323,7 +325,7 @@ class Coupling:
         rods, added = self.of_rods(matrix), matrix.getAttr(_ADDED)
         entries = self._of_contact(contact)
         if renewed(rods):
-            # Contact has come where there was none.
+            # New contact has changed the pattern.
             added[0] = self._added(0, rods)
             matrix.setAttr(_CONTACT, None)
         version = None if contact is None else contact.version
@@ -339,14 +341,14 @@ class Coupling:
         set_values(matrix, np.concatenate([*values, entries[2]]))
 
     def _of_bonds(self, added: Condensed) -> Array:
-        """Return the values of what bonds add to a matrix."""
+        """Return the values that bonds add to a matrix."""
         assert self.bonds is not None
         if not (self.bonds.linear and self._kept[0] is added):
             self._kept = added, added.values(self.bonds.matrix)
         return self._kept[1]
 
     def _of_contact(self, contact: "ContactOperator | None") -> tuple[Index, Index, Array]:
-        """Return rows, columns and values of this rank's entries of contact that are not between rods alone."""
+        """Return rows, columns and values of this rank's contact entries, those between rods excepted."""
         if contact is None or not contact.beyond.size:
             return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
         some, whole = np.flatnonzero(~np.asarray(contact.of_rods)), self._whole
@@ -361,18 +363,18 @@ class Coupling:
         return whole.indices[down].astype(np.int64), whole.indices[across].astype(np.int64), values
 
     def _added(self, k: int, own: PETSc.Mat) -> Condensed:
-        """Return what the matrix of rods, or of a solid, adds."""
+        """Return the contribution of the matrix of rods, or of a solid."""
         number, slave = self._of_solid[k - 1] if k else (self._of_rods, self._slave_of_rods)
         return Condensed(own, number, slave, self._groups)
 
     def _places(self, added: Sequence[Condensed]) -> tuple[Index, Index]:
-        """Return row and column in the system of all entries of what parts, and maybe bonds, add."""
+        """Return row and column in the system of all entries of the contributions."""
         rows, columns = (np.concatenate(each) for each in zip(*((one.rows, one.columns) for one in added), strict=True))
         return rows, columns
 
 
 def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:
-    """Return rows with columns at a ``number`` of each, those that have none left out, ``(s, count)``."""
+    """Return rows with renumbered columns ``(s, count)``; those with a negative number are dropped."""
     kept = number[rows.indices] >= 0
     row = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))[kept]
     return csr_array((rows.data[kept], (row, number[rows.indices[kept]])), shape=(rows.shape[0], count))

@@ -1,4 +1,4 @@
-"""The degrees of freedom of a rank's elements, and how values come from vectors of unknowns and go there."""
+"""Exchange of values between the degrees of freedom of a rank's elements and vectors of unknowns."""
 
 from functools import cached_property
 
@@ -9,7 +9,7 @@ from isorod.arrays import Array, Index
 
 
 class Exchange:
-    """Values of a rank's degrees of freedom, in slots; what an analysis does not ask for is not made.
+    """Local storage of a rank's degrees of freedom, in slots; its scatters are created on first use.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ class Exchange:
     free
         Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     window
-        Those that this rank has, ascending; None where it has them all.
+        Degrees of freedom of this rank, ascending; None where it has them all.
     numbers
         The assembler's number of each of the model's degrees of freedom, ascending.
     bound
@@ -93,7 +93,7 @@ class Exchange:
 
     @cached_property
     def bound(self) -> tuple[Index, Index]:
-        """Those of the model's bound degrees of freedom, counted among these, that this rank has, and their slots."""
+        """Degrees of freedom of `Model.bound` on this rank, by their positions there, and their slots."""
         moved, slots = self.moved
         of_bound = np.full(self.numbers.size, -1)
         of_bound[self._bound] = np.arange(self._bound.size)

@@ -1,4 +1,4 @@
-"""What supports of mean motions (`isorod.assembly.averages`) exert on a model."""
+"""Reactions of supports of mean motions (`isorod.assembly.averages`)."""
 
 from petsc4py import PETSc
 
@@ -8,7 +8,7 @@ from isorod.assembly.constraints import Constraints
 
 
 def carried(constraints: Constraints, forces: Array, displacement: Array) -> dict[int, Array]:
-    """Return force and moment ``(k,)`` of each of the supports of mean motions on the model, by its number.
+    """Return forces and moments ``(k,)`` of each support of mean motions on the model, by its number.
 
     Parameters
     ----------
@@ -17,20 +17,20 @@ def carried(constraints: Constraints, forces: Array, displacement: Array) -> dic
     displacement
         Of all degrees of freedom.
     """
-    # So much work it takes to move what is held by one.
-    held, first, found = constraints.offsets.T @ forces[constraints.slaves], 0, {}
+    # The generalised force is the work of a unit mean motion.
+    held, first, result = constraints.offsets.T @ forces[constraints.slaves], 0, {}
     for k in constraints.held_means:
         count = len(constraints.means[k].rows)
-        found[k] = held[first : first + count]
+        result[k] = held[first : first + count]
         first += count
     for k, one in constraints.means.items():
         if one.stiffness is not None:
-            found[k] = -one.stiffness * one.moved(displacement)
-    return found
+            result[k] = -one.stiffness * one.moved(displacement)
+    return result
 
 
 def in_equilibrium(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array) -> dict[int, Array]:
-    """Return what `carried` does of an equilibrium and what is `acting` in it."""
+    """Return `carried` for an equilibrium with nodal forces `acting`."""
     if not assembler.model.means:
         return {}
     assert assembler.coupling is not None

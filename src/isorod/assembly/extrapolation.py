@@ -7,7 +7,7 @@ Leonetti & Garcea, How to improve efficiency and robustness of the Newton method
 problems discretized via displacement-based finite elements, Comput. Methods Appl. Mech. Engrg. 313 (2017) 986-1005).
 
 With ``P = F S`` and ``S' = S0 + F0^-1 (A0 : D - D S0)`` of the last state ``F0``, ``D = F - F0``, the tangent is
-``A_aAbB + delta_ab (S' - S)_AB`` (`isorod.assembly.block_kernel`).  Of the last state its displacement alone is kept.
+``A_aAbB + delta_ab (S' - S)_AB`` (`isorod.assembly.block_kernel`).  Only the displacement of the last state is kept.
 """
 
 from typing import NamedTuple
@@ -15,13 +15,13 @@ from typing import NamedTuple
 from isorod.arrays import Array
 from isorod.geometry.rod import Rod
 
-# Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more
-# iterations.
+# Slenderness, length over radius, from which it pays.  A stubby body, strained rather than rotated, takes more
+# iterations with it.
 SLENDER = 20.0
 
 
 def pays(rod: Rod) -> bool:
-    """Whether a rod is slender: `SLENDER` times as long as its largest section is wide from its centre, or longer."""
+    """Whether extrapolation pays: the rod's length is at least `SLENDER` times the largest radius of its sections."""
     return rod.slenderness >= SLENDER
 
 

@@ -1,9 +1,9 @@
-"""End faces of rods that are welded: moments of functions, so that stresses linear across the section pass exactly.
+"""Welded end faces of rods: moments of functions, so that stresses linear across the section are transmitted exactly.
 
-Of such stresses the elements of a rod put forces on the nodes of its face that are moments of the functions by the
-elements' own rule.  A projection makes of the slave's forces those of the master by another rule, which for functions
-of high order is not the same: its rows are corrected by the least change, in L2, of the slave that does so.  Area and
-second moments by both rules may differ, too: the force and the moment are then what both have in common.
+Under such stresses the nodal forces on a rod's face are moments of its functions by the elements' own rule.  The
+projection turns the slave's forces into the master's by another rule, which differs for functions of high order: its
+rows are corrected by the smallest change of the slave in L2.  Area and second moments by both rules may differ, too:
+force and moment are then the same on both sides.
 """
 
 from typing import NamedTuple
@@ -15,10 +15,10 @@ from isorod.arrays import Array, Index
 from isorod.space.space import Space
 from isorod.space.trace import Trace, end_trace
 
-# Faces are one and the same, and moments are nothing, to this share.
+# Relative tolerances: of coinciding faces, and of vanishing moments.
 _SAME, _NOTHING = 1e-6, 1e-9
 
-# Points, so many times as close as those of a full rule, that measure an area to the former.
+# Refinement of a full rule that measures areas to the first of these.
 _CLOSE = 4
 
 
@@ -28,7 +28,7 @@ class Moments(NamedTuple):
     Attributes
     ----------
     fields : (nodes, 4)
-        Coefficients of 1 and of the coordinates from an origin, in sizes.
+        Coefficients of 1 and of the coordinates from an origin, scaled by a size.
     values : (nodes, 4 layers)
         The integrals.
     """
@@ -43,16 +43,16 @@ class Moments(NamedTuple):
 
 
 class Passed(NamedTuple):
-    """What tractions that are linear on the slave's face do to both sides.
+    """Forces on both sides of tractions that are linear on the slave's face.
 
     Attributes
     ----------
     slave : (s, k)
         Forces on the slave's nodes.
     master : (nodes, k)
-        Forces on all nodes, of the same resultants.
+        Forces on all nodes with the same resultants.
     shown : (s, s)
-        What is added to the slave's mass on its face so that its forces are those of the tractions.
+        Correction of the slave's mass on its face by which its forces are those of the tractions.
     """
 
     slave: Array
@@ -60,7 +60,7 @@ class Passed(NamedTuple):
     shown: Array
 
     def corrected(self, rows: csr_array, mass: Array) -> csr_array:
-        """Return the slave's rows ``(s, nodes)``, of a ``mass`` ``(s, s)``, that pass these tractions."""
+        """Return the slave's rows ``(s, nodes)``, corrected to transmit these tractions; ``mass`` is ``(s, s)``."""
         lifted = np.linalg.solve(mass, self.slave)
         rest = self.master.T - self.slave.T @ rows
         columns = np.flatnonzero(np.abs(rest).max(axis=0))
@@ -84,39 +84,39 @@ def moments(space: Space, which: str, origin: Array, size: float, radii: Array) 
 
 
 def coincide(trace: Trace, gap: Array, size: float, slave: tuple[Space, str], master: tuple[Space, str]) -> bool:
-    """Return whether two end faces are the same, of which one's points are so far from the other's body."""
+    """Return whether two end faces coincide, given the gaps of the slave's points to the master's body."""
     if gap.max() > _SAME * size:
         return False
     one, other = (end_trace(*face, finer=_CLOSE).weights.sum() for face in (slave, master))
     return bool(abs(one - other) < _SAME * other)
 
 
-def shared_radii(slave: Space, master: Space) -> Array:
-    """Return the radii at which both rods have a joint between layers, across which stresses may jump."""
+def common_radii(slave: Space, master: Space) -> Array:
+    """Return the radii at which both rods have a boundary between rings, where stresses may jump."""
     inner = np.array(slave.rod.rings[1:-1])
     return inner[[bool(np.isclose(master.rod.rings, radius).any()) for radius in inner]] if inner.size else inner
 
 
-def same_resultants(values: Array, resultants: Array, wanted: Array) -> Array:
-    """Return forces ``(n, k)`` of ``resultants`` ``(4, k)`` with linear ones among them added that make them others."""
+def same_resultants(values: Array, resultants: Array, targets: Array) -> Array:
+    """Return forces ``(n, k)`` corrected by linear ones, so that ``resultants`` ``(4, k)`` become the targets."""
     linear = values.reshape(len(values), -1, 4).sum(axis=1)
     gram = resultants.reshape(4, -1, 4).sum(axis=1)
-    return np.asarray(values + linear @ np.linalg.pinv(gram, rcond=_NOTHING, hermitian=True) @ (wanted - resultants))
+    return np.asarray(values + linear @ np.linalg.pinv(gram, rcond=_NOTHING, hermitian=True) @ (targets - resultants))
 
 
 def passed(
     own: Moments, nodes: Index, trace: Trace, mine: csr_array, other: csr_array, master: tuple[int, Moments] | None
 ) -> Passed:
-    """Return what linear tractions do to an end face and to what it is welded to.
+    """Return the forces of linear tractions on an end face and on the surface it is welded to.
 
     Parameters
     ----------
     own, nodes
         The slave's moments, and its nodes on the face.
     trace, mine, other
-        Its face, and at its points the slave's functions of those nodes and the master's of all nodes.
+        Its face, and at its points the slave's functions of those nodes and the master's functions of all nodes.
     master
-        Where the faces are the same, the master's first node and its moments.
+        If the faces coincide, the master's first node and its moments.
     """
     moments = Moments(own.fields[nodes], own.values[nodes])
     fields = np.asarray(mine @ moments.fields)

@@ -7,12 +7,11 @@ from isorod.assembly.assembler import Assembler
 from isorod.model.model import Model
 from isorod.petsc import banded
 
-# The tangent of rods is banded in the numbering along the axis; where nothing else is typed, LAPACK factorises the
-# band.
+# The tangent of rods is banded in the numbering along the axis: by default LAPACK factorises the band.
 BAND: dict[str, object] = {"pc_type": "python", "pc_python_type": banded.NAME}
 
-# PETSc's own factors, typed or of a tangent that is not symmetric: natural ordering fills nothing in.  Where the band
-# is wide, a supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
+# PETSc's own factors, on request or for a tangent that is not symmetric: natural ordering causes no fill-in.  For wide
+# bands a supernodal factorisation is still faster (measured: equal at about 150 unknowns an element).
 ROWS: dict[str, object] = {
     "pc_type": "lu",
     "pc_factor_mat_ordering_type": "natural",
@@ -33,15 +32,14 @@ _UNSCALED = "mat_mumps_icntl_8"
 def factorisation(assembler: Assembler, prefix: str = "") -> dict[str, object]:
     """Return the options of the direct solver that suits a model: `isorod.petsc.banded` for bands, else MUMPS.
 
-    Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of
-    them for its own.
+    None if the user's options name a preconditioner other than a factorisation, which might read some of them.
     """
     typed = PETSc.Options().getAll()
     own = any(name.startswith(f"{prefix}pc_") or name == "mat_type" for name in typed)
     if typed.get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
         return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
-    # Contact couples bodies, which are far from each other in the numbering.
+    # Contact couples bodies that are far apart in the numbering.
     plain, alone = assembler.contact is None and assembler.coupling is None, assembler.comm.getSize() == 1
     # The mixed formulation's tangent is indefinite and may need row exchanges: `banded` makes them on one rank.
     mixed = is_mixed(assembler.model)
@@ -55,9 +53,9 @@ def factorisation(assembler: Assembler, prefix: str = "") -> dict[str, object]:
 
 
 def unscaled(assembler: Assembler, prefix: str = "") -> dict[str, object]:
-    """Return what lets MUMPS scale nothing where a model's tangent is definite, as with contact; read when it begins.
+    """Return the option that turns off MUMPS' scaling where the tangent is definite; MUMPS reads it at its start.
 
-    With contact it is so but for friction and pressures.
+    With contact it is definite, except for friction and pressures.
     """
     definite = assembler.contact is not None and not is_mixed(assembler.model)
     return {f"{prefix}{_UNSCALED}": 0} if definite else {}
@@ -68,12 +66,12 @@ def is_mixed(model: Model) -> bool:
     return any(body.formulation == "mixed" for body in model.bodies)
 
 
-# A band this many times wider than the layers of an element holds more zeros than entries.
+# A band this many times wider than the unknowns of an element holds more zeros than entries.
 _WIDE = 1.5
 
 
 def suits(model: Model) -> bool:
-    """Return whether the unknowns of each element have numbers near each other, as those of an open rod have."""
+    """Return whether the unknowns of each element are numbered close to each other, as in an open rod."""
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         nodes = first + body.space.element_nodes
         unknowns = model.free.reshape(-1, 3)[nodes].reshape(nodes.shape[0], -1)

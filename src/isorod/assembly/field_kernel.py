@@ -1,4 +1,4 @@
-"""Gradients of a displacement at quadrature points, block by block, and what the law makes of them, compiled.
+"""Displacement gradients at quadrature points, block by block, and the law's stresses from them, compiled.
 
 Elements are taken some at a time (`isorod.assembly.region`).  Sums over section functions are products of matrices,
 whose rows are the places along the axis and the components, and left to BLAS; what belongs to single points is done in
@@ -81,7 +81,7 @@ def fill_runs(block: int, places: int, begin: int, end: int, runs: Index) -> int
 
 @njit(**FAST)
 def take(values: Array, rows: Index, runs: Index, work: Array) -> None:
-    """Fill rows of a block with values ``(places rows, q)`` at its points, as many rows of each place."""
+    """Fill rows of a block with values ``(places rows, q)`` at its points, the same number of rows for each place."""
     for r in range(runs.shape[0]):
         first = runs[r, 0] * rows.size
         q, at, length = np.uint64(runs[r, 1]), np.uint64(runs[r, 2]), np.uint64(runs[r, 3])
@@ -112,7 +112,7 @@ def take_gradients(field: Field, runs: Index, work: Array) -> None:
 
 @njit(void(F2, i8, I2, F1), **FAST)
 def take_known(known: Array, places: int, runs: Index, work: Array) -> None:
-    """Fill in what does not change: inverse Jacobian, weight and what the law knows, a row each of each place."""
+    """Fill in the constant data: inverse Jacobian, weight and the law's own data, a row each for each place."""
     take(known, _KNOWN[: known.shape[0] // places], runs, work)
 
 
@@ -130,15 +130,15 @@ def determinants(deform: int, known: Array, field: Field, out: Array) -> None:
 
 
 @njit(f8(FUNCTIONS, STEPS, F2, FIELD, b1), **FAST)
-def stresses(law: Functions, steps: Steps, known: Array, field: Field, wanted: bool) -> float:
-    """Replace gradients on disk x axis by the stress there times the volume; return the energy, if that is wanted.
+def stresses(law: Functions, steps: Steps, known: Array, field: Field, with_energy: bool) -> float:
+    """Replace gradients on disk x axis by the stress there times the volume; return the energy if requested.
 
     Parameters
     ----------
     law, steps
-        The law that the points obey, and what happens besides.
+        The law of the points, and the other steps.
     known
-        What does not change at the points (`take_known`).
+        Constant data of the points (`take_known`).
     field
         Their gradients and pressures.
     """
@@ -150,12 +150,12 @@ def stresses(law: Functions, steps: Steps, known: Array, field: Field, wanted: b
         take_gradients(field, these, work)
         take_known(known, places, these, work)
         call_step(np.uint64(steps.deform), (work,))
-        call_block(np.uint64(law.block), (work, law.constants, 1.0, wanted))
+        call_block(np.uint64(law.block), (work, law.constants, 1.0, with_energy))
         if steps.press:
             take(field.pressure, PRESSURES, these, work)
             call_step(np.uint64(steps.press), (work,))
         call_step(np.uint64(steps.pull_back), (work,))
-        if wanted:
+        if with_energy:
             for k in range(np.uint64(min(POINTS, places * points - block * POINTS))):
                 energy += work[_R[WEIGHT] + k] * (work[_R[ENERGY] + k] + work[_R[ACTIVE] + k])
         put(work, _ACROSS, these, field.across)
@@ -167,7 +167,7 @@ def stresses(law: Functions, steps: Steps, known: Array, field: Field, wanted: b
 def add_resultants(
     table: Table, values: Array, slopes: Array, first: int, last: int, starts: Index, forces: Array
 ) -> None:
-    """Add what integrals of stress against section functions make of nodal forces, rows by component and place."""
+    """Add the nodal forces of integrals of stress against section functions, rows by component and place."""
     along, functions = table.axial.shape[1:]
     n = values.shape[1]
     row = 0

@@ -1,4 +1,4 @@
-"""The assembler that a model's formulations want; what knows pressures is loaded where a body has some."""
+"""The assembler for a model's formulations; the mixed one is imported only if a body needs it."""
 
 from petsc4py import PETSc
 

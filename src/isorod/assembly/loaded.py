@@ -1,4 +1,4 @@
-"""Loads on this rank's parts of bodies, as they are at a load factor."""
+"""Loads on this rank's parts of bodies at a load factor."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,33 +19,33 @@ class Loaded(Parts):
     """Parts with the loads on them."""
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
-        # Load factor, and step, of which loads are now.
+        # Load factor, and step, of the present loads.
         self._reached: tuple[float, float | None] | None = None
         super().__init__(model, comm)
         with self._timed():
             self._pressing = self._followers()
 
     def _followers(self) -> "list[Pressing]":
-        """Return the pressures that follow each part, if any does."""
+        """Return the follower loads on each part, if there are any."""
         loads = self.model.following
         if not loads:
             return []
         from isorod.assembly.pressing import Pressing
 
         self.note("following loads")
-        return [Pressing(share, [load for load in loads if load.body == share.which]) for share in self.shares]
+        return [Pressing(one, [load for load in loads if load.body == one.which]) for one in self.element_ranges]
 
     def _reach(self, factor: float, step: float | None = None) -> None:
-        """Let loads be those at a load factor, or what they grow by in a step."""
+        """Set the loads to those at a load factor, or to their increments in a step."""
         if not self.model.loads or self._reached == (factor, step):
             return
         self._reached = factor, step
         self._external = self._once(self.model.applied(factor, step))
         for pressing in self._pressing:
-            pressing.reach(lambda load: self.model.share(load.history, factor, step))
+            pressing.reach(lambda load: self.model.amplitude(load.history, factor, step))
 
     def _loads(self, local: Array) -> Array:
-        """Return the forces of the loads as they are now in a state of this rank."""
+        """Return the present loads' nodal forces in a state of this rank."""
         if not self._pressing:
             return self._external
         followed = zip(self.parts, self._pressing, strict=True)
@@ -54,9 +54,9 @@ class Loaded(Parts):
         )
 
     def load(self, model: Model, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> None:
-        """Fill ``out`` with the forces on the unknowns of the loads of a model at load factor 1.
+        """Fill ``out`` with the forces of a model's loads on the unknowns at load factor 1.
 
-        It is this one's, or the same with other loads, of which none follows; ``x`` is a state at some load factor.
+        The model is this one, or the same with other loads, none of them follower loads; ``x`` is a state.
         """
         if model is not self.model:
             self.spread(model.external, out)
@@ -65,40 +65,40 @@ class Loaded(Parts):
         self._store(self._loads(self._state(x, factor)), out)
 
     def spread(self, forces: Array, out: PETSc.Vec) -> None:
-        """Fill ``out`` with the forces on the unknowns of those on all degrees of freedom, the same on all ranks."""
+        """Fill ``out`` with the forces on the unknowns, given those on all degrees of freedom on all ranks."""
         self._store(self._once(forces), out)
 
     @cached_property
     def _external(self) -> Array:
-        """Forces of the loads as they are now."""
+        """Nodal forces of the present loads that do not depend on the state."""
         return np.zeros(self._exchange.size)
 
     def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
-        """Return what loads that depend on the state add to the tangents of some elements of a part."""
+        """Return the load stiffness of some elements of a part, of loads that depend on the state."""
         part, spin = self.parts[k], self.model.spin
-        found = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
+        stiffness = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
         if spin is not None:
-            found -= self.model.share(spin.history, factor) * part.softening(spin)[which]
+            stiffness -= self.model.amplitude(spin.history, factor) * part.softening(spin)[which]
         if self._pressing:
             whole = part.padded_matrices(self._pressing[k].stiffness(part.nodal(local)))
-            found -= whole[which].reshape(found.shape)
-        return found
+            stiffness -= whole[which].reshape(stiffness.shape)
+        return stiffness
 
     def _stiffness_of(self, k: int, local: Array, factor: float, which: Index) -> Array:
-        """Return the tangents of some elements of a part, with those of loads, shape of `Part.matrices`."""
+        """Return the tangents of some elements of a part, load stiffness included, shape of `Part.matrices`."""
         matrices = self.parts[k].matrices(local, factor, which)
         if self.model.spin is not None or self._pressing:
             matrices += self._load_stiffness(k, local, factor, which)
         return matrices
 
     def _add_product(self, k: int, local: Array, factor: float, move: Array, which: Index, total: Array) -> None:
-        """Add what some elements of a part have of the tangent times a motion of this rank's degrees of freedom."""
+        """Add the product of the tangents of some elements with a displacement of this rank's degrees of freedom."""
         if which.size:
             slots = self.parts[k].slots_of(which)
             np.add.at(total, slots, np.einsum("eij,ej->ei", self._stiffness_of(k, local, factor, which), move[slots]))
 
     def acting_along(self, x: PETSc.Vec, factor: float, rates: Sequence[PETSc.Vec]) -> list[Array]:
-        """Return how `acting` changes when the unknowns move by rates, exactly; without contact and solids."""
+        """Return the exact directional derivatives of `acting` along ``rates``; without contact and solids."""
         with self._timed():
             local, coupling = self._state(x, factor), self.coupling
             moves, totals = np.zeros((2, local.size, len(rates)))
@@ -115,11 +115,11 @@ class Loaded(Parts):
                     np.add.at(totals, slots, self._stiffness_of(k, local, factor, which) @ moves[slots])
             if coupling is None:
                 return [self._bound(total) for total in totals.T]
-            found, bonds = [self.everywhere(total) for total in totals.T], coupling.bonds
+            changes, bonds = [self.everywhere(total) for total in totals.T], coupling.bonds
             if bonds is None:
-                return found
+                return changes
             place, rest = self.system_displacement(x, factor), coupling.given(factor)
             return [
                 one + bonds.change(place, self.system_displacement(rate, factor) - rest)
-                for one, rate in zip(found, rates, strict=True)
+                for one, rate in zip(changes, rates, strict=True)
             ]

@@ -1,4 +1,4 @@
-"""Entries of mass matrices, of one component of nodes, and where they are for each."""
+"""Entries of mass matrices: those of one component, and their positions for each component."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -48,7 +48,7 @@ def masses(
     numbers
         The nodes' numbers, of each component.
     ranks
-        What a pattern of one component is told of ranks, if the matrix may have its layout.
+        Communicator and number of rows for the pattern of one component, if the matrix may have its layout.
     """
     if lumped:
         nodes = joined([part.nodes for part in parts], int)

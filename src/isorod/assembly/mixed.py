@@ -20,21 +20,21 @@ from isorod.assembly.gradients import deformation_gradients, pulled_stress
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.space.space import Table
 
-# Elements whose matrices of pressures are there at a time.
+# Elements whose pressure matrices are evaluated at a time.
 _SOME = 64
 
 
 class MixedPart(Part):
     """The elements of one mixed body; a layer holds its displacements, then its pressures."""
 
-    def __init__(self, share: Share, exchange: Exchange) -> None:
-        super().__init__(share, exchange)
-        body = share.body
+    def __init__(self, element_range: ElementRange, exchange: Exchange) -> None:
+        super().__init__(element_range, exchange)
+        body = element_range.body
         assert body.pressures is not None
         self.moves = 3 * body.space.layer_nodes
         self.across, self.along = body.pressures.tabulate(self.table)
@@ -81,7 +81,7 @@ class MixedPart(Part):
             add(self._coupling(some, nodal[some], p[some], factor), blocks, entries, some)
 
     def _coupling(self, which: Index, nodal: Array, p: Array, factor: float) -> Array:
-        """Return the second derivatives of some elements but for those by displacements alone."""
+        """Return the second derivatives of some elements, without those by displacements alone."""
         t, laws = self.table.part(which, slice(None)), self.volumes.some(which).at(factor)
         slope = volume_change(laws, deformation_gradients(t, nodal))[1]
         both = coupling(t, slope, self.across, self.along[which])
@@ -96,7 +96,7 @@ class MixedPart(Part):
         return element_kernel.mass(values, self.along[which], -compliance * self.table.weights[which])
 
     def set_coupling(self, result: Array, right: Array, below: Array, own: Array) -> None:
-        """Set what matrices ``(e, l, width, l, width)`` have in columns of pressures, in rows of these, and in both.
+        """Set the pressure columns, pressure rows and their common block of matrices ``(e, l, width, l, width)``.
 
         The first two are as `coupling` returns them.
         """
@@ -128,7 +128,7 @@ def coupling(table: Table, slope: Array, across: Array, along: Array) -> Array:
     """
     elements, places, functions = table.axial.shape
     n, pressures = table.section.shape[2], across.shape[1]
-    # Of both directions across and of the axis, products of section functions with those of pressures.
+    # Products of section functions, differentiated across or not, with pressure functions.
     products = [table.section[:, d, :, None] * across[:, None] for d in range(3)]
     products = [np.concatenate(products[:2]), products[2]]
     result = np.zeros((elements, functions * (functions - 1), 3 * n * pressures))
@@ -144,9 +144,9 @@ class MixedAssembler(Assembler):
 
     formulations = ("displacement", "mixed")
 
-    def _part(self, share: Share) -> Part:
-        kind = Part if share.body.pressures is None else MixedPart
-        return kind(share, self._exchange)
+    def _part(self, element_range: ElementRange) -> Part:
+        kind = Part if element_range.body.pressures is None else MixedPart
+        return kind(element_range, self._exchange)
 
     @staticmethod
     def layer_dofs(body: Body) -> int:
@@ -169,8 +169,8 @@ class MixedAssembler(Assembler):
             labels.append(np.concatenate([own, pressures], axis=1).ravel())
             first.append(first[-1] + labels[-1].size)
         label = np.concatenate(labels)
-        # Unknowns in the order in which they first appear: a layer's pressures follow its displacements, and the band
-        # is narrow.
+        # Unknowns in the order of first appearance: a layer's pressures follow its displacements, which keeps the
+        # band narrow.
         _, appears = np.unique(label[label >= 0], return_index=True)
         self._number_of = np.empty(count, dtype=np.int64)
         self._number_of[np.argsort(appears)] = np.arange(count)
@@ -195,13 +195,13 @@ class MixedAssembler(Assembler):
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
         """Return each body's coefficients of its `isorod.space.pressure.Pressures`, force per area, or None."""
         unknowns = self.all_unknowns(x)[self._number_of]
-        found: list[Array | None] = []
+        result: list[Array | None] = []
         first = self.model.unknowns
         for body in self.model.bodies:
             if body.pressures is None:
-                found.append(None)
+                result.append(None)
                 continue
             mine = unknowns[first : first + body.pressures.size]
-            found.append(body.pressure_unit * mine.reshape(-1, body.pressures.count))
+            result.append(body.pressure_unit * mine.reshape(-1, body.pressures.count))
             first += body.pressures.size
-        return found
+        return result

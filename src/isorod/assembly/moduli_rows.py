@@ -1,4 +1,4 @@
-"""Where moduli of a block of points go in the matrices that products of section functions are multiplied with."""
+"""Places of a block's moduli in the matrices that are multiplied with products of section functions."""
 
 from itertools import combinations_with_replacement, product
 
@@ -8,25 +8,25 @@ from isorod.arrays import Index
 
 
 def moduli_rows() -> tuple[Index, Index]:
-    """Return which of the four matrices has each of a block's 45 rows of moduli, and as which of its rows at a place.
+    """Return the matrix, of four, and its row at a place for each of a block's 45 rows of moduli.
 
     A block has nine rows of each of three pairs of components, then six of each component alone; a matrix's rows are
     counted direction by direction (`isorod.assembly.stiffness_kernel.moduli`).
     """
-    found = []
+    places = []
     for pair, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
         for d, c in product(range(3), repeat=2):
             if d < 2 and c < 2:
-                found.append((0, 4 * pair + 2 * d + c))
+                places.append((0, 4 * pair + 2 * d + c))
             elif d == c:
-                found.append((3, pair))
+                places.append((3, pair))
             else:
-                found.append((2, 2 * (3 * a + b) + d if c == 2 else 2 * (3 * b + a) + c))
+                places.append((2, 2 * (3 * a + b) + d if c == 2 else 2 * (3 * b + a) + c))
     for a in range(3):
         for d, c in combinations_with_replacement(range(3), 2):
             if c < 2:
-                found.append((1, 3 * a + d + c))
+                places.append((1, 3 * a + d + c))
             else:
-                found.append((3, 3 + a) if d == 2 else (2, 8 * a + d))
-    matrix, row = np.array(found).T.copy()
+                places.append((3, 3 + a) if d == 2 else (2, 8 * a + d))
+    matrix, row = np.array(places).T.copy()
     return matrix, row

@@ -1,9 +1,9 @@
-"""Multipliers of a weld whose surface ends at a support: what becomes of the traces of functions that are held.
+"""Multipliers of a weld whose surface ends at a support, where some traces belong to held functions.
 
-Were they left out, multipliers would vanish at the edge, constant tractions would not be among them, and the bodies
-would come apart between the support and the next functions.  Each is added to the nearest ones that are free, so that
-constants stay, along a rod all polynomials of one degree less than the functions' (Bernardi, Maday and Patera 1994, for
-linear functions on a line).
+Without these traces, multipliers would vanish at the edge, constant tractions would not be among them, and the bodies
+would separate between the support and the next functions.  Each is therefore added to the nearest free ones, so that
+constants are preserved, along a rod all polynomials of one degree less than the functions' (Bernardi, Maday and Patera
+1994, for linear functions on a line).
 """
 
 from itertools import pairwise
@@ -19,10 +19,10 @@ from isorod.errors import InputError
 from isorod.space.space import Space
 from isorod.space.trace import Trace
 
-# Coefficients of this share of the largest are rounding: they decay exponentially along the surface.
+# Coefficients below this fraction of the largest are dropped: they decay exponentially along the surface.
 _DROPPED = 1e-13
 
-# Condition of the slave's functions on its surface from which they count as dependent.
+# Condition number of the slave's functions on its surface from which they count as dependent.
 _SINGULAR = 1e10
 
 
@@ -34,7 +34,7 @@ class Multipliers(NamedTuple):
     values : (q, s)
         At the points of the slave's surface.
     forces : (s, s)
-        What each multiplier, a column, puts on the slaves.
+        Forces of each multiplier, a column, on the slaves.
     """
 
     values: csr_array
@@ -42,7 +42,9 @@ class Multipliers(NamedTuple):
 
 
 def passed_on_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_array:
-    """Return to which free functions of a rod those that are held are added, ``(held, free)``: of the same one across.
+    """Return the weights with which held functions of a rod are added to free ones, ``(held, free)``.
+
+    They are added to those with the same section function.
 
     Parameters
     ----------
@@ -65,10 +67,10 @@ def passed_on_along(space: Space, nodes: Index, free: NDArray[np.bool_]) -> csr_
         near = same[np.argsort(apart[same], kind="stable")[: space.axis.degree]]
         if near.size:
             known = powers[: 1 if space.rod.closed else near.size]
-            shares = np.linalg.lstsq(known[:, layer[rest[near]]], known[:, layer[one]], rcond=None)[0]
+            weights = np.linalg.lstsq(known[:, layer[rest[near]]], known[:, layer[one]], rcond=None)[0]
             row += [k] * near.size
             column += near.tolist()
-            value += shares.tolist()
+            value += weights.tolist()
     return csr_array((value, (row, column)), shape=(held.size, rest.size))
 
 
@@ -81,12 +83,12 @@ def _powers(space: Space) -> Array:
     functions = np.zeros((len(u), space.layers))
     columns = (first[:, None] + np.arange(axis.degree + 1)) % space.layers
     np.add.at(functions, (np.arange(len(u))[:, None], columns), values)
-    wanted = np.polynomial.legendre.legvander(2.0 * (u - low) / (high - low) - 1.0, axis.degree - 1)
-    return np.asarray(np.linalg.lstsq(functions, wanted, rcond=None)[0].T)
+    polynomials = np.polynomial.legendre.legvander(2.0 * (u - low) / (high - low) - 1.0, axis.degree - 1)
+    return np.asarray(np.linalg.lstsq(functions, polynomials, rcond=None)[0].T)
 
 
 def passed_on_near(points: Array, weights: Array, traces: csr_array, free: NDArray[np.bool_]) -> csr_array:
-    """Return to which free functions of a solid those that are held are added, ``(held, free)``.
+    """Return the weights with which held functions of a solid are added to free ones, ``(held, free)``.
 
     Parameters
     ----------
@@ -107,13 +109,13 @@ def passed_on_near(points: Array, weights: Array, traces: csr_array, free: NDArr
 def projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_array:
     """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
     left = mass.T
-    # What is left when the functions that are solved for are taken out of the jump.
+    # The jump without the functions that are solved for.
     drop = np.ones(jump.shape[1])
     drop[mine] = 0.0
     others = csr_array(jump @ csr_array(diags(drop)))
     columns = np.unique(others.indices)
     right = np.asarray((others[:, columns].T @ tests).T)
-    # Multipliers that pass on others' traces may be all but orthogonal to their own functions.
+    # Multipliers that include other traces may be almost orthogonal to their own functions.
     sizes = np.linalg.norm(left, axis=0)
     scale = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
     lengths = np.linalg.norm(left * scale, axis=1)
@@ -123,10 +125,10 @@ def projection(jump: csr_array, mine: Index, tests: Array, mass: Array) -> csr_a
         raise InputError(
             "the slave's functions are not independent on its surface; take the whole surface, or the other as slave"
         )
-    found = scale[:, None] * np.linalg.solve(scaled, rows[:, None] * right)
-    found[np.abs(found) < _DROPPED * np.abs(found).max(initial=0.0)] = 0.0
-    small = csr_array(found)
-    return csr_array((small.data, columns[small.indices], small.indptr), shape=(mine.size, jump.shape[1]))
+    coefficients = scale[:, None] * np.linalg.solve(scaled, rows[:, None] * right)
+    coefficients[np.abs(coefficients) < _DROPPED * np.abs(coefficients).max(initial=0.0)] = 0.0
+    sparse = csr_array(coefficients)
+    return csr_array((sparse.data, columns[sparse.indices], sparse.indptr), shape=(mine.size, jump.shape[1]))
 
 
 def of_component(rows: csr_array, a: int) -> csr_array:
@@ -137,8 +139,7 @@ def of_component(rows: csr_array, a: int) -> csr_array:
 def tested(kind: str, trace: Trace, own: csr_array) -> Array:
     """Return the multipliers of a tie that is no weld, as vectors times weights, shape ``(k, q, 3)``.
 
-    ``own`` ``(q, m)`` are the slave's independent functions: they act along the normal, where it slides.  Else they are
-    rigid motions.
+    Of a slide they are the slave's independent functions ``own`` ``(q, m)`` times the normal, else rigid motions.
     """
     weights = trace.weights[:, None]
     if kind == "slide":

@@ -13,7 +13,7 @@ from isorod.assembly.gradients import deformation_gradients, displacement_gradie
 from isorod.assembly.pattern import Layers
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.geometry.quadrature import Rule
 from isorod.material.along_rod import Laws
 from isorod.model.load import Spin
@@ -24,30 +24,30 @@ class Part:
 
     Parameters
     ----------
-    share
+    element_range
         Which they are.
     exchange
-        Where their values are on this rank.
+        Storage of their values on this rank.
     rule
         Quadrature rule in place of the space's own.
 
     Attributes
     ----------
     starts
-        Where this rank has the values of each element's layers, those of a layer side by side, shape ``(E, l)``.
+        First slot on this rank of each element's layers, whose values are contiguous, shape ``(E, l)``.
     width
         Degrees of freedom of a layer, displacements first.
     """
 
-    def __init__(self, share: Share, exchange: Exchange, rule: Rule | None = None) -> None:
-        body = share.body
-        self.body, self.which = body, share.which
-        self.first_node, self.first_dof = share.first_node, share.first_dof
-        self.table = body.space.tabulate(share.first, share.last, rule)
+    def __init__(self, element_range: ElementRange, exchange: Exchange, rule: Rule | None = None) -> None:
+        body = element_range.body
+        self.body, self.which = body, element_range.which
+        self.first_node, self.first_dof = element_range.first_node, element_range.first_dof
+        self.table = body.space.tabulate(element_range.first, element_range.last, rule)
         self.laws = body.laws_at(self.table.u, self.table.xi)
-        self.layers = share.layers
-        self.width = share.width
-        self.share = share
+        self.layers = element_range.layers
+        self.width = element_range.width
+        self.element_range = element_range
         self.starts = exchange.slots(self.first_dof + self.width * self.layers)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
         self._extrapolates = False
@@ -56,38 +56,38 @@ class Part:
     @cached_property
     def dofs(self) -> Index:
         """Degrees of freedom of each element, shape ``(E, l width)``."""
-        return self.share.dofs
+        return self.element_range.dofs
 
     @cached_property
     def slots(self) -> Index:
-        """Where this rank has the values of each element's, shape ``(E, l width)``."""
+        """Slots on this rank of each element's values, shape ``(E, l width)``."""
         return self.slots_of(slice(None))
 
     def slots_of(self, which: Index | slice) -> Index:
-        """Return where this rank has the values of some elements', shape ``(e, l width)``."""
+        """Return the slots on this rank of some elements' values, shape ``(e, l width)``."""
         slots = self.starts[which][:, :, None] + np.arange(self.width)
         return slots.reshape(slots.shape[0], -1)
 
     def elements_of(self, slots: Index) -> Index:
-        """Return the elements that have any of these slots, which ascend."""
+        """Return the elements with any of these slots, which must ascend."""
         before, behind = np.searchsorted(slots, self.starts), np.searchsorted(slots, self.starts + self.width)
         return np.flatnonzero((behind > before).any(axis=1))
 
     @cached_property
     def regions(self) -> list[Region]:
-        """Where one law holds each."""
+        """Regions of one law each."""
         return regions(self.table, self.laws)
 
     def advance(self, local: Array, factor: float) -> None:
-        """Let laws with memory go on to the state at the end of a step, which ends here."""
+        """Update the internal variables of laws with memory at the end of a step."""
         if self.laws.remember:
             self.obey(self.laws.advanced(self.gradients(local), factor))
 
     def obey(self, laws: Laws) -> None:
-        """Go on with the laws in another state."""
+        """Set the laws to other internal variables."""
         self.laws = laws
-        for region, piece in zip(self.regions, laws.pieces, strict=True):
-            region.obey(piece.law)
+        for region, segment in zip(self.regions, laws.pieces, strict=True):
+            region.obey(segment.law)
 
     @property
     def of_dofs(self) -> Layers:
@@ -116,9 +116,9 @@ class Part:
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
         space = self.body.space
-        carriers = space.is_control_point[space.element_nodes[0]]
+        is_control_point = space.is_control_point[space.element_nodes[0]]
         diagonal = np.einsum("eii->ei", self.mass)
-        return np.where(carriers, self.mass @ carriers.astype(float), diagonal)
+        return np.where(is_control_point, self.mass @ is_control_point.astype(float), diagonal)
 
     def centrifugal(self, local: Array, spin: Spin) -> Array:
         """Return the centrifugal forces, shape of ``dofs``."""
@@ -163,10 +163,10 @@ class Part:
         """Return ``det F`` at the quadrature points, shape ``(E, t, q)``."""
         if not local.any():
             return np.ones(self.table.weights.shape)
-        found = np.empty(self.table.weights.shape)
+        det = np.empty(self.table.weights.shape)
         for region in self.regions:
-            region.set_jacobians(local, self.starts, found)
-        return found
+            region.set_jacobians(local, self.starts, det)
+        return det
 
     def smallest_jacobian(self, local: Array) -> tuple[float, int, int, float]:
         """Return the smallest ``det F``, with body, element and axis parameter."""
@@ -177,12 +177,12 @@ class Part:
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
         nothing = np.empty(0)
-        return sum(region.add_forces(local, self.starts, factor, nothing, wanted=True) for region in self.regions)
+        return sum(region.add_forces(local, self.starts, factor, nothing, with_energy=True) for region in self.regions)
 
     def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
-        """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""
-        found = np.stack([motion[self.slots] for motion in motions], axis=1)
-        return np.asarray(np.einsum("emi,emi->m", found @ self.matrices(local, factor), found))
+        """Return the second derivatives of the stored energy along displacements of this rank's degrees of freedom."""
+        moves = np.stack([motion[self.slots] for motion in motions], axis=1)
+        return np.asarray(np.einsum("emi,emi->m", moves @ self.matrices(local, factor), moves))
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces to those on this rank's degrees of freedom."""
@@ -195,7 +195,7 @@ class Part:
         return NONE
 
     def inside(self, local: Array, factor: float) -> Array:
-        """Return the forces that each element has on its own displacements, one element after the other."""
+        """Return the nodal forces of each element, not summed over elements, one element after the other."""
         elements, functions = self.starts.shape
         starts = self.width * np.arange(elements * functions).reshape(elements, functions)
         forces, pressure = np.zeros(starts.size * self.width), self.pressure(local)
@@ -204,24 +204,24 @@ class Part:
         return forces
 
     def add_activation(self, local: Array, factor: float, step: float, forces: Array) -> None:
-        """Add the change of the internal forces when the load factor, and what of the laws goes with it, grows."""
-        # Stress is linear in the activation, almost so in free thermal strains: over a small step digits would cancel.
-        end, begin, share = (factor + step, factor, 1.0) if self.laws.tabled else (factor + 0.5, factor - 0.5, step)
+        """Add the change of the internal forces due to the laws' dependence on the load factor in a step of it."""
+        # Stress is linear in the activation, almost so in thermal strains: a small step would only lose digits.
+        end, begin, scale = (factor + step, factor, 1.0) if self.laws.tabled else (factor + 0.5, factor - 0.5, step)
         after, before = np.zeros((2, local.size))
         self.add_forces(local, end, after)
         self.add_forces(local, begin, before)
-        forces += share * (after - before)
+        forces += scale * (after - before)
 
     @property
     def expelled(self) -> float:
-        """Sum of the sizes of all forces that elements have at rest under full load: what the laws by themselves do."""
+        """Sum of the absolute element forces at rest under full load, as of activation or thermal strain."""
         if not self.laws.loaded:
             return 0.0
         return float(np.abs(self.inside(np.zeros(int(self.slots.max()) + 1), 1.0)).sum())
 
-    def add(self, share: Array, total: Array) -> None:
-        """Add what elements have, shape of ``dofs``, to what this rank's degrees of freedom have."""
-        total += np.bincount(self.slots.ravel(), share.ravel(), total.size)
+    def add(self, values: Array, total: Array) -> None:
+        """Add element values, shape of ``dofs``, to the sums ``total`` on this rank's degrees of freedom."""
+        total += np.bincount(self.slots.ravel(), values.ravel(), total.size)
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``, or those of some elements."""
@@ -236,12 +236,12 @@ class Part:
             region.add_stiffness(local, starts, factor, blocks, entries, pressure)
         return entries.reshape(elements, functions * self.width, -1)
 
-    def extrapolate(self, wanted: bool) -> None:
-        """Let the next tangent be exact; those after it extrapolate the stress, if that is wanted."""
-        self._extrapolates, self._last = wanted, None
+    def extrapolate(self, extrapolates: bool) -> None:
+        """Make the next tangent exact; ``extrapolates`` is whether later ones extrapolate the stress."""
+        self._extrapolates, self._last = extrapolates, None
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
-        """Add the element tangents, whose sum is much smaller than these, to entries of a pattern."""
+        """Add the element tangents to entries of a pattern."""
         pressure = self.pressure(local)
         for region in self.regions:
             region.add_stiffness(local, self.starts, factor, blocks, entries, pressure, self._last)
@@ -249,12 +249,12 @@ class Part:
 
 
 def separate(elements: int, functions: int, size: int) -> Blocks:
-    """Return blocks of element matrices each by itself, ``size`` rows a layer: of a row as many as it has columns."""
+    """Return the blocks of separate, dense element matrices with ``size`` rows a layer."""
     width = functions * size
     layer = np.arange(functions)
     start = width * width * np.arange(elements)[:, None, None] + size * (width * layer[:, None] + layer)
     return Blocks(start, np.full(start.shape, width), elements * width * width)
 
 
-# Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.
+# Round-off error of a stress over the stiffness, from rounding of the deformation gradient.
 ROUNDING = 1e-15

@@ -1,8 +1,8 @@
 """The sparsity pattern of layered elements, each entry once and row by row.
 
-Nodes couple with whole layers, so a row's columns are whole layers too; entries that several elements share are added
-up before PETSc sees them.  They come as the matrix's own arrays (`isorod.petsc.layout`): of a rank's rows first those
-at columns of its own, then those at columns of others, and in the end what it adds to other ranks' rows, which travels.
+Nodes couple with whole layers, so a row's columns are whole layers too; entries common to several elements are summed
+before PETSc gets them.  They are ordered as the matrix's own arrays (`isorod.petsc.layout`): a rank's diagonal block,
+its off-diagonal block, then the entries of other ranks' rows, which are sent there.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ from isorod.assembly import pattern_kernel
 from isorod.assembly.pattern_kernel import Blocks, CompressedRows, Coupling, Pairs
 from isorod.petsc.layout import Layout, Rows, Squares, rows_alone
 
-# Pairs of layers: in this rank's rows and at its columns, or at those of others; in others' rows.
+# Pairs of layers: rows and columns of this rank; its rows, columns of other ranks; rows of other ranks.
 _OWN, _OTHERS, _AWAY = range(3)
 
 
@@ -34,21 +34,21 @@ class Pattern:
     Parameters
     ----------
     bodies
-        Their layers, body by body, at ascending places.
+        Layers of the bodies, body by body, at ascending places.
     number
         Number of what is at each place, negative if it is held.  A layer that is held as a whole has no entries.
     rows
-        All ranks and the number of this one's rows, if a matrix over them is to have these entries and no others.
+        The communicator and the number of this rank's rows, if a matrix with just these entries is to be laid out.
 
     Attributes
     ----------
     blocks
-        Of each body, where blocks of its element matrices are among the entries.
+        For each body, the positions of its element matrices' blocks among the entries.
     total
         Number of entries.
     layout
-        Where they are in a matrix over these ranks; None without ranks, and where the matrix's rows or columns would
-        not ascend, which tied numbers do not.
+        Their positions in a matrix over these ranks; None without ranks, and where rows or columns would not ascend,
+        as with tied unknowns.
     """
 
     def __init__(self, bodies: Sequence[Layers], number: Index, rows: tuple[PETSc.Comm, int] | None = None) -> None:
@@ -73,9 +73,9 @@ class Pattern:
             self.blocks.append(Blocks(start, width, self.total))
 
     def _couplings(self, bodies: Sequence[Layers]) -> "tuple[_Pairs, Index, bool]":
-        """Return pairs of layers, which of them each block of each element is, and whether no layer is held in part.
+        """Return pairs of layers, the pair of each block of each element, and whether no layer is held in part.
 
-        Blocks without entries are none of them: -1.
+        The pair is -1 for blocks without entries.
         """
         keys, sizes, whole = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)], True
         for places, size in bodies:
@@ -95,7 +95,7 @@ class Pattern:
         return first, bool(pattern_kernel.first_numbers(np.ascontiguousarray(places), sizes, self._number, first))
 
     def _over_ranks(self, mine: "_Pairs", whole: bool, ranks: PETSc.Comm, count: int) -> "_Pairs | None":
-        """Find the layout of a matrix over ranks, of so many rows on this one; return what couples there, if any."""
+        """Find the layout of a matrix with ``count`` rows on this rank; return its pairs, None if there is none."""
         comm = ranks.tompi4py()
         if comm.size == 1:
             own, self.total = mine.row_by_row(_OWN, 0)
@@ -130,7 +130,7 @@ class Pattern:
         return np.searchsorted(bounds, first, side="right") - 1, whole
 
     def _rows(self, coupling: Coupling, low: int, high: int, inside: bool, begin: int, whole: bool) -> Rows | None:
-        """Return the compressed rows ``low .. high - 1`` of the entries from one on; None if they do not ascend."""
+        """Return the compressed rows ``low .. high - 1`` of entries from ``begin`` on; None if they do not ascend."""
         widths = coupling.sizes * np.diff(coupling.first)
         total = int((widths * coupling.sizes).sum())
         start, column = np.empty(high - low + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
@@ -143,7 +143,7 @@ class Pattern:
         return Rows(slice(begin, begin + total) if whole else entries[:count], start, column[:count])
 
     def indices(self, number: Index | None = None) -> tuple[Index, Index]:
-        """Return the numbers of row and column of each entry of a pattern without layout, or others in their place."""
+        """Return row and column of each entry of a pattern without layout, by other numbers if given."""
         row, column = np.empty(self.total, dtype=np.int64), np.empty(self.total, dtype=np.int64)
         number = self._number if number is None else np.ascontiguousarray(number)
         pattern_kernel.pattern_indices(self._coupling, number, row, column)
@@ -156,18 +156,18 @@ class _Pairs:
     Parameters
     ----------
     key
-        Place of the row's layer times ``places``, and that of the column's.
+        Place of the row's layer times ``places``, plus that of the column's.
     size
-        Numbers of these layers.
+        Number of unknowns of these layers.
 
     Attributes
     ----------
     row, column
         Places of the layers.
     kind
-        Whose row and whose column it is.
+        Which rank's row and column it is: `_OWN`, `_OTHERS` or `_AWAY`.
     start, width
-        Where each one's block begins and how far its rows are apart, then -1 for what has no place.
+        First entry and row stride of each pair's block, with a -1 appended for blocks without a place.
     """
 
     def __init__(self, key: Index, size: Index, places: int) -> None:
@@ -177,17 +177,17 @@ class _Pairs:
         self.start, self.width = np.full((2, key.size + 1), -1)
 
     def some(self, which: Any) -> "_Pairs":
-        """Return some of them, yet without a place."""
+        """Return some of the pairs, not yet placed."""
         return _Pairs(self.key[which], self.size[which], self._places)
 
     def joined(self, more: "Iterable[_Pairs]") -> "_Pairs":
-        """Return these and others, each once, yet without a place."""
+        """Return the union of these pairs and others, not yet placed."""
         everything = [self, *more]
         key, index = np.unique(np.concatenate([one.key for one in everything]), return_index=True)
         return _Pairs(key, np.concatenate([one.size for one in everything])[index], self._places)
 
     def row_by_row(self, kind: int, begin: int) -> tuple[Coupling, int]:
-        """Give those of a kind room, row by row; return how they couple and where the room ends."""
+        """Place the pairs of a kind row by row; return their coupling and the end of their entries."""
         rows, sizes, first, columns = np.empty((4, self.key.size + 1), dtype=np.int64)
         room = Coupling(rows, sizes, first, columns)
         given = Pairs(self.row, self.column, self.size, self.kind, self.start, self.width)
@@ -195,14 +195,14 @@ class _Pairs:
         return Coupling(rows[:count], sizes[:count], first[: count + 1], columns[:pairs]), end
 
     def block_by_block(self, which: Index, begin: int) -> int:
-        """Give some of them room, one block behind the other; return where it ends."""
+        """Place some pairs, one block after the other; return the end of their entries."""
         ends = begin + np.cumsum(self.size[which] ** 2)
         self.start[which] = ends - self.size[which] ** 2
         self.width[which] = self.size[which]
         return int(ends[-1])
 
     def squares(self, key: Index) -> Squares:
-        """Return the blocks of some pairs."""
+        """Return the blocks of the pairs with some keys."""
         which = np.searchsorted(self.key, key)
         return Squares(self.start[which], self.width[which], self.size[which])
 
@@ -217,5 +217,5 @@ def add(matrices: Array, blocks: Blocks, entries: Array, which: Any = slice(None
 
 
 def joined(arrays: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
-    """Return the numbers of several arrays, or of none, one behind the other."""
+    """Return several arrays, or none, concatenated and flattened."""
     return np.concatenate([np.empty(0, dtype=kind), *(one.ravel() for one in arrays)])

@@ -10,9 +10,9 @@ from isorod.petsc.rows import P1
 
 
 class Coupling(NamedTuple):
-    """The layer at ``rows[r]``, of ``sizes[r]`` numbers, couples with those at ``columns[first[r] : first[r + 1]]``.
+    """The layer at ``rows[r]``, of ``sizes[r]`` unknowns, couples with those at ``columns[first[r] : first[r + 1]]``.
 
-    These are as large; all begin at such places of an array of numbers.
+    These are of the same size.  Rows and columns are first positions in an array of numbers.
     """
 
     rows: Index
@@ -22,7 +22,7 @@ class Coupling(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """Where the blocks of element matrices are among ``total`` entries.
+    """Positions of the blocks of element matrices among ``total`` entries.
 
     Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are
     ``width[e, j, m]`` entries apart.
@@ -41,9 +41,9 @@ class Pairs(NamedTuple):
     row, column
         Places of each pair's layers.
     size, kind
-        Numbers of these layers, and whose row and column it is.
+        Number of unknowns of these layers, and which rank's row and column it is.
     start, width
-        Where blocks begin and how far their rows are apart.
+        First entry and row stride of each block.
     """
 
     row: Index
@@ -60,7 +60,7 @@ class CompressedRows(NamedTuple):
     Attributes
     ----------
     entries
-        Which entries of a pattern they hold, if there is room: there need not be where these are all.
+        Which entries of a pattern they hold; empty if these are all.
     start, column
         The first entry of each row, and the columns.
     near
@@ -81,7 +81,7 @@ BLOCKS = types.NamedTuple([I3, I3, i8], Blocks)
 
 @njit(b1(I1, I1, I1, I1), **FAST)
 def first_numbers(places: Index, sizes: Index, number: Index, first: Index) -> bool:
-    """Fill in the first number that is not negative of each layer, -1 if all are; return whether no layer has both."""
+    """Fill in each layer's first nonnegative number, -1 without one; return whether no layer has both signs."""
     whole = True
     for k in range(places.size):
         first[k] = -1
@@ -97,11 +97,11 @@ def first_numbers(places: Index, sizes: Index, number: Index, first: Index) -> b
 
 
 @njit(types.UniTuple(i8, 3)(PAIRS, i8, i8, COUPLING), **FAST)
-def row_by_row(pairs_of: Pairs, wanted: int, begin: int, coupling: Coupling) -> tuple[int, int, int]:
-    """Give pairs of layers of one kind room for their blocks, row by row, from one entry on.
+def row_by_row(pairs_of: Pairs, chosen: int, begin: int, coupling: Coupling) -> tuple[int, int, int]:
+    """Place the blocks of pairs of layers of one kind, row by row, from entry ``begin`` on.
 
-    Returns the numbers of rows and of pairs in the coupling, which has room for as many of each as there are, and
-    where the room ends.
+    Returns the numbers of rows and of pairs in ``coupling``, which must be large enough for all, and the end of the
+    entries.
     """
     row, column, size, kind, start, width = pairs_of
     rows, sizes, first, columns = coupling
@@ -110,14 +110,14 @@ def row_by_row(pairs_of: Pairs, wanted: int, begin: int, coupling: Coupling) -> 
     while k < row.size:
         end, beside = k, 0
         while end < row.size and row[end] == row[k]:
-            beside += 1 if kind[end] == wanted else 0
+            beside += 1 if kind[end] == chosen else 0
             end += 1
         if beside:
             rows[count], sizes[count], first[count] = row[k], size[k], pairs
             count += 1
             at = place
             for p in range(k, end):
-                if kind[p] == wanted:
+                if kind[p] == chosen:
                     start[p], width[p] = at, beside * size[k]
                     at += size[k]
                     columns[pairs] = column[p]
@@ -149,7 +149,7 @@ def pattern_rows(
 ) -> int:
     """Fill in the compressed rows ``low .. high - 1`` of the entries of a pattern that have a number.
 
-    Returns how many there are, or -1 if rows or columns do not ascend, or are not where they should be.
+    Returns their number, or -1 if rows or columns do not ascend or are out of range.
 
     Parameters
     ----------
@@ -158,9 +158,9 @@ def pattern_rows(
     number
         Number of what is at each place, negative where there is none.
     inside
-        Whether columns are within these rows, and counted from the first of them; if not, none is.
+        Whether all columns are within these rows, and counted from the first of them; else none is.
     place
-        Of the first entry.
+        Position of the first entry.
     """
     entries, start, column, near = out
     rows, sizes, first, columns = coupling

@@ -1,6 +1,6 @@
-"""Loads that depend on the state: pressure that follows a surface, and moments (`isorod.assembly.twisting`).
+"""Follower loads, which depend on the state: pressure on a surface, and moments (`isorod.assembly.twisting`).
 
-Of pressure ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du``, ``x`` where the surface is now.
+Of pressure ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du`` with the present position ``x`` of the surface.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.assembly.twisting import Twisting
 from isorod.model.load import Pressure, SectionLoad
 
-# Of the cross product of two vectors.
+# Permutation symbol: ``(a x b)_i = _CROSS[i, j, k] a_j b_k``.
 _CROSS = np.zeros((3, 3, 3))
 for _a, _b, _c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _CROSS[_a, _b, _c], _CROSS[_a, _c, _b] = 1.0, -1.0
@@ -38,20 +38,20 @@ class Pressing:
 
     Parameters
     ----------
-    share
+    element_range
         Which elements they are.
     loads
-        Pressures that follow, and moments, on that body.
+        Follower pressures and moments on that body.
     """
 
-    def __init__(self, share: Share, loads: Sequence[Pressure | SectionLoad]) -> None:
-        space = share.body.space
-        # Of each load the factor that it has now.
+    def __init__(self, element_range: ElementRange, loads: Sequence[Pressure | SectionLoad]) -> None:
+        space = element_range.body.space
+        # The present factor of each load.
         self._loads, self._factors = loads, [1.0] * len(loads)
-        nodes = space.element_nodes[share.first : share.last]
-        shape = (*share.layers.shape, space.layer_nodes, 3)
+        nodes = space.element_nodes[element_range.first : element_range.last]
+        shape = (*element_range.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)
-        moments = [(k, Twisting(share, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
+        moments = [(k, Twisting(element_range, load)) for k, load in enumerate(loads) if isinstance(load, SectionLoad)]
         self._twisting = bool(moments)
         self._moments = [(k, one) for k, one in moments if one.element >= 0]
         self._surfaces = []
@@ -60,24 +60,24 @@ class Pressing:
                 continue
             xi, u, weights = load.points(space)
             values, gradients = space.basis.functions(xi)
-            own = u[share.first : share.last]
+            own = u[element_range.first : element_range.last]
             _, axial, slopes = space.axis.local(own.ravel())
             surface = Surface(
                 values,
                 gradients[:, :, 1] * xi[:, :1] - gradients[:, :, 0] * xi[:, 1:],
                 axial.reshape(*own.shape, -1),
                 slopes.reshape(*own.shape, -1),
-                weights[share.first : share.last],
+                weights[element_range.first : element_range.last],
             )
             self._surfaces.append((k, surface))
 
     def at(self, begin: float, end: float) -> None:
-        """Let loads be their means over a time, or what they are at it."""
+        """Set the loads to their means over a time interval, or their values at one time."""
         self._factors = [load.factor(begin, end) for load in self._loads]
 
-    def reach(self, share: Callable[[Pressure | SectionLoad], float]) -> None:
-        """Let loads be what they are with a share of each."""
-        self._factors = [share(load) for load in self._loads]
+    def reach(self, amplitude: Callable[[Pressure | SectionLoad], float]) -> None:
+        """Set the factor of each load."""
+        self._factors = [amplitude(load) for load in self._loads]
 
     def _tangents(self, s: Surface, nodal: Array) -> tuple[Array, Array]:
         """Return ``dx/dtheta`` and ``dx/du``, shape ``(E, t, q, 3)``."""
@@ -86,7 +86,7 @@ class Pressing:
         return around, np.einsum("etj,qn,ejna->etqa", s.slopes, s.values, places, optimize=True)
 
     def forces(self, nodal: Array) -> Array:
-        """Return the forces, with the factors of now, shape of the nodal displacements ``(E, l, n, 3)``."""
+        """Return the forces with the present factors, shape of the nodal displacements ``(E, l, n, 3)``."""
         result = np.zeros(nodal.shape)
         for k, s in self._surfaces:
             pull = self._factors[k] * s.weights[..., None] * np.cross(*self._tangents(s, nodal))
@@ -97,14 +97,14 @@ class Pressing:
         return result
 
     def _places(self, one: Twisting, nodal: Array) -> Array:
-        """Return where the nodes of the element of a moment are."""
+        """Return the present positions of the nodes of a moment's element."""
         return (self._positions[one.element] + nodal[one.element]).reshape(-1, 3)
 
     def stiffness(self, nodal: Array) -> Array:
-        """Return the derivatives of the forces, of pressures alone made symmetric, shape ``(E, l n 3, l n 3)``.
+        """Return the derivatives of the forces, without moments made symmetric, shape ``(E, l n 3, l n 3)``.
 
-        They are symmetric but for terms along the edges of the surface at free ends, which Newton's method does
-        without.
+        Those of pressures are symmetric except for terms along the surface's edges at free ends, which Newton's method
+        does not need.
         """
         result = self.derivatives(nodal)
         if self._twisting:

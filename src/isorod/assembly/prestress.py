@@ -1,8 +1,8 @@
 """Geometric stiffness of a stress: ``G_jl,km = int S_l,A R_j sigma_AB S_m,B R_k dV`` of each component.
 
-With the stress by which a model at rest begins to bear its loads, and the load stiffness of pressures that follow, it
-is what classical, linear buckling takes for the change of the tangent.  Displacements before buckling are left out:
-where bodies turn, a tangent in fixed axes does not survive their first order.
+With the linear stress of the loads at rest, and the load stiffness of follower pressures, it is the change of the
+tangent in classical, linear buckling.  Displacements before buckling are neglected: with rotating bodies, their first
+order in a tangent in fixed axes would be wrong.
 """
 
 from collections.abc import Sequence
@@ -31,31 +31,31 @@ def entries(
     pattern
         That of the tangent.
     states
-        States of this rank, a short way ``step`` of the load factor before rest, at rest, and behind it.
+        States of this rank at load factors ``-step``, 0 and ``step``.
     step
-        That way.
+        A small load factor.
     pressing
-        What follows each part's surface, if anything does.
+        Follower loads on each part, if there are any.
     """
     before, rest, after = states
-    found = np.zeros(pattern.total)
+    result = np.zeros(pattern.total)
     for k, (part, blocks) in enumerate(zip(parts, pattern.blocks, strict=True)):
-        add(_of_part(part, before, after, step), blocks, found)
+        add(_of_part(part, before, after, step), blocks, result)
         if pressing:
             followed = part.padded_matrices(pressing[k].stiffness(part.nodal(rest)))
-            add(-followed.reshape(*part.dofs.shape, -1), blocks, found)
-    return found
+            add(-followed.reshape(*part.dofs.shape, -1), blocks, result)
+    return result
 
 
 def _of_part(part: Part, before: Array, after: Array, step: float) -> Array:
     """Return the geometric stiffness of a part's elements, ``(E, l width, l width)``."""
-    # Free strains of heat, too, grow with the load factor.
+    # Thermal strains grow with the load factor, too.
     ends = (part.laws.at(f).stress(part.gradients(one)) for f, one in ((-step, before), (step, after)))
     stress = np.subtract(*reversed(list(ends)))
     pressure = part.pressure(after) - part.pressure(before)
     if pressure.size:
         stress += pressure[..., None, None] * np.eye(3)
-    # Of a stress at rest what is not symmetric is rounding.
+    # The unsymmetric part of a stress at rest is rounding.
     stress = (stress + np.swapaxes(stress, -1, -2)) / (4.0 * step)
     scalar = np.stack([_scalar(part.table, stress, e) for e in range(part.table.elements)])
     size = 3 * scalar.shape[1]

@@ -1,4 +1,4 @@
-"""Elements, and points of their sections, that obey one law: their forces and tangents, some elements at a time."""
+"""Elements, and points of their sections, with one law: forces and tangents, some elements at a time."""
 
 from collections.abc import Iterator
 from functools import cache, cached_property
@@ -21,30 +21,29 @@ from isorod.space.space import Table
 
 NONE = np.empty((0, 0))
 
-# Points whose stresses are there at a time, and numbers that moduli and section matrices may take together: what stays
-# in the processor's cache, and is enough for few calls from Python.  Measured: twice or half as many are no better.
+# Points whose stresses are evaluated at a time, and numbers in moduli and section matrices together: few enough for the
+# processor's cache, and enough for few calls from Python.  Measured: twice or half as many are no better.
 _POINTS = 4096
 _NUMBERS = 200_000
 
-# Places along the axis that are taken together at least: BLAS is slow at products with fewer rows.
+# Fewest places along the axis at a time: BLAS is slow at products with fewer rows.
 _PLACES = 48
 
-# Numbers that products of section functions may take; where there are more, some of the section's points are taken at a
-# time.
+# Most numbers in products of section functions; with more, the section's points are taken in several passes.
 _PRODUCTS = 8_000_000
 
-# Geometry that differs by a smaller share from place to place is the same.
+# Relative difference of geometry between places that counts as none.
 _SAME = 1e-12
 
 
 class Region:
-    """Elements ``first .. last - 1`` of a part, and points of their sections, that obey one law.
+    """Elements ``first .. last - 1`` of a part, and points of their sections, with one law.
 
     Parameters
     ----------
     table
         Functions and geometry of the part.
-    piece
+    segment
         The elements, the points and the law.
 
     Attributes
@@ -53,9 +52,9 @@ class Region:
         Functions and geometry of these elements and points.
     """
 
-    def __init__(self, table: Table, piece: Piece) -> None:
-        self.piece, self.first, self.last = piece, piece.first, piece.last
-        self.table = table.part(slice(piece.first, piece.last), piece.points)
+    def __init__(self, table: Table, segment: Piece) -> None:
+        self.segment, self.first, self.last = segment, segment.first, segment.last
+        self.table = table.part(slice(segment.first, segment.last), segment.points)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -63,27 +62,27 @@ class Region:
         return self.table.weights.shape
 
     def own(self, values: Any) -> Any:
-        """Return what arrays ``(E, ...)`` of the part's elements hold of these."""
+        """Return the rows of arrays ``(E, ...)`` of the part's elements for these elements."""
         return values[self.first : self.last]
 
     def at_points(self, values: Array) -> Array:
-        """Return what arrays ``(E, t, q)`` hold at these of the part's points, ``(E t, q)``; an empty one as it is."""
-        return _rows(self.own(values)[:, :, self.piece.points, None]) if values.size else values
+        """Return values ``(E t, q)`` at these points from arrays ``(E, t, q)`` of the part; empty ones unchanged."""
+        return _rows(self.own(values)[:, :, self.segment.points, None]) if values.size else values
 
     @cached_property
     def _known(self) -> Array:
-        """What does not change at the points in a step (`isorod.assembly.field_kernel.take_known`)."""
-        table, law = self.table, self.piece.law
+        """Data at the points that are constant in a step (`isorod.assembly.field_kernel.take_known`)."""
+        table, law = self.table, self.segment.law
         known = [table.inverse.reshape(*self.shape, 9), table.weights[..., None]]
         return _rows(np.concatenate([*known, law.known(self.shape)] if law.width else known, axis=-1))
 
     def obey(self, law: Material) -> None:
-        """Go on with another state of the law."""
-        self.piece = self.piece._replace(law=law)
+        """Set the law to another state."""
+        self.segment = self.segment._replace(law=law)
         self.__dict__.pop("_known", None)
 
     def _of(self, values: Array, first: int, last: int) -> Array:
-        """Return what rows of all elements, as many of each, hold of some."""
+        """Return the rows of some elements from those of all, equally many for each."""
         each = values.shape[0] // self.shape[0]
         return values[first * each : last * each]
 
@@ -95,11 +94,11 @@ class Region:
 
     @cached_property
     def _volumes(self) -> Array | None:
-        """Weights of places along the axis over those of the first, ``(E t,)``, if moduli differ by that alone.
+        """Weights of places along the axis over the first's, ``(E t,)``, if moduli differ by these alone; else None.
 
-        They do in straight rods of one section whose law knows neither state nor place.
+        They do in straight rods of one section with a law that depends on neither state nor place.
         """
-        law, inverse, weights = self.piece.law, self.table.inverse, self.table.weights
+        law, inverse, weights = self.segment.law, self.table.inverse, self.table.weights
         if law.objective or law.width or np.abs(inverse - inverse[0, 0]).max() > _SAME * np.abs(inverse).max():
             return None
         volumes = weights.sum(axis=2) / weights[0, 0].sum()
@@ -107,17 +106,17 @@ class Region:
         return volumes.ravel() if same else None
 
     def _law(
-        self, factor: float, pressed: bool, wanted: bool = False, extrapolates: bool = False
+        self, factor: float, pressed: bool, with_moduli: bool = False, extrapolates: bool = False
     ) -> tuple[Functions, Steps]:
-        """Return what compiled loops are told of the law; whether moduli are wanted, and with extrapolated stress."""
-        law = self.piece.law.reached(factor)
+        """Return law and steps for the compiled loops: with moduli or stress alone, with extrapolated stress or not."""
+        law = self.segment.law.reached(factor)
         one = law.compiled
         trace = not law.logarithmic
-        functions = Functions(one.block, one.tangent if wanted else 0, law.constants)
-        return functions, _steps(wanted, extrapolates, pressed, trace)
+        functions = Functions(one.block, one.tangent if with_moduli else 0, law.constants)
+        return functions, _steps(with_moduli, extrapolates, pressed, trace)
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:
-        """Yield the bounds of so many elements at a time, or one."""
+        """Yield the bounds of ``count`` elements at a time, at least one."""
         elements, step = self.shape[0], max(1, count)
         for first in range(0, elements, step):
             yield first, min(first + step, elements)
@@ -141,7 +140,7 @@ class Region:
         factor: float,
         forces: Array,
         pressure: Array = NONE,
-        wanted: bool = False,
+        with_energy: bool = False,
     ) -> float:
         """Add the internal forces.
 
@@ -152,14 +151,14 @@ class Region:
         factor
             The load factor.
         forces
-            As the degrees of freedom, or an empty array where the energy alone is wanted.
+            On the same degrees of freedom; an empty array if only the energy is needed.
         pressure
             That of the mixed formulation at the part's points ``(E, t, q)``, or an empty array.
 
         Returns
         -------
         energy
-            That of the law, if it is wanted.
+            That of the law, with ``with_energy``.
         """
         _, along, points = self.shape
         law = self._law(factor, pressure.size > 0)
@@ -168,21 +167,21 @@ class Region:
         energy, moves = 0.0, self._coefficients(local, starts)
         for first, last in self._some(_POINTS // (along * points)):
             field = self._field(moves, pressures, first, last)
-            energy += stresses(*law, self._of(self._known, first, last), field, wanted)
+            energy += stresses(*law, self._of(self._known, first, last), field, with_energy)
             if forces.size:
                 sums = field.across.reshape(-1, 2 * points) @ across.T, field.along @ whole.T
                 add_resultants(self.table, *sums, first, last, starts, forces)
         return energy
 
     def set_jacobians(self, local: Array, starts: Index, out: Array) -> None:
-        """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
+        """Fill in ``det F`` at these points in an array ``(E, t, q)`` of the part."""
         _, along, points = self.shape
         deform, moves = _deform(), self._coefficients(local, self.own(starts))
         result = np.empty((self.shape[0] * along, points))
         for first, last in self._some(_POINTS // (along * points)):
             field = self._field(moves, NONE, first, last)
             determinants(deform, self._of(self._known, first, last), field, self._of(result, first, last))
-        self.own(out)[:, :, self.piece.points] = result.reshape(self.shape)
+        self.own(out)[:, :, self.segment.points] = result.reshape(self.shape)
 
     def add_stiffness(
         self,
@@ -201,9 +200,9 @@ class Region:
         local, starts, factor, pressure
             As in `add_forces`.
         blocks, entries
-            Where blocks of the part's elements lie in these entries.
+            Positions of the part's element blocks in these entries.
         last
-            What the stress is extrapolated from, if it is.
+            State from which the stress is extrapolated, or None.
         """
         elements, along, points = self.shape
         law = self._law(factor, pressure.size > 0, True, last is not None)
@@ -215,7 +214,7 @@ class Region:
         count = min(elements, max(-(-_PLACES // along), _NUMBERS // ((45 * tile + 21 * squared) * along)))
         volumes, moves = self._volumes, self._coefficients(local, starts)
         past = None if last is None else self._coefficients(last.local, starts)
-        # Made once: memory that the system gives anew is slow.
+        # Allocated once: fresh memory from the system is slow.
         pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
         products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
         sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
@@ -245,28 +244,28 @@ class Region:
 
 
 def _rows(values: Array) -> Array:
-    """Return values ``(E, t, q, m)`` at points as rows of each place one behind the other, ``(E t m, q)``."""
+    """Return values ``(E, t, q, m)`` at points as rows ``(E t m, q)``, place by place."""
     return np.ascontiguousarray(values.swapaxes(2, 3)).reshape(-1, values.shape[2])
 
 
 class _Four:
-    """Room for four matrices one behind the other, of each so many times more rows and columns."""
+    """Work space for four contiguous matrices, whose rows and columns are multiples of two sizes."""
 
     def __init__(self, *times: tuple[int, int], size: int) -> None:
         self._times = times
         self.room = np.empty(sum(rows * columns for rows, columns in times) * size)
-        self._found: dict[tuple[int, int], tuple[Array, ...]] = {}
+        self._matrices: dict[tuple[int, int], tuple[Array, ...]] = {}
 
     def of(self, rows: int, columns: int) -> tuple[Array, ...]:
-        """Return the matrices for so many rows and columns."""
-        if (rows, columns) not in self._found:
-            found, begin = [], 0
+        """Return the matrices for these numbers of rows and columns."""
+        if (rows, columns) not in self._matrices:
+            matrices, begin = [], 0
             for p, q in self._times:
                 end = begin + p * rows * q * columns
-                found.append(self.room[begin:end].reshape(p * rows, q * columns))
+                matrices.append(self.room[begin:end].reshape(p * rows, q * columns))
                 begin = end
-            self._found[rows, columns] = tuple(found)
-        return self._found[rows, columns]
+            self._matrices[rows, columns] = tuple(matrices)
+        return self._matrices[rows, columns]
 
 
 @cache
@@ -276,18 +275,18 @@ def _deform() -> int:
 
 @cache
 def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Steps:
-    """Return what happens on the way to stresses, or moduli too.
+    """Return the steps of evaluating stresses, or moduli too.
 
     Parameters
     ----------
     moduli, extrapolates
-        Whether moduli are wanted, and with the stress that extrapolates that of another state.
+        Whether moduli are evaluated, and with stress extrapolated from another state.
     pressed, trace
-        Whether there is the pressure of the mixed formulation, and whether its ``theta`` is the trace of the strain.
+        Whether the formulation is mixed, and whether its ``theta`` is the trace of the strain.
     """
 
-    def maybe(wanted: bool, function: Any) -> int:
-        return address(function, STEP) if wanted else 0
+    def maybe(needed: bool, function: Any) -> int:
+        return address(function, STEP) if needed else 0
 
     return Steps(
         _deform(),
@@ -301,5 +300,5 @@ def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Step
 
 
 def regions(table: Table, laws: Laws) -> list[Region]:
-    """Return the regions of the elements that a table has, which obey these laws."""
-    return [Region(table, piece) for piece in laws.pieces]
+    """Return the regions of a table's elements, one for each segment of the laws."""
+    return [Region(table, segment) for segment in laws.pieces]

@@ -1,4 +1,4 @@
-"""Which elements and degrees of freedom a rank has: elements in equal shares along the axes, body after body."""
+"""Partition of elements and degrees of freedom over ranks: equal numbers of elements along the axes, body by body."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from isorod.model.body import Body
 from isorod.model.model import Model
 
 
-class Share(NamedTuple):
+class ElementRange(NamedTuple):
     """The elements ``first .. last - 1`` of a body of the model, number ``which``.
 
     Its degrees of freedom start at ``first_dof``, ``width`` a layer, its nodes at ``first_node``.
@@ -37,13 +37,13 @@ class Share(NamedTuple):
 
     @property
     def couplings(self) -> int:
-        """About how many pairs of degrees of freedom share an element."""
+        """Approximate number of pairs of degrees of freedom with a common element."""
         layers = np.unique(self.layers).size
         return int(layers * min(2 * self.layers.shape[1] - 1, layers) * self.width**2)
 
 
-class Split:
-    """The elements of a model over ranks.
+class Partition:
+    """Partition of a model's elements over ranks.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Split:
     first_dof
         An assembler's first degree of freedom of each body, and their number.
     widths
-        How many of them a layer of each body has, displacements first.
+        Number of degrees of freedom of each body's layers, displacements first.
     size
         Number of ranks.
     """
@@ -65,25 +65,25 @@ class Split:
 
     def numbers(self) -> Index:
         """Return the assembler's number of each of the model's degrees of freedom, ascending."""
-        found = [np.empty(0, np.int64)]
+        result = [np.empty(0, np.int64)]
         for body, first, width in zip(self._model.bodies, self._first_dof[:-1], self._widths, strict=True):
             layers = first + np.arange(body.space.layers)[:, None] * width
-            found.append((layers + np.arange(3 * body.space.layer_nodes)).ravel())
-        return np.concatenate(found)
+            result.append((layers + np.arange(3 * body.space.layer_nodes)).ravel())
+        return np.concatenate(result)
 
-    def shares(self, rank: int) -> list[Share]:
-        """Return the elements of a rank."""
+    def element_ranges(self, rank: int) -> list[ElementRange]:
+        """Return the elements of a rank, one range for each body with any."""
         nodes, dofs = self._model.first_node, self._first_dof
-        found = []
+        result = []
         for b, body in enumerate(self._model.bodies):
             own = self._bounds[rank : rank + 2] - self._first_element[b]
             low, high = (int(x) for x in np.clip(own, 0, body.space.axis.elements))
             if high > low:
-                found.append(Share(body, b, int(nodes[b]), int(dofs[b]), self._widths[b], low, high))
-        return found
+                result.append(ElementRange(body, b, int(nodes[b]), int(dofs[b]), self._widths[b], low, high))
+        return result
 
     def owners(self) -> Index:
-        """Return the rank of each degree of freedom: a layer is the first element's that has it."""
+        """Return the rank of each degree of freedom: a layer belongs to its first element."""
         owner = np.zeros(self._first_dof[-1], dtype=np.int64)
         for b, body in enumerate(self._model.bodies):
             layers, count = body.space.element_layers, body.space.axis.elements

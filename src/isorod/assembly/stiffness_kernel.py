@@ -1,9 +1,9 @@
 """The element matrices of a tangent, compiled; shapes as in `isorod.assembly.element_kernel`.
 
-Moduli are evaluated block by block where they are wanted (`isorod.assembly.block_kernel`), pulled back to disk x axis
-and left to products of matrices with those of pairs of section functions: all a section's points at once, or some where
-there are many.  What that leaves at each place along the axis is summed up with products of axis functions.  Of the
-pairs of components ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
+Moduli are evaluated block by block (`isorod.assembly.block_kernel`), pulled back to disk x axis and multiplied, as
+matrices, with products of pairs of section functions: at all points of a section at once, or at some of many.  The
+section matrices at places along the axis are summed with products of axis functions.  Where rows and columns have the
+same derivatives, pairs of components ``a b`` with ``a <= b`` suffice.
 """
 
 from typing import Any
@@ -38,12 +38,12 @@ _1, _2, _3, _4 = (np.uint64(k) for k in range(1, 5))
 # Matrices of both components across, of one component's own, of one across and one along, of both along.
 FOUR = types.UniTuple(F2, 4)
 
-# Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
+# For each of the nine pairs of components ``3 a + b``: its number, or its transpose's, among 01, 02, 12, 00, 11, 22.
 _PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
 
-# Which of the four matrices has each of a block's rows of moduli, and as which of its rows at a place.
+# The matrix, of four, of each of a block's rows of moduli, and its row there at a place.
 _MATRIX, _ROW = moduli_rows()
-# Of each matrix, rows a place, and those of the matrices before it.
+# Rows a place of each matrix, and of all matrices before it.
 _ROWS, _BEFORE = np.array([12, 9, 18, 6]), np.array([0, 12, 21, 39])
 
 
@@ -73,7 +73,7 @@ def multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, A
 
 @njit(**FAST)
 def _outer(first: Array, second: Array, products: Array) -> None:
-    """Fill in the products of all of the first with all of the second, one row: few at a time are written in step."""
+    """Fill in the products of all of the first with all of the second, as one row."""
     n = np.uint64(second.size)
     for i in range(np.uint64(first.size)):
         x, at = first[i], i * n
@@ -92,7 +92,7 @@ def moduli(
     law, steps, known
         As for `isorod.assembly.field_kernel.stresses`.
     now, last
-        The field, and that at the last tangent if the stress is extrapolated from it.
+        The present field, and that at the last tangent if the stress is extrapolated from it.
     span
         The points are those of the section from the first to before the second.
     pulled
@@ -107,10 +107,10 @@ def moduli(
         take_known(known, places, these, work)
         if steps.press:
             take(now.pressure, PRESSURES, these, work)
-        # The last state, if the stress is extrapolated, between two looks at the present one.
-        for look in range(0 if steps.foresee else 2, 3):
-            if look == 1:
-                # Present and last pressure change places, and do so again.
+        # With extrapolation three passes: F of the present state, stress and moduli of the last, then of the present.
+        for turn in range(0 if steps.foresee else 2, 3):
+            if turn == 1:
+                # Swap present and last pressure; swapped back below.
                 if steps.press:
                     take(last.pressure, PRESSURES_BEFORE, these, work)
                     _swap(work)
@@ -118,7 +118,7 @@ def moduli(
             else:
                 take_gradients(now, these, work)
             call_step(np.uint64(steps.deform), (work,))
-            if look == 0:
+            if turn == 0:
                 for k in range(np.uint64(10 * POINTS)):
                     work[_R[STATE] + k] = work[_R[GRADIENT] + k]
                 continue
@@ -130,7 +130,7 @@ def moduli(
                 call_step(np.uint64(steps.press), (work,))
             if steps.press_moduli:
                 call_step(np.uint64(steps.press_moduli), (work,))
-            if look == 1:
+            if turn == 1:
                 call_step(np.uint64(steps.foresee), (work,))
                 if steps.press:
                     _swap(work)
@@ -156,7 +156,7 @@ def _copy(work: Array, at: Any, target: Array, to: Any, length: int) -> None:
 
 @njit(**FAST)
 def _swap(work: Array) -> None:
-    """Let present and last pressure change places."""
+    """Swap present and last pressure."""
     for k in range(np.uint64(POINTS)):
         x = work[_R[BEFORE] + k]
         work[_R[BEFORE] + k] = work[_R[PRESSURE] + k]
@@ -167,9 +167,9 @@ def _swap(work: Array) -> None:
 def add_blocks(
     table: Table, first: int, last: int, sums: tuple[Array, Array, Array, Array], blocks: Blocks, entries: Array
 ) -> None:
-    """Add what section matrices of the elements ``first .. last - 1`` make of element matrices to entries (`Blocks`).
+    """Add the element matrices of elements ``first .. last - 1``, summed from section matrices, to entries (`Blocks`).
 
-    Rows of these: a place along the axis each, one pair of components ``n n`` after the other, as of the moduli.
+    Rows of ``sums``: one for each place along the axis, with pairs of components ``n n`` in the order of the moduli.
     """
     along, functions = table.axial.shape[1:]
     n = table.section.shape[2]
@@ -195,7 +195,7 @@ def add_blocks(
         s = (e - first) * along
         both[:] = 0.0
         one[:] = 0.0
-        # Loops, though they look odd: what they call is compiled as often as it is called.
+        # Loops, since each call in the source would be compiled separately.
         for g in range(4):
             _combine(factors[g], sums[g], s, totals[g], 3 * nn if g == 1 else 0)
         p = 0
@@ -213,7 +213,7 @@ def add_blocks(
 def _combine(factors: Array, rows: Array, first: int, sums: Array, column: int) -> None:
     """Add the products of factors ``(p, t)`` with ``t`` rows, from the first on, to columns of sums ``(p, ...)``.
 
-    They are small ones, which BLAS is slow at.
+    BLAS is slow at such small products.
     """
     count, s, c = np.uint64(rows.shape[1]), np.uint64(first), np.uint64(column)
     along = factors.shape[1]
@@ -239,8 +239,8 @@ def _scatter(sums: tuple[Array, ...], n: int, start: int, width: int, transposed
     Parameters
     ----------
     sums
-        Of the six pairs of components, what has the derivatives of both alike, shape ``(6 n n,)``; of all nine, what
-        has the second's derivative along the axis; the same of the block with places changed.
+        Terms with the same derivatives of both functions, of six pairs of components, shape ``(6 n n,)``; terms with
+        the second's derivative along the axis, of all nine pairs; the latter of the transposed block.
     """
     if start < 0:
         return

@@ -1,20 +1,20 @@
-"""Moments of sections (`isorod.model.load.SectionLoad`): ``f_i = w x int R_i r dA``, ``r`` where the section is now.
+"""Moments of sections (`isorod.model.load.SectionLoad`): ``f_i = w x int R_i r dA`` with present positions ``r``.
 
-Of nodes' places ``x`` and ``B_ij = int R_i R_j dA - int R_i dA int R_j dA / A`` they are ``f = w x B x``, with
-``J w = moment``, ``J = tr(P) 1 - P``, ``P = x^T B x``.  The derivative is not symmetric, since a moment that stays the
-same in space has no potential.
+With nodal positions ``x`` and ``B_ij = int R_i R_j dA - int R_i dA int R_j dA / A`` they are ``f = w x B x``, where
+``J w = moment``, ``J = tr(P) 1 - P``, ``P = x^T B x``.  The derivative is not symmetric, since a moment fixed in space
+has no potential.
 """
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.model.load import SectionLoad
 from isorod.tensors import cross
 
 
 def spread_of(weights: Array, values: Array) -> Array:
-    """Return ``B`` ``(m, m)`` of functions ``(q, m)`` at points of a section of some weights ``(q,)``."""
+    """Return ``B`` ``(m, m)`` of functions ``(q, m)`` at points of a section with weights ``(q,)``."""
     mean = weights @ values
     return np.asarray((weights[:, None] * values).T @ values - np.outer(mean, mean) / weights.sum())
 
@@ -28,14 +28,14 @@ class Twisting:
         Number of the element among the rank's; negative where another rank has it.
     """
 
-    def __init__(self, share: Share, load: SectionLoad) -> None:
-        space = share.body.space
+    def __init__(self, element_range: ElementRange, load: SectionLoad) -> None:
+        space = element_range.body.space
         trace, axis = load.trace(space), space.axis
         u = axis.breaks[-1] if load.u is None else load.u
-        found = int(np.clip(np.searchsorted(axis.breaks, u, "right") - 1, 0, axis.elements - 1))
-        self.element = found - share.first if share.first <= found < share.last else -1
+        element = int(np.clip(np.searchsorted(axis.breaks, u, "right") - 1, 0, axis.elements - 1))
+        self.element = element - element_range.first if element_range.first <= element < element_range.last else -1
         self._moment = np.array(load.moment)
-        nodes = space.element_nodes[found]
+        nodes = space.element_nodes[element]
         order = np.argsort(nodes)
         values = np.zeros((len(trace.weights), nodes.size))
         values[:, order[np.searchsorted(nodes, trace.nodes[0], sorter=order)]] = trace.values
@@ -49,14 +49,14 @@ class Twisting:
         return arms, inverse, inverse @ self._moment
 
     def forces(self, places: Array) -> Array:
-        """Return the forces at load factor 1 on the element's nodes, ``(m, 3)`` as their places now."""
+        """Return the forces at load factor 1 on the element's nodes, shape ``(m, 3)`` of their present positions."""
         arms, _, turn = self._turned(places)
         return np.cross(turn, arms)
 
     def derivatives(self, places: Array) -> Array:
         """Return the derivatives of the forces by the places, shape ``(3 m, 3 m)``."""
         arms, inverse, turn = self._turned(places)
-        # Of J w by the places, where w stays.
+        # Derivative of J w by the positions at constant w.
         change = 2.0 * np.einsum("jb,a->ajb", arms, turn) - np.einsum("ja,b->ajb", arms, turn)
         change -= np.einsum("ab,j->ajb", np.eye(3), arms @ turn)
         pushed = np.array([cross(arm) for arm in arms]) @ inverse

@@ -1,4 +1,4 @@
-"""The unknowns of a model and how ranks share them: rows and elements are split along the axis."""
+"""The unknowns of a model and their partition over ranks: rows and elements are split along the axis."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.split import Split
+from isorod.assembly.split import Partition
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.model import Model
@@ -32,14 +32,14 @@ class Unknowns:
         First degree of freedom of each body, and their number.
     rows, block
         Number of unknowns of this rank, and how many make a block.
-    shares
+    element_ranges
         The elements of this rank.
     coupling
-        What ties and solids make of these unknowns (`isorod.assembly.coupling.Coupling`), None without.  Vectors and
-        matrices are then those of the whole system.
+        Transformation of the unknowns by ties and solids (`isorod.assembly.coupling.Coupling`), None without.  With it,
+        vectors and matrices are those of the whole system.
     """
 
-    # What a subclass may add to.
+    # Subclasses may add others.
     formulations: tuple[str, ...] = ("displacement",)
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
@@ -48,7 +48,7 @@ class Unknowns:
         for b, body in enumerate(model.bodies):
             if body.formulation not in self.formulations:
                 raise InputError(f"body {b}: formulation {body.formulation!r}, which needs the mixed assembler")
-        # What supports prescribe to this rank at the last load factor.
+        # Prescribed displacements on this rank at the last load factor.
         self._prescribed: tuple[float, Array] | None = None
         self._number()
         self._split()
@@ -69,18 +69,18 @@ class Unknowns:
     def _split(self) -> None:
         """Take this rank's elements and rows."""
         size, rank = self.comm.getSize(), self.comm.getRank()
-        split = Split(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
-        self.shares = split.shares(rank)
+        partition = Partition(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
+        self.element_ranges = partition.element_ranges(rank)
         window = None
         self.rows = self.unknowns
         self._owned = np.ones(self.first[-1], dtype=bool)
         if size > 1:
-            self._owned = split.owners() == rank
+            self._owned = partition.owners() == rank
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
-            dofs = [share.dofs.ravel() for share in self.shares]
+            dofs = [element_range.dofs.ravel() for element_range in self.element_ranges]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
         vector = self._own_vector() if size > 1 else None
-        self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
+        self._exchange = Exchange(vector, self.free, window, partition.numbers(), self.model.bound)
 
     def _coupled(self) -> "Coupling | None":
         if not self.model.coupled:
@@ -103,7 +103,7 @@ class Unknowns:
         return vector
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return this rank's degrees of freedom at a load factor: what supports prescribe and the unknowns."""
+        """Return this rank's degrees of freedom at a load factor: prescribed displacements plus unknowns."""
         if self._prescribed is None or self._prescribed[0] != factor:
             self._prescribed = factor, self.local(self.prescribed(factor))
         local = self._prescribed[1].copy()
@@ -111,38 +111,38 @@ class Unknowns:
         return local
 
     def prescribed(self, factor: float) -> Array:
-        """Return what supports prescribe at a load factor, of masters of ties to their slaves too, ``(dofs,)``."""
+        """Return prescribed displacements at a load factor, those of ties' slaves included, ``(dofs,)``."""
         if self.coupling is None:
             return self.model.prescribed(factor)
         return self.coupling.given(factor)[: self.model.dofs]
 
     def _store(self, local: Array, out: PETSc.Vec) -> None:
-        """Fill a vector of unknowns with the sums of what is in the slots of their degrees of freedom."""
+        """Fill a vector of unknowns with the sums over ranks of the values in their slots."""
         if self.coupling is None:
             self._exchange.store(local, out)
         else:
             self.coupling.from_rods(lambda own: self._exchange.store(local, own), out)
 
     def local(self, displacement: Array) -> Array:
-        """Return this rank's degrees of freedom of all degrees of freedom, shape ``(dofs,)``."""
+        """Return this rank's slots filled from all degrees of freedom, shape ``(dofs,)``."""
         moved, slots = self._exchange.moved
         local = np.zeros(self._exchange.size)
         local[slots] = displacement[moved]
         return local
 
     def _moves(self, local: Array) -> Array:
-        """Return the model's degrees of freedom, ``(dofs,)``, of a state of this rank, which has them all."""
+        """Return the model's degrees of freedom, ``(dofs,)``, from slots of this rank, which has them all."""
         return local if local.size == self.model.dofs else local[self._exchange.numbers]
 
     def _once(self, forces: Array) -> Array:
-        """Return this rank's share of forces on all degrees of freedom, those on its own: together they add up."""
+        """Return forces on this rank's own degrees of freedom, zero in other slots, so that ranks add up to all."""
         if self.comm.getSize() > 1:
             forces = np.where(self._owned[self._exchange.numbers], forces, 0.0)
         return self.local(forces)
 
     @cached_property
     def _supported(self) -> Index:
-        """The slots of what supports bind, by themselves or in the mean."""
+        """The slots of degrees of freedom with supports, those of mean motions included."""
         bound = self._exchange.bound[1]
         if not self.model.means:
             return bound
@@ -151,7 +151,7 @@ class Unknowns:
         return np.append(bound, slots[np.isin(moved, self.coupling.constraints.averaged)])
 
     def _bound(self, local: Array) -> Array:
-        """Return the sums over all ranks of what is in `Model.bound`, on every rank."""
+        """Return the sums over all ranks on `Model.bound`, on every rank."""
         everywhere = np.zeros(self.model.bound.size)
         bound, slots = self._exchange.bound
         everywhere[bound] = local[slots]
@@ -160,7 +160,7 @@ class Unknowns:
     def state(
         self, displacement: Array, pressures: Sequence[Array | None] = (), solids: Sequence[Array] | float = 0.0
     ) -> PETSc.Vec:
-        """Return the unknowns of a vector of all degrees of freedom.
+        """Return the vector of unknowns from all degrees of freedom.
 
         Parameters
         ----------
@@ -180,27 +180,27 @@ class Unknowns:
         return x
 
     def _unknowns(self, displacement: Array, pressures: Sequence[Array | None]) -> Array:
-        # A tied unknown is read off the first of those that share it.
+        # A tied unknown is that of its first degree of freedom.
         _, first = np.unique(self.model.free, return_index=True)
         return displacement[first[first.size - self.model.unknowns :]]
 
     def _displacements(self, unknowns: Any) -> Any:
-        """Return those unknowns ``(..., unknowns)`` that are displacements, in the model's order."""
+        """Return the displacements among unknowns ``(..., unknowns)``, in the model's order."""
         return unknowns
 
     @cached_property
     def unknown_of(self) -> Index:
         """Unknown of each degree of freedom of the model, -1 if it is held, shape ``(dofs,)``."""
-        found = self.model.free.copy()
-        found[found >= 0] = self._displacements(np.arange(self.unknowns))[found[found >= 0]]
-        return found
+        unknown = self.model.free.copy()
+        unknown[unknown >= 0] = self._displacements(np.arange(self.unknowns))[unknown[unknown >= 0]]
+        return unknown
 
     def all_unknowns(self, x: PETSc.Vec) -> Array:
-        """Return all unknowns of the rods of a vector, on every rank."""
+        """Return all unknowns of rods in a vector, on every rank."""
         return self._exchange.all_unknowns(x if self.coupling is None else self.coupling.to_rods(x))
 
     def everywhere(self, local: Array) -> Array:
-        """Return the sums over all ranks of what is in their slots, of all the model's degrees of freedom."""
+        """Return the sums over all ranks of the slots' values, for all the model's degrees of freedom."""
         moved, slots = self._exchange.moved
         own = np.zeros(self.model.dofs)
         own[moved] = local[slots]

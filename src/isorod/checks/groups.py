@@ -108,7 +108,7 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
             space = model.bodies[support.body].space
             nodes, rows = support.rows(space)
             # Of rotations what moves on the section.
-            sizes = np.append(np.ones(len(support.ways)), np.full(len(support.axes), support.radius(space)))
+            sizes = np.append(np.ones(len(support.directions)), np.full(len(support.axes), support.radius(space)))
             moved = bodies[support.body].reshape(-1, 3, 6)[nodes]
             held.append(sizes[:, None] * np.einsum("kna,nam->km", rows, moved))
     for solid, one in zip(solids, own, strict=True):

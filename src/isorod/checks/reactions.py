@@ -162,9 +162,9 @@ def carried(assembler: Assembler, x: PETSc.Vec, factor: float, acting: Array | N
     for k, amounts in own.items():
         mean = averages.mean_of(model, model.means[k])
         nodal, carriers = mean.pushed(amounts, model.dofs // 3), model.is_control_point[:, None]
-        shares = averages.shares(model, model.means[k])
+        shares = averages.centroid_weights(model, model.means[k])
         moments[k] = np.cross(places - carriers * (shares @ places), nodal).sum(axis=0)
-        share = 1.0 if model.times is None else model.share(model.means[k].history, factor)
+        share = 1.0 if model.times is None else model.amplitude(model.means[k].history, factor)
         work += share * float(amounts @ model.means[k].values)
     return Carried(forces, reactions, moments, work)
 
@@ -203,7 +203,7 @@ def _means(model: Model, nodal: Array) -> Array:
         carriers = mine[model.is_control_point[mine]]
         result[k] = nodal[carriers].mean(axis=0) if carriers.size else 0.0
     for k, one in model.means.items():
-        result[k] = averages.shares(model, one) @ nodal
+        result[k] = averages.centroid_weights(model, one) @ nodal
     return result
 
 

@@ -19,7 +19,7 @@ def burdens(model: Model) -> str:
     following = [load for load in model.following if not isinstance(load, Pressure) or load.pressure]
     loads = len(model.loads) if following or model.external.any() else 0
     moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
-    moved += sum(bool((one.ways @ np.array(one.displacement)).any()) for one in model.means.values())
+    moved += sum(bool((one.directions @ np.array(one.displacement)).any()) for one in model.means.values())
     laws = [law for body in model.bodies for law in body.laws]
     heated = any(isinstance(law, Thermal) and law.heated for law in laws)
     grown = [law for law in map(bare, laws) if not law.timed and law.at(0.5) is not law]

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from isorod.space.pressure import Pressures
 
 
-# How a body's equilibrium is stated.
+# Formulations of a body's equilibrium.
 FORMULATIONS = ("displacement", "mixed")
 
 # Poisson's ratio from which pressures pay: below, displacements across the section that are chosen err less than 1e-4
 # on the spring; at 0.4999 by 2e-3, the mixed formulation by 1e-5 in three times the time.  Frequencies of one coil
-# that is pulled are then off by 2.3 and 0.4 %, those of the blade by 0.25 % either way.  Where there are fibres, whose
+# that is pulled are then off by 2.3 and 0.4 %, those of the blade by 0.25 % in both.  Where there are fibres, whose
 # stress a pressure of its own mesh does not balance as well, forces of the biceps err by 0.4 % at 0.49, 0.9 % at 0.498
 # and 6.5 % at 0.4999 in displacements, and by 1 % with pressures.
 _NEARLY, _WITH_FIBRES = 0.49, 0.499
@@ -71,10 +71,10 @@ class Body(Checked):
     chosen
         Whether the formulation was not given.
     past
-        States gone through, which laws with memory know (`after`); None where they know what points of quadrature did
-        in a motion, and no others.
+        Earlier states, which laws with memory depend on (`after`); None after a motion, where internal variables are
+        known at quadrature points only.
     settled
-        Whether nothing flows any more: what is asked about a state is elastic.
+        Whether plastic flow is over, so that stresses and tangents of a state are elastic.
 
     Raises
     ------
@@ -151,8 +151,8 @@ class Body(Checked):
         """Return the integrals of density times the functions of a space on its rod, shape ``(nodes,)``."""
         table = space.tabulate(0, space.axis.elements)
         weights = self.densities_at(table) * table.weights
-        found = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
-        return np.asarray(np.bincount(space.element_nodes.ravel(), found.ravel(), space.nodes), dtype=float)
+        masses = np.einsum("etj,etq,qn->ejn", table.axial, weights, table.section[:, 2])
+        return np.asarray(np.bincount(space.element_nodes.ravel(), masses.ravel(), space.nodes), dtype=float)
 
     @property
     def _rings(self) -> int:
@@ -177,7 +177,7 @@ class Body(Checked):
 
     @property
     def discretisation(self) -> dict[str, Any]:
-        """What a record keeps of space and formulation, and which of that was chosen."""
+        """Space and formulation as they are recorded, and which of their fields were chosen automatically."""
         space = self.space
         kept = {name: getattr(space, name) for name in CHOICES if getattr(space, name) is not None}
         chosen = [*space.chosen, *(["formulation"] if self.chosen and self.formulation == "mixed" else [])]
@@ -207,19 +207,19 @@ class Body(Checked):
 
     @property
     def has_poor_pressures(self) -> bool:
-        """Whether it has pressures that are no more than linear across the section, as of order 1."""
+        """Whether it has pressures that are at most linear across the section, as of order 1."""
         return self.formulation == "mixed" and self.space.basis.pressure_count <= _LINEAR * self._rings
 
     @cached_property
     def pressure_unit(self) -> float:
-        """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
+        """The unit of the mixed formulation's pressure unknowns: the median shear modulus, force/area."""
         return float(np.median([law.shear_modulus for law in self.laws]))
 
     def _nearly_incompressible(self) -> bool:
-        """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
+        """Return whether the mixed formulation pays: it is available, and displacements alone may lock."""
         ratios = [getattr(law, "nu", 0.0) if law.splits else 0.0 for law in self.laws]
         least = _WITH_FIBRES if any(law.families for law in self.laws) else _NEARLY
-        # Nothing else takes an incompressible one, whatever is beside it.
+        # An incompressible law needs it, whatever the others are.
         enough = min(ratios) > 0.0 if self._is_incompressible else min(ratios) >= least
         if not enough:
             return False
@@ -233,20 +233,20 @@ class Body(Checked):
         return any(law.lame == np.inf for law in self.laws)
 
     def in_displacements(self) -> "Body":
-        """Return the body for what knows no pressures: in displacements, unless the mixed formulation was asked for."""
+        """Return the body in displacements, unless the mixed formulation was requested by the user."""
         if not (self.chosen and self.formulation == "mixed"):
             return self
         return replace(self, formulation="displacement")
 
     def in_motion(self, integrator: str) -> "Body":
-        """Return the body for steps in time, with a rule that was chosen such that no mass is missed.
+        """Return the body for steps in time, whose automatic quadrature rule also integrates the mass.
 
-        Explicit steps know no pressures (`in_displacements`), and warn where those were chosen and will be missed.
+        Explicit steps have no pressures (`in_displacements`), and warn where displacements alone will lock.
 
         Raises
         ------
         InputError
-            If explicit steps cannot take the formulation that was asked for, or the law.
+            If explicit steps cannot take the requested formulation, or the law.
         """
         body = self
         dumb = next((law for law in self.laws if law.remembers and "dissipated" not in law.states), None)
@@ -271,8 +271,8 @@ class Body(Checked):
         return replace(body, space=replace(self.space, quadrature="auto"), formulation=formulation)
 
     def _warn_of_locking(self) -> None:
-        """Warn of displacements in the place of pressures that were chosen."""
-        # Laws that split have a number; orthotropic ones have three, and never come here.
+        """Warn of locking where displacements replace the mixed formulation that was chosen automatically."""
+        # Only laws with a volumetric split come here, whose nu is a number; orthotropic laws have three.
         if not (self.chosen and self.formulation == "mixed"):
             return
         nu = max(getattr(law, "nu", 0.0) for law in self.laws)
@@ -284,13 +284,13 @@ class Body(Checked):
             )
 
     def _follow_kinks(self) -> None:
-        """Take as many points across the section as kinks of the stress want, or warn where fewer are given."""
-        rule, wanted = self.space.rule, choice.kinked(self.space)
+        """Take as many points across the section as kinks of the stress need, or warn if fewer are given."""
+        rule, needed = self.space.rule, choice.kinked(self.space)
         if "quadrature" in self.space.chosen:
-            self._set(space=self.space.integrated(wanted))
-        elif 2 * rule.radial < wanted.radial or 2 * rule.angular < wanted.angular:
-            said = "too few points across the section to see how far it flows, forces err by some per cent"
-            warnings.warn(f"quadrature {rule}: {said}; leave it out, or take {wanted}", stacklevel=5)
+            self._set(space=self.space.integrated(needed))
+        elif 2 * rule.radial < needed.radial or 2 * rule.angular < needed.angular:
+            problem = "too few points across the section to resolve where it yields, forces err by some per cent"
+            warnings.warn(f"quadrature {rule}: {problem}; leave it out, or take {needed}", stacklevel=5)
 
     @cached_property
     def densities(self) -> Array:
@@ -331,7 +331,7 @@ class Body(Checked):
 
     @cached_property
     def shear_laws(self) -> tuple[Material, ...]:
-        """The laws of what displacements do alone: without their bulk terms in the mixed formulation."""
+        """The laws of displacements alone: without their bulk terms in the mixed formulation."""
         if self.formulation == "displacement":
             return self.laws
         made = {id(law): law.shear for law in self.laws}
@@ -370,7 +370,7 @@ class Body(Checked):
         return any(law.remembers for law in self.laws)
 
     def after(self, past: Sequence[Past] | None, settled: bool = False) -> "Body":
-        """Return the body as it is after states were gone through: each point of it remembers its own deformation."""
+        """Return the body after earlier states: each of its points depends on its own past deformation."""
         (body := copy(self))._set(past=past, settled=settled)
         return body
 
@@ -387,11 +387,11 @@ class Body(Checked):
 
     @property
     def width(self) -> int:
-        """The most numbers that one of its laws knows of a point."""
+        """The largest number of data a point among its laws (`isorod.material.law.Material.width`)."""
         return max(law.width for law in self.laws)
 
     def known(self, table: Table) -> Array:
-        """Return what laws know of the quadrature points, ``(E, t, q, width)``; zero where one knows less."""
+        """Return the laws' data at quadrature points, ``(E, t, q, width)``, padded with zeros."""
         result = np.zeros((*table.weights.shape, self.width))
         for law, first, last, points in self.laws_at(table.u, table.xi).pieces:
             own = result[first:last, :, points]

@@ -9,9 +9,9 @@ from isorod.errors import InputError, finite
 
 
 class BondLaw:
-    """The size of the tangential traction by that of the slip, straight between points, the last one's beyond.
+    """Magnitude of the tangential traction by that of the slip: linear between points, constant after the last.
 
-    Elastic: unloading goes back on the same curve.
+    Elastic: unloading follows the same curve.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class BondLaw:
     Attributes
     ----------
     linear
-        Whether the traction is a stiffness times the slip, however large.
+        Whether the traction is a stiffness times any slip.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class BondLaw:
 
 
 def _check(points: Array) -> None:
-    """Raise `InputError` if points are none of a law."""
+    """Raise `InputError` if points do not define a law."""
     need = "need slips that ascend from (0, 0), and tractions, the first positive, none negative"
     if not np.isfinite(points).all():
         raise InputError(f"bond: got points of which some are not finite, {need}")

@@ -28,15 +28,15 @@ _SLENDEREST = 1e5
 
 @dataclass(frozen=True)
 class Plane(Checked):
-    """A rigid half space that ends at ``point``; ``normal``, of any length, points out of it, to where the rod is.
+    """A rigid half space with a boundary point ``point``; its ``normal``, of any length, points towards the rod.
 
     Parameters
     ----------
     point, normal
-        A point of it, and a direction out of it.
+        A point of the plane, and the outward direction.
     travel
-        In statics it moves along its normal by so much at load factor 1: a plate that is pressed on what is before it,
-        with ``ContactResult.resultant``.  The short form of a ``motion``.
+        Displacement along its normal at load factor 1 in statics: a plate pressed on the rods, whose force is
+        ``ContactResult.resultant``.  The short form of a ``motion``.
     motion
         How it moves and turns; without, it stands.
     """
@@ -54,20 +54,20 @@ class Plane(Checked):
         if self.travel and self.motion is not None:
             raise InputError("plane: travel and motion are given, need one of the two")
         if self.travel:
-            way = self.travel * np.array(self.normal, dtype=float) / np.linalg.norm(self.normal)
-            self._set(motion=ObstacleMotion(tuple(way)))
+            displacement = self.travel * np.array(self.normal, dtype=float) / np.linalg.norm(self.normal)
+            self._set(motion=ObstacleMotion(tuple(displacement)))
         if self.motion is not None:
             self._set(motion=self.motion.about(self.point))
 
 
 @dataclass(frozen=True)
 class Cylinder(Checked):
-    """A rigid circular cylinder without ends, which rods stay out of; ``axis``, of any length, is its direction.
+    """A rigid, infinite circular cylinder, which rods do not enter; ``axis``, of any length, is its direction.
 
     Parameters
     ----------
     point, axis, radius
-        A point of its axis, the direction of that, and its radius.
+        A point of its axis, the axis' direction, and its radius.
     motion
         How it moves and turns, about its own axis where no other is given; without, it stands.
     """
@@ -88,12 +88,12 @@ class Cylinder(Checked):
 
 @dataclass(frozen=True)
 class Sphere(Checked):
-    """A rigid sphere, which rods stay out of.
+    """A rigid sphere, which rods do not enter.
 
     Parameters
     ----------
     center, radius
-        Its own.
+        Centre and radius of the sphere.
     motion
         How it moves and turns; without, it stands.
     """
@@ -134,8 +134,8 @@ class Contact(Checked):
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
         Gauss points round each arc of the section and along each element; of facets, points along each side, twice.
-        Where not given, no farther apart than a 48th of the way round; more are taken until there are enough across
-        the patch, in motions at its largest force, for which they are solved again, without a checkpoint alone.
+        Where not given, no farther apart than a 48th of the circumference, and more until enough are across the patch:
+        in motions, without a checkpoint, at its largest force, for which they are solved again.
     penetration
         Statics solves an augmented Lagrangian (`isorod.statics.contact_policy`): multipliers are added until no point
         penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
@@ -193,7 +193,7 @@ class Contact(Checked):
         self._check_surfaces()
 
     def _check_surfaces(self) -> None:
-        """Raise `InputError` where inner surfaces would touch none that are in their holes."""
+        """Raise `InputError` where an inner surface has no other surface in its hole to touch."""
         inner = [name == "inner" for name in (self.first_surface, self.second_surface)]
         if inner[1] and len(self.groups) == 1:
             raise InputError("contact: second_surface is given, but the second partner is rigid, facets, or none")
@@ -231,7 +231,7 @@ class Contact(Checked):
 
     @property
     def passes(self) -> int:
-        """Number of surfaces whose points are held against the others: facets alone, where there are some."""
+        """Number of slave surfaces: one with facets, else all sides."""
         return 1 if self.facets is not None else len(self.sides)
 
     def is_inner(self, body: int) -> bool:
@@ -239,7 +239,7 @@ class Contact(Checked):
         return (self.first_surface if body in self.groups[0] else self.second_surface) == "inner"
 
     def disk_radius(self, body: int, rod: "Rod") -> float:
-        """Return the radius on the disk of the surface of a body that takes part, whose rod is given."""
+        """Return the disk radius of the surface of ``body``, whose rod is given, that takes part."""
         return rod.rings[0] if self.is_inner(body) else 1.0
 
     @property
@@ -272,11 +272,11 @@ class Contact(Checked):
         Parameters
         ----------
         index
-            The contact's own in the model.
+            Index of the contact in the model.
         spaces
-            Those of the model's bodies.
+            Spaces of the model's bodies.
         solids
-            Number of its finite element bodies.
+            Number of the model's finite element bodies.
         """
         where = f"contact {index}"
         if self.facets is not None and self.facets.solid >= solids:
@@ -303,7 +303,7 @@ class Contact(Checked):
 
 
 def refuse_in_motion(contacts: Sequence[Contact]) -> None:
-    """Raise `InputError` if a contact has what is for statics alone: motion by load factor, a largest penetration."""
+    """Raise `InputError` for options of statics alone: motion by load factor, a largest penetration."""
     for index, contact in enumerate(contacts):
         if contact.motion is not None and contact.motion.plain:
             raise InputError(
@@ -314,7 +314,7 @@ def refuse_in_motion(contacts: Sequence[Contact]) -> None:
 
 
 def refuse_tied(contacts: Sequence[Contact], ties: Sequence[Tie], solids: "Sequence[Solid]") -> None:
-    """Raise `InputError` where surfaces that touch are tied all along: what a tie holds apart never touches."""
+    """Raise `InputError` where a contact's surfaces are tied to each other completely: they never touch."""
     for index, contact in enumerate(contacts):
         for k, tie in enumerate(ties):
             if _same(contact, tie, solids):
@@ -322,7 +322,7 @@ def refuse_tied(contacts: Sequence[Contact], ties: Sequence[Tie], solids: "Seque
 
 
 def _same(contact: Contact, tie: Tie, solids: "Sequence[Solid]") -> bool:
-    """Whether a tie holds lateral surfaces, all of them, to what they touch."""
+    """Whether a tie joins the whole lateral surfaces of a contact to its other side."""
     rods = [one for one in (tie.slave, tie.master) if isinstance(one, LateralSurface)]
     if not rods or any(one.along is not None for one in rods):
         return False

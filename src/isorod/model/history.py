@@ -1,4 +1,4 @@
-"""Factors by time: what loads and motions of supports are multiplied with."""
+"""Factors by time of loads and of motions of supports."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -13,12 +13,12 @@ from isorod.errors import Checked, InputError, numbers
 
 @dataclass(frozen=True)
 class TimeTable:
-    """A factor by time, straight between its points; before the first and after the last it has their values.
+    """A factor by time, linear between its points, constant before the first and after the last.
 
     Attributes
     ----------
     times, factors
-        Of the points; at two of the same time the factor jumps.
+        The points; at two of the same time the factor jumps.
     """
 
     times: tuple[float, ...]
@@ -47,27 +47,27 @@ class TimeTable:
         """Whether the factor jumps."""
         return bool((np.diff(self.times) == 0.0).any())
 
-    def _piece(self, time: float, before: bool) -> tuple[int, int]:
-        """Return the points between which a time is, those at a point after it, or before it."""
+    def _interval(self, time: float, before: bool) -> tuple[int, int]:
+        """Return the points at both ends of a time's interval: at a point the interval after it, or before it."""
         k = int(np.searchsorted(self.times, time, "left" if before else "right"))
         return max(k - 1, 0), min(k, len(self.times) - 1)
 
     def at(self, time: float, before: bool = False) -> float:
-        """Return the factor at a time; where it jumps that after it, or that ``before``."""
-        first, last = self._piece(time, before)
+        """Return the factor at a time; at a jump its value after it, or ``before``."""
+        first, last = self._interval(time, before)
         begin, end = self.factors[first], self.factors[last]
-        # Of a row that is met the factor is what it says, to the last digit: else tables would jump there.
+        # At a point its factor exactly: rounding would look like a jump there.
         return end if time == self.times[last] else begin + (time - self.times[first]) * self.slope(time, before)
 
     def slope(self, time: float, before: bool = False) -> float:
-        """Return how fast the factor grows after a time, or ``before``."""
-        first, last = self._piece(time, before)
+        """Return the derivative of the factor after a time, or ``before``."""
+        first, last = self._interval(time, before)
         if self.times[first] == self.times[last]:
             return 0.0
         return (self.factors[last] - self.factors[first]) / (self.times[last] - self.times[first])
 
     def integral(self, begin: float, end: float) -> float:
-        """Return the integral of the factor over a time, exact."""
+        """Return the exact integral of the factor over a time interval."""
         inner = [time for time in self.times if begin < time < end]
         ends = np.array([begin, *inner, end])
         values = [0.5 * (self.at(a) + self.at(b, True)) for a, b in pairwise(ends)]
@@ -85,8 +85,8 @@ class InTime(Checked):
     Parameters
     ----------
     history
-        The factor by time: rows of time and factor, shape ``(n, 2)``, straight between them; in motions the last value
-        from there on.  In statics it goes with an end time, which it reaches.
+        The factor by time: rows of time and factor, shape ``(n, 2)``, linear between them; in motions constant after
+        the last.  In statics it needs an end time, which it must reach.
     """
 
     history: "TimeTable | Numbers | None" = field(default=None, kw_only=True)
@@ -103,14 +103,14 @@ class InTime(Checked):
 
 @dataclass(frozen=True)
 class Clock:
-    """By what factor a support has moved at a time.
+    """The factor of a support's motion by time.
 
     Attributes
     ----------
     table
-        The factor, or None: one, all the time.
+        The factor, or None: always 1.
     spins
-        Whether the table is that of the factor's rate, which then is one where there is none.
+        Whether the table is that of the factor's rate, which is 1 without a table.
     """
 
     table: TimeTable | None = None
@@ -128,33 +128,32 @@ class Clock:
         return 1.0 if self.table is None else self.table.at(time)
 
     def rate(self, time: float, before: bool) -> float:
-        """Return how fast it grows after a time, or ``before``."""
+        """Return the factor's rate after a time, or ``before``."""
         if self.spins:
             return 1.0 if self.table is None else self.table.at(time, before)
         return 0.0 if self.table is None else self.table.slope(time, before)
 
     def acceleration(self, time: float) -> float:
-        """Return how fast its rate grows: at a kink of this the mean of before and after."""
+        """Return the derivative of the rate: at its kinks the mean of before and after."""
         if not self.spins or self.table is None:
             return 0.0
         return 0.5 * (self.table.slope(time) + self.table.slope(time, True))
 
 
 class Times(NamedTuple):
-    """When a model is where on its way.
+    """Times along a model's load path.
 
     Attributes
     ----------
-    way, times
-        Places on the way, from 0 to 1, that rise, and the times there, which stay the same where tables jump, ``(m,)``
-        each.
+    path, times
+        Path parameters, ascending from 0 to 1, and the times there, constant where tables jump, ``(m,)`` each.
     ramp
-        By what what has no history is multiplied, over the way.
+        Factor over the path of what has no history.
     of
         The model without times.
     """
 
-    way: Array
+    path: Array
     times: Array
     ramp: TimeTable
     of: Any
@@ -165,15 +164,15 @@ class Times(NamedTuple):
         return float(self.times[-1])
 
     def time(self, place: float) -> float:
-        """Return the time at a place of the way."""
-        return float(np.interp(place, self.way, self.times))
+        """Return the time at a path parameter."""
+        return float(np.interp(place, self.path, self.times))
 
     def place(self, time: float) -> float:
-        """Return the place on the way of a time, at a jump that after it."""
+        """Return the path parameter at a time; at a jump the one after it."""
         k = min(max(int(np.searchsorted(self.times, time, "right")) - 1, 0), len(self.times) - 2)
         gap = self.times[k + 1] - self.times[k]
-        share = (time - self.times[k]) / gap if gap else 1.0
-        return float(self.way[k] + share * (self.way[k + 1] - self.way[k]))
+        fraction = (time - self.times[k]) / gap if gap else 1.0
+        return float(self.path[k] + fraction * (self.path[k + 1] - self.path[k]))
 
 
 def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Clock:
@@ -182,17 +181,17 @@ def clock_of(history: "TimeTable | Numbers | None", spins: bool = False) -> Cloc
 
 
 def rigid_velocity(
-    positions: Array, carriers: NDArray[np.bool_], velocity: Numbers, spin: Numbers, center: Numbers
+    positions: Array, is_control_point: NDArray[np.bool_], velocity: Numbers, spin: Numbers, center: Numbers
 ) -> Array:
-    """Return velocities ``(nodes, 3)`` of nodes of a body that moves, and turns about a point, as a rigid one does.
+    """Return velocities ``(nodes, 3)`` of nodes in a rigid motion.
 
     Parameters
     ----------
-    positions, carriers
-        As `isorod.space.space.Space` has them, ``(nodes, 3)`` and ``(nodes,)``.
+    positions, is_control_point
+        Those of `isorod.space.space.Space`, ``(nodes, 3)`` and ``(nodes,)``.
     velocity, spin, center
-        Of the point, angular, radians per time, and the point, ``(3,)`` each.
+        Velocity of a point, angular velocity about it, radians per time, and the point, ``(3,)`` each.
     """
-    arms = positions - carriers[:, None] * np.asarray(center, dtype=float)
-    moved = carriers[:, None] * np.asarray(velocity, dtype=float)
+    arms = positions - is_control_point[:, None] * np.asarray(center, dtype=float)
+    moved = is_control_point[:, None] * np.asarray(velocity, dtype=float)
     return np.asarray(moved + np.cross(np.asarray(spin, dtype=float), arms))

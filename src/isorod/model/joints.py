@@ -1,4 +1,4 @@
-"""Places along a rod where one law follows another."""
+"""Boundaries between laws along a rod."""
 
 import warnings
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ import numpy as np
 from isorod.geometry.axis import Axis
 from isorod.material.law import Material
 
-# Ratio of moduli from which a smooth joint is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3, four
-# elements each).
+# Ratio of moduli from which a smooth boundary is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3,
+# four elements each).
 _JUMP = 10.0
 
 

@@ -1,4 +1,4 @@
-"""Loads, proportional to the load factor: dead loads, moments, and pressure that may follow the surface."""
+"""Loads, proportional to the load factor: dead loads, moments, and pressure, which may be a follower load."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -13,12 +13,13 @@ from isorod.model.history import InTime, TimeTable
 from isorod.space.space import Space
 from isorod.space.trace import Trace, section_trace
 
-# Gauss points along an element for a line load, in those of its functions: the speed of a curved line is no polynomial.
+# Gauss points along an element for a line load, over the number of its functions: ds/du of a curved line is no
+# polynomial.
 _ALONG = 2
 
 
 class Load(Protocol):
-    """What a model asks of a load."""
+    """Interface of loads."""
 
     @property
     def body(self) -> int:
@@ -29,7 +30,7 @@ class Load(Protocol):
         """The factor by time (`isorod.model.history.InTime`)."""
 
     def factor(self, begin: float, end: float) -> float:
-        """Return the mean of that over a time, or its value at one."""
+        """Return the mean of that over a time interval, or its value at one time."""
 
     def nodal(self, space: Space) -> Array:
         """Return the consistent nodal forces at load factor 1, shape ``(nodes, 3)``."""
@@ -39,12 +40,12 @@ class Load(Protocol):
 class SectionLoad(InTime):
     """Force and moment spread over a cross-section: ``t = force / A + w x r``, of reference areas.
 
-    ``r`` is the place from the section's middle and ``J w = moment``, ``J = int (r.r 1 - r r^T) dA``: a distributing
-    coupling, which leaves the section free to deform; bending and the torsion of a round bar have just these stresses.
-    The force stays as it is, its potential ``-force . (mean displacement)``.  The moment too stays the same vector in
-    space however the section turns: ``r`` is where the section is now, so that its work is ``moment . w`` of the mean
-    angular velocity ``J^-1 int r x v dA``.  A moment has a potential only while the section turns about one axis.  On
-    bodies all of whose laws are of small strains ``r`` is that at rest.
+    ``r`` is the position from the section's centroid and ``J w = moment``, ``J = int (r.r 1 - r r^T) dA``: a
+    distributing coupling, which leaves the section free to deform, with the stresses of bending and of torsion of a
+    round bar.  The force is a dead load with the potential ``-force . (mean displacement)``.  The moment, too, is a
+    vector fixed in space: ``r`` is the present position, so that its power is ``moment . w`` with the mean angular
+    velocity ``J^-1 int r x v dA``.  A moment has a potential only while the section rotates about one axis.  On bodies
+    with laws of small strains only, ``r`` is the position at rest.
 
     Parameters
     ----------
@@ -56,9 +57,9 @@ class SectionLoad(InTime):
     body
         Index of the body in the model.
     space
-        The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
+        The space of the parameter ``u``, to check that the body has the same.
     moment
-        Total moment at load factor 1 about the middle of the section, force times length, shape ``(3,)``.
+        Total moment at load factor 1 about the centroid of the section, force times length, shape ``(3,)``.
     history
         The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
@@ -105,15 +106,15 @@ class SectionLoad(InTime):
         body
             Index of the body in the model.
         moment
-            Total moment at load factor 1 about the middle of the face, force times length, shape ``(3,)``: the same in
-            space however the face turns, spread as bending and torsion have it (`SectionLoad`).
+            Total moment at load factor 1 about the centroid of the face, force times length, shape ``(3,)``: fixed in
+            space however the face rotates, distributed like stresses of bending and torsion (`SectionLoad`).
         history
             The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
         Raises
         ------
         InputError
-            If there is neither, or the end is none.
+            If there is neither, or the rod has no such end.
         """
         return cls(force, float(space.axis.breaks[space.end(which)]), body, space, moment, history=history)
 
@@ -134,8 +135,8 @@ class SectionLoad(InTime):
         trace = self.trace(space)
         result = np.zeros((space.nodes, 3))
         if self.force is not None:
-            share = trace.weights @ trace.values / trace.weights.sum()
-            result[trace.nodes[0]] = share[:, None] * np.array(self.force)
+            weights = trace.weights @ trace.values / trace.weights.sum()
+            result[trace.nodes[0]] = weights[:, None] * np.array(self.force)
         return result
 
     def nodal(self, space: Space) -> Array:
@@ -163,15 +164,15 @@ class Pressure(InTime):
     body
         Index of the body in the model.
     follows
-        Whether normal and area are those of the moving surface, as of a fluid's pressure; if not, the force on each
-        piece of the surface stays as it is, which where displacements are small is the same.
+        Whether it is a follower load, with normal and area of the moving surface, like a fluid's pressure; if not, it
+        is a dead load, with those at rest.  For small displacements both are the same.
     history
         The factor by time, rows of time and factor (`isorod.model.history.InTime`).
 
     Raises
     ------
     InputError
-        If the pressure is not finite or the surface none; and, from ``points``, if the body's rod has no hole.
+        If the pressure is not finite or there is no such surface; and, from ``points``, if the body's rod has no hole.
     """
 
     pressure: float
@@ -188,7 +189,7 @@ class Pressure(InTime):
     def points(self, space: Space) -> tuple[Array, Array, Array]:
         """Return the surface's disk points ``(q, 2)`` and axis parameters ``(E, t)``, and weights ``(E, t, q)``.
 
-        The weights, by angle and axis parameter, are times the pressure, with the sign of its force along
+        The weights, by angle and axis parameter, include the pressure, with the sign of its force along
         ``dx/dtheta x dx/du``, which points away from the centre line.
         """
         radius = space.rod.rings[0 if self.surface == "inner" else -1]
@@ -208,9 +209,9 @@ class Pressure(InTime):
         around = jacobian[..., 1] * xi[:, :1] - jacobian[..., 0] * xi[:, 1:]
         force = weights[..., None] * np.cross(around, jacobian[..., 2]).reshape(*weights.shape, 3)
         axial = space.axis.local(u.ravel())[1].reshape(*u.shape, -1)
-        shares = np.einsum("etj,qn,etqa->ejna", axial, space.basis.functions(xi)[0], force, optimize=True)
+        forces = np.einsum("etj,qn,etqa->ejna", axial, space.basis.functions(xi)[0], force, optimize=True)
         nodes = space.element_nodes.ravel()
-        return np.stack([np.bincount(nodes, shares[..., a].ravel(), space.nodes) for a in range(3)], axis=1)
+        return np.stack([np.bincount(nodes, forces[..., a].ravel(), space.nodes) for a in range(3)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -273,17 +274,17 @@ class LineLoad(InTime):
         means = areas @ space.basis.functions(xi)[0] / areas.sum(axis=1)[:, None]
         speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u.ravel())[1][:, 0, :, 2], axis=-1).reshape(u.shape)
         axial = axis.local(u.ravel())[1].reshape(*u.shape, -1)
-        shares = np.einsum("et,etj,etn->ejn", weights * speed, axial, means.reshape(*u.shape, -1), optimize=True)
-        total = np.bincount(space.element_nodes.ravel(), shares.ravel(), space.nodes)
+        lengths = np.einsum("et,etj,etn->ejn", weights * speed, axial, means.reshape(*u.shape, -1), optimize=True)
+        total = np.bincount(space.element_nodes.ravel(), lengths.ravel(), space.nodes)
         return total[:, None] * np.array(self.per_length)
 
 
 @dataclass(frozen=True)
 class PointLoad(InTime):
-    """A force at a place of the lateral surface: what the functions there make of it, ``f_jl = R_j S_l force``.
+    """A force at a point of the lateral surface: ``f_jl = R_j S_l force`` with the functions there.
 
-    The space smears it over about an arc between control points and an element; under a point force displacement and
-    stress have no limit as the space grows finer.
+    The space spreads it over about the arc between control points and an element; under a point force displacement and
+    stress diverge as the space is refined.
 
     Parameters
     ----------
@@ -330,7 +331,7 @@ class PointLoad(InTime):
         return result.reshape(-1, 3)
 
     def spread(self, space: Space) -> tuple[float, float]:
-        """Return lengths round the section and along the line over which a space spreads it, about."""
+        """Return approximate lengths round the section and along the line over which a space spreads it."""
         rod, breaks = space.rod, space.axis.breaks
         length = rod.arc_length(breaks)
         element = int(np.clip(np.searchsorted(breaks, self.u, "right") - 1, 0, len(breaks) - 2))

@@ -1,9 +1,9 @@
-"""Supports of mean motions: of a section, or of the line round it, which stay free to deform; and springs to ground.
+"""Supports of mean motions of a section, or of the line round it, which stay free to deform; and springs to ground.
 
-The mean displacement of a section is ``int u dA / A`` and its mean rotation ``J^-1 int r x u dA``, ``r`` the place from
-the section's middle at rest and ``J = int (r.r 1 - r r^T) dA``.  What holds them is spread over the section as bending
-and the torsion of a round bar have it: a distributing coupling.  Where rings have laws of their own, areas are times
-Young's moduli, as stresses of bending and tension are.
+The mean displacement of a section is ``int u dA / A`` and its mean rotation ``J^-1 int r x u dA``, where ``r`` is the
+position from the section's centroid at rest and ``J = int (r.r 1 - r r^T) dA``.  Support forces are distributed over
+the section like stresses of bending and of torsion of a round bar: a distributing coupling.  Where rings have different
+laws, areas are weighted with Young's moduli, as stresses of bending and tension are.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ from isorod.space.trace import Trace, ring_trace, section_trace
 if TYPE_CHECKING:
     from isorod.model.body import Body
 
-# An axis of a hinge is a principal one of the section to this share.
+# Relative tolerance by which a hinge's axis is a principal axis of the section.
 _PRINCIPAL = 1e-6
 
 MEANS = ("pin", "fork", "hinge", "fixed")
@@ -37,27 +37,27 @@ class MeanSupport(InTime):
     ----------
     u
         Axis parameter of the section.
-    ways, axes
+    directions, axes
         Unit vectors ``(k, 3)`` along which its mean displacement is held, and ``(m, 3)`` about which its mean rotation.
     displacement
-        Mean displacement at load factor 1 along the ``ways``, shape ``(3,)``, units of length.
+        Mean displacement at load factor 1 along the ``directions``, shape ``(3,)``, units of length.
     stiffness
-        Of springs in the place of what is held, one each of ``ways`` and ``axes``: force per length, and moment per
-        radian.
+        Stiffness of springs instead of the constraints, for each of ``directions`` and ``axes``: force per length, and
+        moment per radian.
     body
         Index of the body in the model.
     ring
         Whether the means are those of the line round the section.
     free
-        Whether it holds rigid motions alone, of a body whose loads balance: it must carry nothing.
+        Whether it only removes the rigid motions of a body with balanced loads: its reactions must vanish.
     space
-        The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
+        The space of the parameter ``u``, to check that the body has the same.
     moduli
-        Of the section's rings, where they differ (`on`).
+        Young's moduli of the section's rings, where they differ (`on`).
     """
 
     u: float
-    ways: Array
+    directions: Array
     axes: Array
     displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stiffness: Array | None = None
@@ -79,7 +79,7 @@ class MeanSupport(InTime):
 
     @property
     def clock(self) -> Clock:
-        """By what factor it has moved at a time."""
+        """The factor of its motion by time."""
         return clock_of(self.history)
 
     @classmethod
@@ -101,8 +101,8 @@ class MeanSupport(InTime):
         u
             Axis parameter of the section.
         mean, axis
-            What is held beside the mean displacement: of a ``"pin"`` nothing, of a ``"fork"`` the mean rotation about
-            the normal of the section, of a ``"hinge"`` that but about its ``axis``, of ``"fixed"`` all of it.
+            What is held besides the mean displacement: with ``"pin"`` nothing, with ``"fork"`` the mean rotation about
+            the normal of the section, with ``"hinge"`` that about all but its ``axis``, with ``"fixed"`` all of it.
         components
             Letters of ``"xyz"``: which of the mean displacement are held.
         displacement
@@ -124,7 +124,7 @@ class MeanSupport(InTime):
             raise InputError(f"components: got {components!r}, need some of 'xyz'")
         if (mean == "hinge") != (axis is not None):
             raise InputError("axis: a hinge has one, and nothing else does")
-        ways = np.eye(3)[[letter in components for letter in "xyz"]]
+        directions = np.eye(3)[[letter in components for letter in "xyz"]]
         axes = np.eye(3) if mean == "fixed" else np.zeros((0, 3))
         if mean == "fork":
             trace = section_trace(space, u)
@@ -138,9 +138,9 @@ class MeanSupport(InTime):
                     f"axis: {list(axis)} is none of the section's principal axes, about which alone it turns freely"
                 )
         section_trace(space, u)
-        if not len(ways) and not len(axes):
+        if not len(directions) and not len(axes):
             raise InputError("components: got none, and no rotation is held; name some of 'xyz'")
-        return cls(u, ways, axes, displacement, None, body, space=space, history=history)
+        return cls(u, directions, axes, displacement, None, body, space=space, history=history)
 
     @classmethod
     def end(
@@ -160,9 +160,9 @@ class MeanSupport(InTime):
 
     @classmethod
     def bearing(cls, space: Space, u: float, body: int = 0) -> "MeanSupport":
-        """Return a bearing: the ring round the section stays, in the mean, where it is across the centre line.
+        """Return a bearing: it holds the mean displacement of the ring round a section across the centre line.
 
-        It slides along the line's tangent at rest, and turns freely.
+        The ring slides along the line's tangent at rest, and rotates freely.
 
         Parameters
         ----------
@@ -217,14 +217,14 @@ class MeanSupport(InTime):
             raise InputError(
                 f"stiffness: got {(*stiffness, *rotational)}, need numbers, none negative and not all zero"
             )
-        ways, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
-        return cls(u, ways, axes, stiffness=whole[whole > 0.0], body=body, space=space)
+        directions, axes = (np.eye(3)[np.array(one) > 0.0] for one in (stiffness, rotational))
+        return cls(u, directions, axes, stiffness=whole[whole > 0.0], body=body, space=space)
 
     @classmethod
     def rigid(cls, space: Space, body: int = 0) -> "MeanSupport":
-        """Return a support that holds a rod's rigid motions alone (3-2-1), for loads that balance each other.
+        """Return a support that removes a rod's rigid motions only (3-2-1), for loads in balance.
 
-        They are held by the mean motion of one section; an equilibrium in which it carries anything is refused.
+        It holds the mean motion of one section; equilibria with reactions there are refused.
         """
         return cls(float(space.axis.breaks[0]), np.eye(3), np.eye(3), body=body, free=True, space=space)
 
@@ -234,17 +234,17 @@ class MeanSupport(InTime):
         return np.zeros(3)
 
     def motion(self, space: Space, first_node: int) -> SupportMotion:
-        """Return what it does with single degrees of freedom: nothing."""
+        """Return its motion of single degrees of freedom: none."""
         nothing = np.empty(0, dtype=np.int64)
         return SupportMotion(nothing, np.zeros((2, 0)), np.zeros((0, 3)), self.turn, nothing.astype(bool))
 
     @property
     def values(self) -> Array:
-        """What is held, at load factor 1, shape ``(k + m,)``."""
-        return np.append(self.ways @ np.array(self.displacement), np.zeros(len(self.axes)))
+        """Prescribed mean motions at load factor 1, shape ``(k + m,)``."""
+        return np.append(self.directions @ np.array(self.displacement), np.zeros(len(self.axes)))
 
     def on(self, body: "Body") -> "MeanSupport":
-        """Return the support as one of a body, whose rings may have laws of their own."""
+        """Return the support on a body, with Young's moduli of its rings if they differ."""
         axis, rings = body.space.axis, len(body.space.rod.rings) - 1
         first = rings * int(np.searchsorted(axis.breaks[1:-1], self.u, side="right"))
         moduli = tuple(map(_stiffness, body.laws[first : first + rings]))
@@ -252,7 +252,7 @@ class MeanSupport(InTime):
         return replace(self, moduli=() if alike else moduli)
 
     def trace(self, space: Space) -> Trace:
-        """Return the functions of a space on the section, or on the line round it; weights of rings times moduli."""
+        """Return the functions of a space on the section, or on the line round it, weighted with rings' moduli."""
         if self.ring:
             return ring_trace(space, self.u)
         trace = section_trace(space, self.u)
@@ -262,34 +262,36 @@ class MeanSupport(InTime):
         return trace._replace(weights=trace.weights * np.array(self.moduli)[ring_of(space.rod.rings, xi)])
 
     def middle(self, space: Space) -> tuple[Index, Array]:
-        """Return nodes, and what the middle of the section is of them ``(n,)``."""
+        """Return nodes, and their weights in the position of the section's centroid ``(n,)``."""
         trace = self.trace(space)
         return trace.nodes[0], trace.weights @ trace.values / trace.weights.sum()
 
     def rows(self, space: Space) -> tuple[Index, Array]:
-        """Return nodes ``(n,)`` and what the mean motions are of their displacements, shape ``(k + m, n, 3)``.
+        """Return nodes ``(n,)`` and the mean motions' coefficients in their displacements, shape ``(k + m, n, 3)``.
 
-        What is dual to them is force along the ``ways``, and moment about the ``axes``.
+        The dual quantities are forces along the ``directions``, and moments about the ``axes``.
         """
         return self.rows_on(self.trace(space))
 
     def rows_on(self, trace: Trace) -> tuple[Index, Array]:
         """Return `rows` of other functions on the points of the trace, the same nodes at each."""
-        shifts = np.broadcast_to(self.ways[:, None] / trace.weights.sum(), (len(self.ways), len(trace.points), 3))
+        shifts = np.broadcast_to(
+            self.directions[:, None] / trace.weights.sum(), (len(self.directions), len(trace.points), 3)
+        )
         arms, inverse = _arms(trace)
         turns = np.cross((self.axes @ inverse)[:, None], arms)
         moved = trace.weights[:, None] * np.concatenate([shifts, turns])
         return trace.nodes[0], np.einsum("qn,kqa->kna", trace.values, moved)
 
     def turned(self, space: Space, nodal: Array) -> Array:
-        """Return by how much the section has turned about each of the ``axes``, radians ``(m,)``, up to half a turn.
+        """Return the section's rotation about each of the ``axes``, radians ``(m,)``, up to half a turn.
 
         ``nodal`` ``(nodes, 3)`` are the displacements of the space's nodes.
         """
         return turns_about(*self.moved(space, nodal), self.axes)
 
     def moved(self, space: Space, nodal: Array) -> tuple[Array, Array, Array]:
-        """Return places from the middle of the section, at rest and now, ``(q, 3)``, and their weights ``(q,)``."""
+        """Return positions from the section's centroid, at rest and now, ``(q, 3)``, and their weights ``(q,)``."""
         trace = self.trace(space)
         arms, weights = _arms(trace)[0], trace.weights
         now = arms + trace.values @ nodal[trace.nodes[0]]
@@ -302,13 +304,13 @@ class MeanSupport(InTime):
 
 
 def _stiffness(law: Material) -> float:
-    """Return Young's modulus of an isotropic law at rest, of any other what it has for one."""
+    """Return Young's modulus of an isotropic law at rest, of others that of their linearised isotropic moduli."""
     shear, lame = law.shear_modulus, law.lame
     return 3.0 * shear if lame == np.inf else shear * (3.0 * lame + 2.0 * shear) / (lame + shear)
 
 
 def turns_about(arms: Array, now: Array, weights: Array, axes: Array) -> Array:
-    """Return the mean rotation, radians ``(m,)``, up to half a turn, of places ``(q, 3)`` about axes ``(m, 3)``."""
+    """Return the mean rotation, radians ``(m,)``, up to half a turn, of points ``(q, 3)`` about axes ``(m, 3)``."""
     sines = axes @ (weights @ np.cross(arms, now))
     both = weights @ np.einsum("qa,qa->q", arms, now)
     cosines = both - np.einsum("ma,mb,ab->m", axes, axes, (weights[:, None] * arms).T @ now)
@@ -316,7 +318,7 @@ def turns_about(arms: Array, now: Array, weights: Array, axes: Array) -> Array:
 
 
 def _arms(trace: Trace) -> tuple[Array, Array]:
-    """Return places from the middle of a section ``(q, 3)``, and ``J^-1``."""
+    """Return positions from a section's centroid ``(q, 3)``, and ``J^-1``."""
     arms = trace.points - trace.weights @ trace.points / trace.weights.sum()
     spread = (trace.weights[:, None] * arms).T @ arms
     return arms, np.linalg.inv(spread.trace() * np.eye(3) - spread)

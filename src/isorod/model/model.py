@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from isorod.model.contact import Contact
     from isorod.model.tie import Tie
 
-# The analyses that take histories, and what is said in others.
+# The analyses that take histories, and the message in others.
 _TIMED = ("statics", "modal analysis")
 _ONE_FACTOR = "one factor multiplies all that loads the model; ask for statics"
 
-# What a model is made of, each several times.
+# Fields of a model that are sequences.
 _PARTS = ("bodies", "solids", "supports", "loads", "contacts", "ties")
 
 
@@ -45,15 +45,15 @@ class Model(Checked):
         Welded surfaces (`isorod.model.tie.Tie`), and finite element bodies beside the rods
         (`isorod.fenics.solid.Solid`), which have supports and loads of their own.
     times
-        When it is where on its way (`isorod.model.times.until`): histories are over that, load factors places on it.
+        Times along the load path (`isorod.model.times.until`): histories are then functions of the load factor.
     held
         Degrees of freedom that supports hold.
     bound, support_of
         Degrees of freedom that supports hold or tie, and by which support.
     free
-        Unknown of each degree of freedom, -1 if it is held; tied ones share an unknown.
+        Unknown of each degree of freedom, -1 if it is held; tied ones have the same.
     past
-        States gone through, which laws with memory know (`after`).
+        Earlier states, which laws with memory depend on (`after`).
 
     Raises
     ------
@@ -128,7 +128,7 @@ class Model(Checked):
             refuse_tied(self.contacts, self.ties, self.solids)
 
     def _warn_of_poor_pressures(self, index: int, contact: "Contact") -> None:
-        """Warn of pressures too poor for a contact: they see no patch, where a body is too soft."""
+        """Warn of pressure spaces too coarse to resolve a contact patch."""
         poor = [b for b, _ in contact.sides if self.bodies[b].has_poor_pressures]
         if poor:
             warnings.warn(
@@ -154,7 +154,7 @@ class Model(Checked):
         return space
 
     def _refuse_held(self, index: int, load: SectionLoad, moment: Array) -> None:
-        """Raise `InputError` if supports hold all nodes of a load's section, or its mean rotation about the moment."""
+        """Raise `InputError` if supports hold all nodes of a moment's section, or the mean rotation that it acts on."""
         space = self.bodies[load.body].space
         try:
             nodes = load.trace(space).nodes[0]
@@ -170,13 +170,13 @@ class Model(Checked):
             raise InputError(f"load {index}: the section is held: a moment on it does nothing; leave it out")
 
     def in_displacements(self) -> "Model":
-        """Return the model for what knows no pressures (`Body.in_displacements`)."""
+        """Return the model without pressure unknowns (`Body.in_displacements`)."""
         return self._of([body.in_displacements() for body in self.bodies])
 
     def of_density(self, density: float) -> "Model":
-        """Return the model with one density for all rods, for what wants a mass matrix whatever it is."""
+        """Return the model with one density for all rods, where any mass matrix will do."""
         with warnings.catch_warnings():
-            # They were said of the bodies themselves.
+            # The bodies themselves have given these warnings.
             warnings.simplefilter("ignore")
             return self._of([replace(body, density=density) for body in self.bodies])
 
@@ -196,7 +196,7 @@ class Model(Checked):
         return any(body.remembers for body in self.bodies)
 
     def after(self, past: Sequence[Past], settled: bool = False) -> "Model":
-        """Return the model after states, all displacements ``(dofs,)`` of each; see `isorod.model.body.Body.after`."""
+        """Return the model after states with displacements ``(dofs,)``; see `isorod.model.body.Body.after`."""
         if not self.remembers:
             return self
         own = [body.after([Past(f, self.nodal(x, b)) for f, x in past], settled) for b, body in enumerate(self.bodies)]
@@ -209,43 +209,43 @@ class Model(Checked):
 
     def split_pressures(self, pressures: Array) -> list[Array | None]:
         """Return all pressure coefficients ``(p,)`` as each body's ``(layers, count)``, or None."""
-        found: list[Array | None] = []
+        result: list[Array | None] = []
         first = 0
         for own in (body.pressures for body in self.bodies):
-            found.append(None if own is None else pressures[first : first + own.size].reshape(-1, own.count))
+            result.append(None if own is None else pressures[first : first + own.size].reshape(-1, own.count))
             first += 0 if own is None else own.size
-        return found
+        return result
 
     def prescribed(self, factor: float) -> Array:
-        """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.
+        """Return prescribed displacements at a load factor, shape ``(dofs,)``; zero on unknowns that are not tied.
 
         The displacement of a state is ``x[free] + prescribed(factor)``, the first part left out where ``free`` is -1.
         """
-        return self._by_motion(lambda one: one.at(self.share(one.clock.table, factor)))
+        return self._by_motion(lambda one: one.at(self.amplitude(one.clock.table, factor)))
 
-    def share(self, table: "TimeTable | Numbers | None", factor: float, step: float | None = None) -> float:
-        """Return by what something with a table, or none, is multiplied at a load factor, or that grows in a step."""
+    def amplitude(self, table: "TimeTable | Numbers | None", factor: float, step: float | None = None) -> float:
+        """Return the amplitude at a load factor of what has a table, or none, or its increment in a step."""
         if self.times is None:
             return factor if step is None else step
         own = table if isinstance(table, TimeTable) else self.times.ramp
         return own.at(factor) if step is None else own.at(factor + step) - own.at(factor)
 
     def pace(self, table: "TimeTable | Numbers | None", factor: float) -> float:
-        """Return how fast what something with a table is multiplied with grows after a load factor."""
+        """Return the derivative of the amplitude by the load factor, after a load factor."""
         if self.times is None:
             return 1.0
         return (table if isinstance(table, TimeTable) else self.times.ramp).slope(factor)
 
     def when(self, factor: float, digits: str = ".6g") -> str:
-        """Return in words where on the way a load factor is."""
+        """Return a load factor, or the time there, in words."""
         return f"load factor {factor:{digits}}" if self.times is None else f"time {self.times.time(factor):{digits}}"
 
     def applied(self, factor: float, step: float | None = None) -> Array:
-        """Return what `external` is at a load factor, or by what that grows in a step, shape ``(dofs,)``."""
+        """Return `external` at a load factor, or its increment in a step, shape ``(dofs,)``."""
         if self.times is None:
             return (factor if step is None else step) * self.external
         pairs = zip(self.loads, self._external_by_load, strict=True)
-        return sum((self.share(load.history, factor, step) * own for load, (_, own) in pairs), np.zeros(self.dofs))
+        return sum((self.amplitude(load.history, factor, step) * own for load, (_, own) in pairs), np.zeros(self.dofs))
 
     @property
     def moves(self) -> bool:
@@ -253,32 +253,32 @@ class Model(Checked):
         return any(motion.clock.moves for motion in self.motions) or any(one.clock.moves for one in self.means.values())
 
     def placed(self, time: float) -> Array:
-        """Return what supports add to the unknowns of a motion at a time, shape ``(dofs,)``."""
+        """Return prescribed displacements of a motion at a time, shape ``(dofs,)``."""
         return self._by_motion(lambda one: one.at(one.clock.at(time)))
 
     def rates(self, time: float, before: bool = False) -> Array:
-        """Return how fast supports move what they hold after a time, or ``before``, shape ``(dofs,)``."""
+        """Return prescribed velocities after a time, or ``before`` it, shape ``(dofs,)``."""
         return self._by_motion(lambda one: one.velocity(time, before))
 
     def accelerations(self, time: float) -> Array:
-        """Return how fast these grow, shape ``(dofs,)``."""
+        """Return prescribed accelerations at a time, shape ``(dofs,)``."""
         return self._by_motion(lambda one: one.acceleration(time))
 
-    def _by_motion(self, found: "Callable[[SupportMotion], Array]") -> Array:
+    def _by_motion(self, values: "Callable[[SupportMotion], Array]") -> Array:
         result = np.zeros(self.dofs)
         for motion in self.motions:
-            result[motion.dofs] = found(motion)
+            result[motion.dofs] = values(motion)
         return result
 
     def loaded(self, begin: float, end: float) -> Array:
-        """Return the means over a time of nodal forces that depend on no state, or those at it, shape ``(dofs,)``."""
+        """Return means over a time interval of nodal forces that depend on no state, shape ``(dofs,)``."""
         if all(load.history is None for load in self.loads):
             return self.external
         return np.asarray(sum(factor(begin, end) * forces for factor, forces in self._external_by_load))
 
     @cached_property
     def _external_by_load(self) -> "list[tuple[Callable[[float, float], float], Array]]":
-        found: list[tuple[Callable[[float, float], float], Array]] = []
+        factors_and_forces: list[tuple[Callable[[float, float], float], Array]] = []
         for load in self.loads:
             space, result = self.bodies[load.body].space, np.zeros((self.dofs // 3, 3))
             first, last = self.first_node[load.body : load.body + 2]
@@ -286,23 +286,23 @@ class Model(Checked):
                 result[first:last] = load.nodal(space)
             elif isinstance(load, SectionLoad):
                 result[first:last] = load.steady(space)
-            found.append((load.factor, result.ravel()))
-        return found
+            factors_and_forces.append((load.factor, result.ravel()))
+        return factors_and_forces
 
     @cached_property
     def driven(self) -> Array:
-        """How fast supports move what they bind as they come to rest (`SupportMotion.driven`), shape ``(dofs,)``."""
+        """Derivatives of prescribed displacements at load factor 1 (`SupportMotion.driven`), shape ``(dofs,)``."""
         return self.drives(1.0)
 
     def drives(self, factor: float) -> Array:
-        """Return the same as they go on from a load factor, shape ``(dofs,)``."""
-        return self._by_motion(lambda one: one.driven(self.share(one.clock.table, factor)))
+        """Return the same at a load factor, shape ``(dofs,)``."""
+        return self._by_motion(lambda one: one.driven(self.amplitude(one.clock.table, factor)))
 
     @cached_property
     def stages(self) -> list[float]:
-        """Load factors at which supports begin or cease to move, or obstacles or tables go on otherwise, and 1."""
+        """Load factors at which the motion of a support or obstacle, or a table, has a kink, and 1."""
         if self.times is not None:
-            return [float(place) for place in self.times.way[1:]]
+            return [float(place) for place in self.times.path[1:]]
         ends = {end for motion in self.motions for end in motion.during}
         ends |= {float(end) for one in self.contacts if one.motion is not None for end in one.motion.track[:, 0]}
         return sorted((ends | {1.0}) - {0.0})
@@ -318,7 +318,7 @@ class Model(Checked):
         return bool(self.ties or self.solids or self.means)
 
     def refuse_hold(self, what: str) -> None:
-        """Raise `InputError` for a support of rigid motions alone, of which ``what`` knows others."""
+        """Raise `InputError` for a support of rigid motions alone, which ``what`` cannot take."""
         for k, one in self.means.items():
             if one.free:
                 raise InputError(f"support {k}: to hold rigid motions alone is for statics; in {what} leave it out")
@@ -337,7 +337,7 @@ class Model(Checked):
 
     @cached_property
     def following(self) -> list[Pressure | SectionLoad]:
-        """The loads that depend on the state: pressures that follow, and moments but on bodies of small strains."""
+        """Loads that depend on the state: follower pressures, and moments except on bodies of small strains."""
         return [
             load
             for load in self.loads
@@ -373,7 +373,7 @@ class Model(Checked):
 
     @cached_property
     def whole_nodes(self) -> bool:
-        """True if each node is free or held as a whole, and none is tied, so that matrices have blocks of 3."""
+        """Whether each node is completely free or held, and none is tied, so that matrices have blocks of 3."""
         free = np.count_nonzero((self.free >= 0).reshape(-1, 3), axis=1)
         return bool(((free == 0) | (free == 3)).all()) and self.bound.size == self.held.size
 
@@ -383,7 +383,7 @@ class Model(Checked):
 
 
 def unmoved(model: Model, what: str, timed: bool = False) -> None:
-    """Raise `InputError` for what is no model, or moves by time, of which ``what`` has none unless it is ``timed``."""
+    """Raise `InputError` for what is no model, or moves in time while ``what`` is not ``timed``."""
     expect("model", model, Model)
     laws = [(f"body {b}: temperature", law) for b, body in enumerate(model.bodies) for law in body.laws]
     several: list[tuple[str, object]] = [(f"support {k}", one) for k, one in enumerate(model.supports)]

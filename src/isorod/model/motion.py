@@ -1,4 +1,4 @@
-"""What a support does with degrees of freedom, by the load factor."""
+"""Prescribed motion of a support's degrees of freedom by the load factor."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ from isorod.tensors import cross, rotation, turning
 
 
 class SupportMotion(NamedTuple):
-    """What one support does with degrees of freedom ``dofs`` ``(m,)``.
+    """Prescribed motion of degrees of freedom ``dofs`` ``(m,)`` by one support.
 
-    At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
-    ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
-    more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
-    ``0, 1/s, ..., 1``, straight between them.  In motions ``f`` is what the ``clock`` says, which is for one leg.
+    Component ``a`` of ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and of those that
+    are ``tied`` the difference from their common unknown, one a component.  ``f`` is the load factor, or its fraction
+    of the interval ``during``.  ``path`` ``(s + 1, m)`` has displacements at ``f = 0, 1/s, ..., 1``, linear between
+    them.  In motions ``f`` is the value of the ``clock``, and ``path`` has one segment.
     """
 
     dofs: Index
@@ -34,10 +34,10 @@ class SupportMotion(NamedTuple):
         return float(np.linalg.norm(self.turn) * np.abs(factors).max())
 
     def driven(self, factor: float = 1.0) -> Array:
-        """Return how fast, a share of the way, displacements are prescribed at load factor 1, shape ``(m,)``.
+        """Return the derivative by ``f`` of prescribed displacements at the end, shape ``(m,)``, times ``factor``.
 
-        Nodal forces times this are forces times displacements and moments times turns.  Where a table ends it is at
-        another factor, and times that.
+        Its product with nodal forces is forces times displacements plus moments times rotations.  ``factor`` is the
+        value of ``f`` at the end, 1 unless a table ends at another.
         """
         rates = factor * (len(self.path) - 1) * (self.path[-1] - self.path[-2])
         if not self.turn.any():
@@ -59,17 +59,17 @@ class SupportMotion(NamedTuple):
         return result
 
     def velocity(self, time: float, before: bool = False) -> Array:
-        """Return how fast displacements are after a time, or ``before``, shape ``(m,)``."""
+        """Return prescribed velocities after a time, or ``before`` it, shape ``(m,)``."""
         rate = self.clock.rate(time, before)
         return rate * self.path[-1] + self._turning(time, rate * cross(self.turn))
 
     def acceleration(self, time: float) -> Array:
-        """Return how fast these grow, shape ``(m,)``."""
+        """Return prescribed accelerations, shape ``(m,)``."""
         rate, grows = 0.5 * (self.clock.rate(time, False) + self.clock.rate(time, True)), self.clock.acceleration(time)
         spin = cross(self.turn)
         return grows * self.path[-1] + self._turning(time, grows * spin + rate**2 * spin @ spin)
 
     def _turning(self, time: float, spin: Array) -> Array:
-        """Return a matrix ``(3, 3)`` times the arms as they are at a time."""
+        """Return a matrix ``(3, 3)`` times the arms in their orientation at a time."""
         rows = (spin @ rotation(self.clock.at(time) * self.turn))[self.dofs % 3]
         return np.asarray(np.einsum("ma,ma->m", rows, self.arms))

@@ -1,4 +1,4 @@
-"""How rigid obstacles move: along a path, and about an axis that goes along."""
+"""Motions of rigid obstacles: along a path, and about an axis that moves with it."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -22,25 +22,25 @@ class ObstacleMotion(Checked):
     Parameters
     ----------
     move
-        Displacement at load factor 1, ``(3,)``, straight from none; or a path, rows of load factor, in motions of time,
-        and displacement, straight between them: ``[[0, 0, 0, 0], [0.5, 0, 0, -1], [1, 2, 0, -1]]``.
+        Displacement at load factor 1, ``(3,)``, linear in the load factor; or a path, rows of load factor, in motions
+        of time, and displacement, linear between them: ``[[0, 0, 0, 0], [0.5, 0, 0, -1], [1, 2, 0, -1]]``.
     angle
         Angle about the axis at load factor 1, radians, in scene files degrees; whole turns count.  Or rows of load
         factor or time, and angle: ``[[0, 0], [2, 720]]``.
     axis
         ``"x"``, ``"y"``, ``"z"``, or a direction; where not given that of a cylinder.
     center
-        A point of the axis, which moves along; where not given the obstacle's own ``point`` or ``center``.
+        A point of the axis, which moves with the obstacle; where not given its own ``point`` or ``center``.
 
     Raises
     ------
     InputError
-        If it is no motion, rows do not begin at 0 at rest or do not follow each other, or an axis is missing.
+        If nothing moves, rows do not begin with zeros or do not ascend, or an axis is missing.
 
     Attributes
     ----------
     plain
-        Whether it is by the load factor: no rows say when.
+        Whether it is linear in the load factor: neither is given by rows.
     """
 
     plain: ClassVar[bool]
@@ -75,15 +75,15 @@ class ObstacleMotion(Checked):
         return bool(np.any(np.asarray(self.angle)[:, 1:]))
 
     def about(self, center: Vector | None, axis: Vector | None = None) -> "ObstacleMotion":
-        """Return the motion with what an obstacle has of its own where center or axis are not given."""
-        found = copy(self)
-        found._set(center=center if self.center is None else self.center)
+        """Return the motion with an obstacle's own center and axis where none are given."""
+        motion = copy(self)
+        motion._set(center=center if self.center is None else self.center)
         if self.axis is None and self._turns:
-            found._set(axis=axis)
+            motion._set(axis=axis)
         for name in ("axis", "center"):
-            if found._turns and getattr(found, name) is None:
+            if motion._turns and getattr(motion, name) is None:
                 raise InputError(f"motion: {name} is missing: the obstacle turns, and has none of its own")
-        return found
+        return motion
 
     @property
     def direction(self) -> Array:
@@ -100,26 +100,26 @@ class ObstacleMotion(Checked):
 
     @cached_property
     def track(self) -> Array:
-        """Load factor or time, displacement and angle, straight between rows, shape ``(m, 5)``."""
+        """Load factor or time, displacement and angle, linear between rows, shape ``(m, 5)``."""
         move, angle = np.asarray(self.move, dtype=float), np.asarray(self.angle, dtype=float)
         when = np.union1d(move[:, 0], angle[:, 0])
         columns = [np.interp(when, move[:, 0], move[:, 1 + a]) for a in range(3)]
         return np.column_stack([when, *columns, np.interp(when, angle[:, 0], angle[:, 1])])
 
     def at(self, when: float) -> tuple[Array, Array]:
-        """Return ``R`` and ``c`` of a load factor or time: what is at ``x`` at rest is at ``R x + c``."""
+        """Return ``R`` and ``c`` at a load factor or time: a point at ``x`` at rest is at ``R x + c``."""
         track = self.track
         move = np.array([np.interp(when, track[:, 0], track[:, 1 + a]) for a in range(3)])
         turned = rotation(np.interp(when, track[:, 0], track[:, 4]) * self.direction)
         return turned, move + self.middle - turned @ self.middle
 
     def back(self, places: Array, when: float) -> Array:
-        """Return where what is at places ``(..., 3)`` at a load factor or time would be at rest."""
+        """Return positions at rest of points at ``places`` ``(..., 3)`` at a load factor or time."""
         turned, moved = self.at(when)
         return np.asarray((places - moved) @ turned)
 
     def rates(self, places: Array) -> Array:
-        """Return how fast the obstacle moves, a unit of the load factor, at places ``(m, 3)`` as it comes to an end."""
+        """Return the obstacle's velocity by the load factor at its end, at places ``(m, 3)``."""
         track = self.track
         if track[-1, 0] < 1.0:
             return np.zeros_like(places)
@@ -128,13 +128,13 @@ class ObstacleMotion(Checked):
         return np.asarray(rate[:3] + arms @ cross(rate[3] * self.direction).T)
 
     def fastest(self, when: float) -> float:
-        """Return by how much a unit of the load factor it turns after a load factor, radians."""
+        """Return the derivative of its angle by the load factor, after a load factor, radians."""
         track = self.track
         k = int(np.searchsorted(track[:, 0], when, side="right"))
         if k == len(track):
             return 0.0
-        way = track[k] - track[k - 1]
-        return float(abs(way[4]) / way[0])
+        change = track[k] - track[k - 1]
+        return float(abs(change[4]) / change[0])
 
 
 def refuse_late(motions: Sequence[ObstacleMotion | None]) -> None:
@@ -148,7 +148,7 @@ def refuse_late(motions: Sequence[ObstacleMotion | None]) -> None:
 
 
 def _rows(name: str, given: Numbers, columns: int) -> Array:
-    """Return rows of load factor or time and what is there."""
+    """Return rows of load factor or time and displacement or angle."""
     rows = numbers(f"motion: {name}", given)
     shape = "(3,)" if columns == 3 else "a number"
     if rows.shape == (() if columns == 1 else (3,)):

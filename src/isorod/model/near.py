@@ -1,8 +1,8 @@
-"""Stretches of the centre lines of bodies: which of them may touch, and between which there is a contact.
+"""Segments of the bodies' centre lines: which may touch, and for which contact is defined.
 
-Self-contact is considered only between points at least pi times the radius apart along the axis: a rod that is bent as
-tightly as it can be, with no radius left inside, has touched itself there (its centre line then turns with the radius
-of its section), and what is nearer is the neighbourhood of the point (compiled in `isorod.contact.search_kernel`).
+Self-contact is considered only between points at least pi times the radius apart along the axis: a rod bent as tightly
+as possible touches itself there (its centre line's radius of curvature is then that of its section), and nearer points
+are the neighbourhood of the point itself (compiled in `isorod.contact.search_kernel`).
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ Mask = NDArray[np.bool_]
 
 
 class Stretches(NamedTuple):
-    """Stretches of centre lines, ``m`` in all, each field of shape ``(m,)``.
+    """Segments of centre lines, ``m`` in all, each field of shape ``(m,)``.
 
     Attributes
     ----------
     body, element, u
         Numbers of body and element, and the axis parameter in the middle.
     begin, end, period
-        Arc lengths from the start of the rod to both ends, and of the whole rod where that is closed, else infinity.
+        Arc lengths from the start of the rod to both ends, and of a whole closed rod, of an open one infinity.
     radius
         Mean distance of the outline from the centre.
     """
@@ -48,7 +48,7 @@ class Stretches(NamedTuple):
         return far | (self.body[first] != self.body[second])
 
     def sides(self, contact: Contact) -> tuple[Index, Mask]:
-        """Return on which side of a contact the body of each is, -1 on none, and whether its element takes part."""
+        """Return the side of a contact that each one's body is on, -1 if none, and whether its element takes part."""
         side, part = np.full(self.body.size, -1), np.zeros(self.body.size, dtype=bool)
         for number, bodies in enumerate(contact.groups):
             side[np.isin(self.body, bodies)] = number
@@ -58,7 +58,7 @@ class Stretches(NamedTuple):
         return side, part
 
     def declared(self, contacts: Sequence[Contact], first: Index, second: Index) -> tuple[Mask, Mask]:
-        """Return whether a contact is between the two of each pair, or is but leaves their elements out."""
+        """Return whether contact is defined for each pair, and whether for their bodies but not their elements."""
         there, bodies = np.zeros(first.size, dtype=bool), np.zeros(first.size, dtype=bool)
         for contact in contacts:
             if contact.obstacle is None and contact.facets is None:
@@ -71,9 +71,9 @@ class Stretches(NamedTuple):
 
     def tied(self, ties: Sequence[Tie], first: Index, second: Index) -> Mask:
         """Return whether ties weld the bodies of each pair together: a rod's end may then be within another rod."""
-        found = np.zeros(first.size, dtype=bool)
+        welded = np.zeros(first.size, dtype=bool)
         for tie in ties:
             one, other = (getattr(side, "body", -1) for side in (tie.slave, tie.master))
-            found |= (self.body[first] == one) & (self.body[second] == other)
-            found |= (self.body[first] == other) & (self.body[second] == one)
-        return found
+            welded |= (self.body[first] == one) & (self.body[second] == other)
+            welded |= (self.body[first] == other) & (self.body[second] == one)
+        return welded

@@ -1,7 +1,7 @@
-"""Which degrees of freedom are unknowns: those that supports neither hold nor tie, and one for those tied together.
+"""Numbering of unknowns: degrees of freedom that supports neither hold nor tie, and one for those tied together.
 
-A held degree of freedom has its displacement from the support.  Tied ones share one unknown, the displacement of the
-first of them, to which the rotation adds what is different between them.
+The displacement of a held degree of freedom is prescribed.  Tied ones have one common unknown, the displacement of the
+first of them, to which the rotation adds their differences.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ _SAMPLES = (1.0, 0.73, 0.37, 0.11)
 
 
 class Numbering(NamedTuple):
-    """Which degrees of freedom are held, and which ``bound``, held or tied by support ``support_of``.
+    """Degrees of freedom that are ``held``, and ``bound``, held or tied, by support ``support_of``.
 
-    ``free`` maps each to its unknown or -1.
+    ``free`` maps each degree of freedom to its unknown or -1.
     """
 
     held: Index
@@ -45,9 +45,9 @@ def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
     values = np.full((len(_SAMPLES), dofs), np.nan) if np.bincount(supported).max(initial=0) > 1 else None
     for k, motion in enumerate(motions):
         if values is not None:
-            wanted = np.stack([motion.at(factor) for factor in _SAMPLES])
+            prescribed = np.stack([motion.at(factor) for factor in _SAMPLES])
             before = owner[motion.dofs] >= 0
-            differs = (values[:, motion.dofs] != wanted).any(axis=0)
+            differs = (values[:, motion.dofs] != prescribed).any(axis=0)
             clash = before & (differs | tied[motion.dofs] | motion.tied)
             if clash.any():
                 dof = motion.dofs[np.argmax(clash)]
@@ -55,7 +55,7 @@ def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
                     f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is prescribed by another support "
                     "with another displacement"
                 )
-            values[:, motion.dofs] = wanted
+            values[:, motion.dofs] = prescribed
         owner[motion.dofs] = k
         if motion.tied.any():
             for a in range(3):

@@ -1,4 +1,4 @@
-"""What a body has gone through, and what laws with memory make of it at any of its points."""
+"""Earlier states of a body, and internal variables of laws with memory from them."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Past(NamedTuple):
-    """A state gone through.
+    """An earlier state.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Past(NamedTuple):
 
 
 def gone_through(laws: Laws, past: Sequence[Past], space: "Space", u: Array, xi: ArrayLike) -> Laws:
-    """Return laws with the state that each point has after what it went through (`isorod.model.body.Body.laws_at`)."""
+    """Return laws with each point's internal variables after earlier states (`isorod.model.body.Body.laws_at`)."""
     for one in past:
         _, F = space.displacement(one.displacement, xi, u.ravel())
         laws = laws.advanced(F.reshape(*u.shape, *F.shape[1:]), one.factor)

@@ -7,9 +7,9 @@ from isorod.errors import InputError
 from isorod.geometry.quadrature import WHOLE
 from isorod.space.space import Space
 
-# Places round an arc at which functions are looked at.
+# Points round an arc at which functions are evaluated.
 _PLACES = 64
-# Rounding of a function that vanishes, and, as a share of the whole, of lengths as they are written down.
+# Tolerances: of functions that vanish, and of typed lengths, relative to the whole length.
 _SMALL, _ROUNDED = 1e-9, 1e-6
 
 

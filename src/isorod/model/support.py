@@ -35,19 +35,18 @@ class Support(InTime):
     arms
         Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
     tied
-        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: their
-        control points (`Space.is_control_point`) share one unknown.
+        Components, letters of ``"xyz"``, in which the nodes rotate as prescribed but translate freely, as one: their
+        control points (`Space.is_control_point`) have a common unknown.
     space
-        That of the nodes, if it is to be checked that the body has the same.
+        The space of the nodes, to check that the body has the same.
     during
-        Load factors between which it moves, ``0 <= begin < end <= 1``: ``f`` above is the share of that way, 0 before
-        and 1 after.
+        Load factors between which it moves, ``0 <= begin < end <= 1``: ``f`` above grows there from 0 to 1.
     waypoints
-        Displacements at ``f`` = 1/s, 2/s, ..., (s - 1)/s, shape ``(s - 1, m, 3)``, between which the nodes move
-        straight; the whole of ``displacement`` is one straight line where not given.
+        Displacements at ``f`` = 1/s, 2/s, ..., (s - 1)/s, shape ``(s - 1, m, 3)``, linear between these; where not
+        given, linear from zero to ``displacement``.
     spin
-        Angular velocity in motions, radians per time, ``(3,)``, in the place of ``displacement`` and ``turn``: nodes
-        turn about the centre of the ``arms`` all the time, as fast as the ``history`` says, if there is one.
+        Angular velocity in motions, radians per time, ``(3,)``, instead of ``displacement`` and ``turn``: nodes rotate
+        about the centre of the ``arms`` all the time, with a ``history`` as a factor of the angular velocity.
     """
 
     nodes: Index
@@ -92,9 +91,9 @@ class Support(InTime):
         """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
 
         With a ``turn`` the face moves as a rigid body: at factor ``f`` its point ``x`` is displaced by
-        ``R(f turn) (x - c) - (x - c) + f displacement``.  In the components ``tied`` the face turns too, but is free to
-        translate as a whole; ``components`` are those held, so that ``components="x", tied="yz"`` holds one translation
-        of a rigid face.
+        ``R(f turn) (x - c) - (x - c) + f displacement``.  In the components ``tied`` the face rotates too, but is free
+        to translate as a whole; ``components`` are held, so that ``components="x", tied="yz"`` holds one translation of
+        a rigid face.
 
         Parameters
         ----------
@@ -110,7 +109,7 @@ class Support(InTime):
             Index of the body in the model.
         turn
             Rotation vector at load factor 1, shape ``(3,)``: along its axis, as long as its angle, which may be many
-            whole turns; radians, in scene files (`rotation`) degrees.
+            full turns; radians, in scene files (`rotation`) degrees.
         center
             The point ``c``, shape ``(3,)``; the mean of the face's control points where not given.
         during
@@ -124,7 +123,7 @@ class Support(InTime):
         Raises
         ------
         InputError
-            If the rod is closed, or the end is none.
+            If the rod is closed, or has no such end.
         """
         nodes = np.arange(space.nodes).reshape(space.layers, -1)[space.end(which)]
         rest = {"components": components, "body": body, "tied": tied, "during": during, "spin": spin}
@@ -148,8 +147,8 @@ class Support(InTime):
     ) -> "Support":
         """Return a support of a patch of the lateral surface: every node whose function acts there is held.
 
-        The patch moves exactly as is said; so does what surrounds it within an arc of the section and, towards its
-        edges less and less, within ``degree`` elements: a fine patch needs a fine space.
+        The patch moves exactly as prescribed.  Its surroundings move, too, within an arc of the section and, less and
+        less, within ``degree`` elements: a small patch needs a fine space.
 
         Parameters
         ----------
@@ -174,7 +173,7 @@ class Support(InTime):
     def _rigid(
         cls, nodes: Index, space: Space, displacement: Numbers, turn: Numbers, center: Numbers | None, **rest: Any
     ) -> "Support":
-        """Return a support of nodes that move as a rigid body does; ``rest`` are its other fields."""
+        """Return a support of nodes that move as a rigid body; ``rest`` are its other fields."""
         is_control_point = space.is_control_point[nodes, None]
         arms = None
         if np.any(turn) or np.any(rest["spin"]):
@@ -185,7 +184,7 @@ class Support(InTime):
         return cls(nodes, displacement=moved, turn=turn, arms=arms, space=space, **rest)
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
-        """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.
+        """Return the prescribed motion of degrees of freedom of a space that starts with node ``first_node``.
 
         Raises
         ------
@@ -226,7 +225,7 @@ class Support(InTime):
         return SupportMotion(dofs.ravel(), path, arms.reshape(-1, 3), turn + spin, tied.ravel(), during, clock)
 
     def _path(self, last: Array, columns: Index) -> Array:
-        """Return the displacements of all components at equal shares of the way, none at first, ``(s + 1, m, c)``."""
+        """Return displacements of all components at ``f = 0, 1/s, ..., 1``, zero at first, ``(s + 1, m, c)``."""
         between = np.zeros((0, len(last), 3)) if self.waypoints is None else np.asarray(self.waypoints, dtype=float)
         if between.ndim != 3 or between.shape[1:] != (len(last), 3) or not np.isfinite(between).all():
             raise InputError(f"got waypoints of shape {between.shape}, need (count, {len(last)}, 3) finite numbers")
@@ -239,7 +238,7 @@ class Support(InTime):
         return float(given[0]), float(given[1])
 
     def _turned(self, space: Space, nodes: Index, tied: NDArray[np.bool_]) -> Array:
-        """Return the arms of all components ``(m, c, 3)``, those of tied ones ``(m, c)`` from the first of them."""
+        """Return the arms of all components ``(m, c, 3)``, of ``tied`` ones ``(m, c)`` from the first control point."""
         result = np.zeros((*tied.shape, 3))
         if self.arms is None:
             return result
@@ -253,7 +252,7 @@ class Support(InTime):
 
 
 def center_of(space: Space, support: Support) -> Array:
-    """Return the point about which a support turns, shape ``(3,)``."""
+    """Return the centre of a support's rotation, shape ``(3,)``."""
     nodes = np.asarray(support.nodes)
     k = int(np.argmax(space.is_control_point[nodes]))
     return np.asarray(space.positions[nodes[k]] - np.asarray(support.arms)[k])

@@ -36,13 +36,13 @@ class LateralSurface(Checked):
     ----------
     along
         Lengths along the centre line, from the start, the first below the second; the whole rod where not given.  Both
-        must be at joints of elements where the space is continuous alone (`isorod.space.space.Space`, ``knots``): what
-        is tied then ends there.
+        must be at element boundaries where the space is C0 (`isorod.space.space.Space`, ``knots``), so that what is
+        tied ends there.
     surface
         ``"outer"``, or ``"inner"``: that of the hole of a rod that has one.
     touching
-        Whether what touches the other surface is meant alone, within the tie's ``gap`` or, without one, a hundredth of
-        the section's size: the flat side of a strip on another.
+        Whether only the part is tied that touches the other surface, within the tie's ``gap`` or, without one, a
+        hundredth of the section's size: as the flat side of a strip on another.
     """
 
     body: int
@@ -71,8 +71,8 @@ class SolidSurface(Checked):
     Parameters
     ----------
     facets
-        Numbers of facets on this rank, ``(f,)``, as `dolfinx.mesh.MeshTags.find` gives; all of them where not given,
-        of which those take part that are near.
+        Numbers of facets on this rank, ``(f,)``, as `dolfinx.mesh.MeshTags.find` gives; where not given, all facets
+        near the other surface.
     """
 
     solid: int
@@ -105,23 +105,23 @@ class Tie(Checked):
     Parameters
     ----------
     slave, master
-        The two surfaces.  The slave is covered by the other wholly: of a rod's end and a larger face the end.  Where
-        either may be, as of a rod in a hole, the rod's has the better tractions.  Of a master that is a rod, all of the
-        rod takes part.
+        The two surfaces.  The master covers the slave completely: of a rod's end and a larger face the end is the
+        slave.  Where either may be, as of a rod in a hole, tractions are better with the rod's as slave.  A master that
+        is a rod takes part as a whole.
     kind
-        ``"weld"``; ``"slide"``: displacements along the slave's normal alone are the same; or ``"mean"``: its mean
-        displacement and its mean rotation alone, so that neither surface is stiffened (a distributing coupling).
+        ``"weld"``; ``"slide"``: only displacements along the slave's normal are the same; or ``"mean"``: only mean
+        displacement and mean rotation of the slave, so that neither surface is stiffened (a distributing coupling).
     bond
-        Of what slides: stiffness of the bond, tangential traction per slip, force / length^3; or points ``(slip,
+        Of a slide: stiffness of the bond, tangential traction per slip, force / length^3; or points ``(slip,
         traction)`` of a law (`isorod.model.bond.BondLaw`).
     gap
-        The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
-        the slave's size, the root of its area over pi.
+        The largest admissible distance between the two at rest, units of length; where not given a tenth of the
+        slave's size, the root of its area over pi.
 
     Raises
     ------
     InputError
-        If a surface is none, or both are of one body.
+        If a surface does not exist, or both are of one body.
     """
 
     slave: Surface
@@ -153,9 +153,9 @@ class Tie(Checked):
         if first == second:
             raise InputError(f"tie: {first[0]} {first[1]} with itself; name two bodies")
         if self.kind == "weld" and isinstance(self.slave, SolidSurface) and isinstance(self.master, EndFace):
-            # Beside the rod's edge they follow its smooth functions up to where the stress is singular.
+            # Near the rod's edge the facets would follow its smooth functions, although stress is singular there.
             warnings.warn(
-                f"tie: {self.slave} as slave of the {self.master} err up to ten times as much as the other way round; "
+                f"tie: {self.slave} as slave of the {self.master} err up to ten times as much as the reverse; "
                 "make the rod's end the slave",
                 stacklevel=3,
             )
@@ -169,7 +169,7 @@ class Tie(Checked):
         return f"{self.slave} to {self.master}"
 
     def check(self, index: int, bodies: int, solids: int) -> None:
-        """Raise `InputError` if a body or a solid is not among so many of a model, whose tie is ``index``."""
+        """Raise `InputError` if a body or a solid does not exist; ``index`` is the tie's in the model."""
         for one in (self.slave, self.master):
             kind, number, count = ("body", getattr(one, "body", 0), bodies)
             if isinstance(one, SolidSurface):

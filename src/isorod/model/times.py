@@ -1,8 +1,8 @@
-"""Histories in statics: where on the way from rest to an end time each load and support is.
+"""Histories in statics: loads and supports along a load path from rest to an end time.
 
-Equilibria are followed from 0 to 1, as those of load factors are.  The way is the share of the time, but where a table
-jumps: a jump takes a piece of the way in which no time goes by, so that loads go over it in steps as they do elsewhere.
-Each table becomes one over the way; its points are those of all tables.
+The path parameter runs from 0 to 1, as load factors do.  It is time over end time, except where a table jumps: a jump
+takes a segment of the path at constant time, so that loads cross it in steps as they do elsewhere.  Each table becomes
+one over the path, with the points of all tables.
 """
 
 import warnings
@@ -19,14 +19,14 @@ from isorod.model.history import Times, TimeTable
 from isorod.model.model import Model
 from isorod.model.support import Support
 
-# Times that differ by this share of the end time are one.
+# Times that differ by less than this fraction of the end time are the same.
 _SAME = 1e-9
 
 
 def until(model: Model, end_time: float) -> Model:
-    """Return a model whose tables say where it is on the way to an end time, for statics.
+    """Return a model for statics up to an end time, with tables over the load path.
 
-    What has no history reaches its full value at the first time that a table names, and keeps it.
+    What has no history reaches its full value at the first time in a table, and keeps it.
 
     Raises
     ------
@@ -52,9 +52,9 @@ def until(model: Model, end_time: float) -> Model:
     early = np.append(np.diff(times) == 0.0, False)
     gaps = np.diff(times)
     lengths = np.where(gaps > 0.0, gaps, end_time / max(len(kinks) - 1, 1))
-    way = np.append(0.0, np.cumsum(lengths)) / lengths.sum() if jumps else times / end_time
-    way[-1] = 1.0
-    ramp = TimeTable(tuple(way.tolist()), tuple(np.minimum(times / kinks[1], 1.0).tolist()))
+    path = np.append(0.0, np.cumsum(lengths)) / lengths.sum() if jumps else times / end_time
+    path[-1] = 1.0
+    ramp = TimeTable(tuple(path.tolist()), tuple(np.minimum(times / kinks[1], 1.0).tolist()))
 
     def over(history: Any) -> TimeTable:
         if history is None:
@@ -72,12 +72,12 @@ def until(model: Model, end_time: float) -> Model:
             return one
         track = one.motion.track
         when = np.array(ramp.factors) if one.motion.plain else times
-        rows = np.column_stack([way, *(np.interp(when, track[:, 0], column) for column in track.T[1:])])
+        rows = np.column_stack([path, *(np.interp(when, track[:, 0], column) for column in track.T[1:])])
         motion = replace(one.motion, move=rows[:, :4], angle=rows[:, [0, 4]])
         return replace(one, second=replace(one.obstacle, motion=motion))
 
     with warnings.catch_warnings():
-        # They were said of the model itself.
+        # The model itself has given these warnings.
         warnings.simplefilter("ignore")
         return replace(
             model,
@@ -86,12 +86,12 @@ def until(model: Model, end_time: float) -> Model:
             loads=[timed(one) for one in model.loads],
             spin=model.spin and timed(model.spin),
             contacts=[moved(one) for one in model.contacts],
-            times=Times(way, times, ramp, model),
+            times=Times(path, times, ramp, model),
         )
 
 
 def _several(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield what may have a history, with what it is called."""
+    """Yield what may have a history, with its name in messages."""
     for kind, several in (("support", model.supports), ("load", model.loads)):
         yield from ((f"{kind} {k}", one) for k, one in enumerate(several))
     if model.spin is not None:
@@ -109,7 +109,7 @@ def _refuse_short(what: str, last: float, end_time: float) -> None:
 
 
 def _refuse_by_factor(model: Model) -> None:
-    """Raise `InputError` for what moves by parts of the load factor, of which there are none over time."""
+    """Raise `InputError` for what is given by load factors, which do not go with an end time."""
     for k, one in enumerate(model.supports):
         if isinstance(one, Support) and tuple(one.during) != (0.0, 1.0):
             raise InputError(f"support {k}: during: it is of load factors, and end_time is given; give a history")
@@ -122,16 +122,16 @@ def _refuse_by_factor(model: Model) -> None:
 
 
 def _kinks(several: list[Array], end: float) -> Array:
-    """Return the times from 0 to the end at which tables have points, those that are but rounding apart as one."""
-    found = np.unique(np.concatenate([np.array([0.0, end]), *several]))
-    found = found[(found >= 0.0) & (found <= end)]
-    kept = found[np.append(True, np.diff(found) > _SAME * end)]
+    """Return the times from 0 to the end at which tables have points, merged where they differ by rounding."""
+    times = np.unique(np.concatenate([np.array([0.0, end]), *several]))
+    times = times[(times >= 0.0) & (times <= end)]
+    kept = times[np.append(True, np.diff(times) > _SAME * end)]
     kept[-1] = end
     return np.asarray(kept)
 
 
 def _snapped(table: TimeTable, kinks: Array) -> TimeTable:
-    """Return a table whose points are at the times given where they are but rounding from them."""
+    """Return a table whose points are moved to the kinks from which they differ by rounding."""
     times = np.array(table.times)
     near = kinks[np.abs(times[:, None] - kinks).argmin(axis=1)]
     snapped = np.where(np.abs(times - near) <= _SAME * kinks[-1], near, times)
@@ -139,5 +139,5 @@ def _snapped(table: TimeTable, kinks: Array) -> TimeTable:
 
 
 def _jumps(table: TimeTable, time: float) -> bool:
-    """Return whether a table jumps at a time; at the start from rest."""
+    """Return whether a table jumps at a time; at the start, whether it jumps from zero."""
     return table.at(time) != (table.at(time, True) if time > 0.0 else 0.0)

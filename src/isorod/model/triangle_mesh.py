@@ -18,7 +18,7 @@ _VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*?)[ \t\r]*$", re.MULTILINE | re.IG
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A rigid body bounded by triangles, which rods stay out of.
+    """A rigid body bounded by triangles, which rods do not enter.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class TriangleMesh:
     Raises
     ------
     InputError
-        If a number is not finite or no vertex's, a triangle has no area, or the surface is not closed.
+        If a coordinate is not finite, a vertex does not exist, a triangle has no area, or the surface is not closed.
     """
 
     vertices: ArrayLike
@@ -40,8 +40,8 @@ class TriangleMesh:
     motion: ObstacleMotion | None = None
 
     def __post_init__(self) -> None:
-        vertices, found = numbers("triangle mesh: vertices", self.vertices), numbers("triangle mesh", self.triangles)
-        for name, table in (("vertices", vertices), ("triangles", found)):
+        vertices, numbered = numbers("triangle mesh: vertices", self.vertices), numbers("triangle mesh", self.triangles)
+        for name, table in (("vertices", vertices), ("triangles", numbered)):
             if table.ndim != 2 or table.shape[1] != 3 or not table.size:
                 raise InputError(f"triangle mesh: {name}: got shape {table.shape}, need (m, 3)")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
@@ -49,12 +49,12 @@ class TriangleMesh:
             raise InputError(
                 f"triangle mesh: vertex {bad[0]}: got {tuple(vertices[bad[0]].tolist())}, need finite numbers"
             )
-        wrong = ~((found >= 0) & (found < vertices.shape[0]) & (found == np.floor(found)))
+        wrong = ~((numbered >= 0) & (numbered < vertices.shape[0]) & (numbered == np.floor(numbered)))
         if wrong.any():
             k = int(np.argwhere(wrong)[0][0])
-            given, count = tuple(found[k].tolist()), vertices.shape[0]
+            given, count = tuple(numbered[k].tolist()), vertices.shape[0]
             raise InputError(f"triangle mesh: triangle {k}: got {given}, need numbers of the {count} vertices")
-        triangles = _closed(found.astype(np.int64))
+        triangles = _closed(numbered.astype(np.int64))
         corners = vertices[triangles]
         sides = corners - np.roll(corners, 1, axis=1)
         area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -92,7 +92,7 @@ class TriangleMesh:
         except OSError as problem:
             raise InputError(f"{path}: {problem.strerror}") from None
         try:
-            # Zeros of both signs are the same place.
+            # Makes zeros of both signs the same.
             corners = scale * _corners(content).reshape(-1, 3) + 0.0
             vertices, numbered = np.unique(corners, axis=0, return_inverse=True)
             triangles = numbered.reshape(-1, 3)
@@ -109,8 +109,8 @@ class TriangleMesh:
     def normals(self) -> Array:
         """Return outward unit normals of face, edges and corners of the triangles, shape ``(t, 7, 3)``.
 
-        That of an edge, from a corner to the next, is the mean of both faces', that of a corner the mean of the faces'
-        there weighted by their angles.
+        The normal of an edge, from a corner to the next, is the mean of both faces', that of a corner the mean of its
+        faces', weighted by their angles.
         """
         corners, triangles = self.corners, np.asarray(self.triangles)
         along = _unit(np.roll(corners, -1, axis=1) - corners)
@@ -138,16 +138,16 @@ def _edges(triangles: Index) -> Index:
 
 
 def _closed(triangles: Index) -> Index:
-    """Return triangles whose surface is closed: two meet at each edge, and go along it in opposite directions."""
+    """Return triangles if their surface is closed: two at each edge, which traverse it in opposite directions."""
     edges = _edges(triangles)
     _, numbered, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     meeting = counts[numbered.ravel()]
     odd = np.flatnonzero(meeting != 2)
     if odd.size:
         k, count = odd[0] // 3, meeting[odd[0]]
-        said = "is open" if count == 1 else f"is one of {count} triangles"
+        problem = "is open" if count == 1 else f"is one of {count} triangles"
         raise InputError(
-            f"triangle mesh: an edge of triangle {k} {said}; need a closed surface, two triangles at each edge"
+            f"triangle mesh: an edge of triangle {k} {problem}; need a closed surface, two triangles at each edge"
         )
     _, first, counts = np.unique(edges, axis=0, return_index=True, return_counts=True)
     if counts.max() > 1:

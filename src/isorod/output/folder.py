@@ -51,7 +51,7 @@ def frames(solution: Any) -> list[Frame]:
     for time, state in solution.frames():
         factor = getattr(state, "factor", 1.0)
         fields = [state.fields(b) for b in bodies], factor, [state.solid_fields(k) for k in solids]
-        found.append(Frame(time, *fields, solution.model.share(None, factor)))
+        found.append(Frame(time, *fields, solution.model.amplitude(None, factor)))
     return found
 
 

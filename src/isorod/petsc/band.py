@@ -1,10 +1,9 @@
-"""Factors of a banded symmetric matrix, of its first unknowns alone if the others are wanted: ``A = L J L^T``.
+"""Factors ``A = L J L^T`` of a banded symmetric matrix, or of its first unknowns and a Schur complement of the others.
 
-Where a panel is positive definite, its part is Cholesky's and ``J`` is 1.  A negative pivot, of which there are as many
-as negative eigenvalues, is a panel by itself, whose ``J`` is -1, where little is lost by that; where much is, the
-eigenvectors of the diagonal block of what is left of the panel make that block of ``L``, and ``J`` has their signs: by
-Sylvester's law they count the negative eigenvalues.  Nothing is exchanged between panels, so that entries may grow;
-where they do by much, the factors are refused.
+Of a positive definite panel the factor is Cholesky's and ``J`` is 1.  A negative pivot is a panel by itself with
+``J = -1`` if few digits are lost by that; otherwise the eigenvectors of the remaining panel's diagonal block make that
+block of ``L``, and ``J`` has the signs of its eigenvalues.  By Sylvester's law the signs of ``J`` count the negative
+eigenvalues.  Rows are not exchanged between panels, so entries may grow; if they grow much, the factors are refused.
 """
 
 import numpy as np
@@ -15,26 +14,25 @@ from isorod.arrays import Array, Index
 from isorod.petsc import band_kernel as kernel
 from isorod.petsc.band_kernel import Elimination, Ordered
 
-# Factors are refused where the panels that are not positive definite add more than this many times the largest entry
-# to the diagonal: so many digits are lost.
+# Factors are refused where panels that are not positive definite add more than this many times the largest entry to
+# the diagonal: the digits lost.
 _GROWTH = 1e3
 
-# Without keeping, factors are forgotten after so many times the columns that are needed.
+# Columns of the band without keeping, in multiples of those that are needed at a time.
 _CHUNK = 8
 
 
 class Factors:
-    """Factors of a matrix, and what is left of the unknowns that were not eliminated.
+    """Factors of a matrix, and the Schur complement of unknowns that were not eliminated.
 
     Attributes
     ----------
     negative
-        Number of negative eigenvalues of what was eliminated.
+        Number of negative eigenvalues of the eliminated block.
     border, corner
-        Schur complement of the border: what couples it to the unknowns that come after, shape ``(after, s)``, and its
-        own block.
+        Schur complement of the border: its coupling to the remaining unknowns, shape ``(after, s)``, and its own block.
     schur
-        Schur complement of the unknowns that come after.
+        Schur complement of the remaining unknowns.
     """
 
     def __init__(self) -> None:
@@ -45,10 +43,10 @@ class Factors:
         self.border = self.corner = self.schur = np.empty((0, 0))
 
     def factorise(self, matrix: Ordered, eliminated: int, keep: bool = True, fill: float = np.inf) -> bool:
-        """Eliminate the first unknowns; return whether that went well.
+        """Eliminate the first unknowns; return whether that succeeded.
 
-        Without keeping, there is an inertia and a Schur complement, but no factors are kept.  A matrix whose factors
-        would have more than ``fill`` times its entries is refused.
+        Without ``keep`` only inertia and Schur complement remain, no factors.  A matrix whose factors would have more
+        than ``fill`` times its entries is refused.
         """
         work = self._prepare(matrix, eliminated, keep, fill)
         if work is None:
@@ -57,11 +55,11 @@ class Factors:
         self.negative = 0
         self.border = self.corner = self.schur = np.empty((0, 0))
         while (k := kernel.eliminate(matrix, work)) < now["panels"]:
-            found = self._odd_panel(k, work)
-            if found is None:
+            factor = self._odd_panel(k, work)
+            if factor is None:
                 return False
-            odd.append((k, *found))
-            self.negative += int(np.count_nonzero(found[1] < 0.0))
+            odd.append((k, *factor))
+            self.negative += int(np.count_nonzero(factor[1] < 0.0))
             now["panel"] = k + 1
         self._cut, self._end = work.cut[: now["panels"] + 1], work.end[: now["panels"]]
         self.negative += int(now["negative"])
@@ -82,7 +80,7 @@ class Factors:
         return True
 
     def _prepare(self, matrix: Ordered, eliminated: int, keep: bool, fill: float) -> Elimination | None:
-        """Cut the columns into panels, and make room for the band; None if it is wider than it should."""
+        """Divide the columns into panels and allocate the band; return None if ``fill`` is exceeded."""
         reach = np.zeros(eliminated, dtype=np.int64)
         column, row, _ = matrix.apart
         if column.size:
@@ -101,7 +99,7 @@ class Factors:
         window = int(max(heights.max(initial=1), total - eliminated, 1)) + 1
         columns = total if keep else min(total, (_CHUNK + 1) * window)
         if self._band.shape != (columns, window):
-            # Less is in memory than two of them at any time.
+            # Frees the old band first.
             self._band = np.empty((0, 1))
             self._band = np.empty((columns, window))
         rows, sides = matrix.border.shape

@@ -1,11 +1,11 @@
 """Cholesky's factors of banded symmetric matrices in panels, by LAPACK and BLAS, and solves with them.
 
 Columns are taken in panels of those that reach equally far down, as the unknowns of one layer of a rod do.  The lower
-band is kept column by column, entry ``(i, j)`` at ``j W + i`` of the whole, where ``W + 1`` is the length of a column:
-with ``W`` for the leading dimension, every block of the band is a dense matrix to BLAS.  Thus a panel takes three
-calls, and no entries but those in the band's envelope.
+band is stored column by column, entry ``(i, j)`` at ``j W + i``, where ``W + 1`` is the length of a column: with ``W``
+as the leading dimension, every block of the band is a dense matrix to BLAS.  Thus a panel takes three calls, on entries
+in the band's envelope only.
 
-Only the first columns need be eliminated: what is left in the others is the Schur complement.
+If only the first columns are eliminated, the others hold the Schur complement.
 """
 
 from typing import Any, NamedTuple
@@ -18,8 +18,7 @@ from isorod.compiled import F1, F2, F3, FAST, I1, STRICT, njit
 from isorod.petsc.blas import add_product, add_square, divide, factorise
 from isorod.petsc.rows import P1, Compressed
 
-# Columns that reach differently far are one panel up to so many, and those that reach equally far are cut after so
-# many (measured: widths from 40 to 300).
+# Fewest columns of a panel, whether or not they reach equally far, and most columns (measured: widths from 40 to 300).
 _LEAST, MOST = 8, 64
 
 # A negative pivot is taken where it adds no more than this many times the largest entry on the diagonal to it.

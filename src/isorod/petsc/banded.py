@@ -2,9 +2,9 @@
 
 Numbered layer by layer, the matrix of a rod has all its entries in a band round its diagonal.  Within the band nearly
 all are there, so that dense blocks of it can be factorised at once: several times as fast as PETSc's own factorisation,
-row by row, and without the analysis that a solver for any sparsity begins with.
+row by row, and without the analysis phase of a general sparse solver.
 
-Options ``-pc_type python -pc_python_type isorod.petsc.banded.Banded`` name it; it is what isorod offers where it suits
+Options ``-pc_type python -pc_python_type isorod.petsc.banded.Banded`` select it; it is isorod's default where it suits
 (`isorod.assembly.factorisation.suits`).
 """
 
@@ -14,32 +14,32 @@ import weakref
 from petsc4py import PETSc
 
 from isorod.petsc.library import forget, set_singular
-from isorod.petsc.shared_band import SharedFactors
+from isorod.petsc.shared_band import DistributedFactors
 
 NAME = f"{__name__}.Banded"
 
-# Those that a preconditioner still has.
+# Instances that a preconditioner still uses.
 _ALIVE: "weakref.WeakSet[Banded]" = weakref.WeakSet()
 
 
 class Banded:
     """Factors of a symmetric matrix: those of `isorod.petsc.band` or, where these are refused, LU with row exchanges.
 
-    On one rank alone LU's are made: there they take three times the memory, gathered from several ranks all of it.
+    LU is on one rank alone: it takes three times the memory there, and from several ranks the whole matrix is gathered.
     """
 
     def __init__(self) -> None:
-        self._factors = SharedFactors()
+        self._factors = DistributedFactors()
         self.handle = 0
 
     def create(self, pc: PETSc.PC) -> None:
-        """Remember whose this is."""
+        """Keep the handle of the preconditioner."""
         self.handle = pc.handle
         _ALIVE.add(self)
 
     @property
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of what was factorised; None where rows were exchanged."""
+        """Number of negative eigenvalues of the factorised matrix; None where rows were exchanged."""
         return self._factors.negative
 
     def setUp(self, pc: PETSc.PC) -> None:
@@ -51,7 +51,7 @@ class Banded:
         """Solve for one right-hand side."""
         solution.array_w[:] = self._factors.solve(right.array_r)
         if self._factors.negative:
-            # Without row exchanges, factors of an indefinite matrix lose digits; the residual brings them back.
+            # Iterative refinement: without row exchanges, factors of an indefinite matrix lose digits.
             _, matrix = pc.getOperators()
             residual = right.duplicate()
             matrix.mult(solution, residual)
@@ -61,12 +61,12 @@ class Banded:
 
     def matApply(self, pc: PETSc.PC, right: PETSc.Mat, solution: PETSc.Mat) -> None:
         """Solve for several right-hand sides, the columns of a dense matrix."""
-        found = solution.getDenseArray()
-        found[:] = self._factors.solve(right.getDenseArray())
+        values = solution.getDenseArray()
+        values[:] = self._factors.solve(right.getDenseArray())
         if self._factors.negative:
             _, matrix = pc.getOperators()
             residual = matrix.matMult(solution)
-            found += self._factors.solve(right.getDenseArray() - residual.getDenseArray())
+            values += self._factors.solve(right.getDenseArray() - residual.getDenseArray())
             residual.destroy()
 
     # The matrix is symmetric.
@@ -74,12 +74,12 @@ class Banded:
 
 
 def is_banded(pc: PETSc.PC) -> bool:
-    """Return whether a preconditioner is such factors."""
+    """Return whether a preconditioner is `Banded`."""
     return pc.getType() == "python" and isinstance(pc.getPythonContext(), Banded)
 
 
 @atexit.register
 def _leave() -> None:
-    """Take away from PETSc, which ends after Python, what it could then no longer destroy."""
+    """Detach the instances from PETSc, which ends after Python and could then not destroy them."""
     for one in list(_ALIVE):
         forget(one.handle)

@@ -1,6 +1,6 @@
-"""LAPACK and BLAS for compiled code, by the functions that SciPy offers to others.
+"""LAPACK and BLAS for compiled code, by SciPy's Cython API.
 
-Matrices are given by flat arrays that begin with them, column by column, and the distance from one column to the next.
+Matrices are given by flat arrays that begin with them, column by column, and the leading dimension.
 """
 
 from typing import Any
@@ -16,15 +16,15 @@ from isorod.compiled import STRICT, njit
 
 _P = types.voidptr
 
-# What Fortran's functions are asked for: the lower triangle, the matrix on the right, transposed and as it is.
+# Options of Fortran's functions: lower triangle, matrix on the right, transposed, not transposed.
 _LOWER, _RIGHT, _TRANSPOSED, _PLAIN = (np.uint8(ord(letter)) for letter in "LRTN")
 
 
 def _function(module: str, name: str, arguments: int) -> Any:
     """Return one of SciPy's functions of so many arguments, to be called in compiled code.
 
-    Compiled code names it, and may be kept: the name is bound to the address, which differs from process to process,
-    when this module is imported.
+    Compiled code refers to it by name, so that it can be cached: importing this module binds the name to the address,
+    which differs between processes.
     """
     symbol = f"isorod_{name}"
     binding.add_symbol(symbol, get_cython_function_address(f"scipy.linalg.cython_{module}", name))
@@ -52,7 +52,7 @@ _at: Any = intrinsic(_place_number)
 
 @njit(**STRICT)
 def factorise(a: Array, lead: int, n: int) -> int:
-    """Make Cholesky's factor of the lower triangle of a matrix; return 0, or 1 plus the first pivot not positive."""
+    """Factorise the lower triangle of a matrix by Cholesky; return 0, or 1 plus the first pivot not positive."""
     result = np.zeros(1, dtype=np.int32)
     _dpotrf(_at(_LOWER), _at(np.int32(n)), a.ctypes, _at(np.int32(lead)), result.ctypes)
     return int(result[0])
@@ -60,7 +60,7 @@ def factorise(a: Array, lead: int, n: int) -> int:
 
 @njit(**STRICT)
 def divide(a: Array, lead: int, rows: int, columns: int, triangle: Array, lead_of: int) -> None:
-    """Make ``A L^-T`` of a matrix and a lower triangle."""
+    """Replace a matrix ``A`` by ``A L^-T`` with a lower triangle ``L``."""
     m, n, lda, ldl = _at(np.int32(rows)), _at(np.int32(columns)), _at(np.int32(lead)), _at(np.int32(lead_of))
     right, lower, transposed, plain = _at(_RIGHT), _at(_LOWER), _at(_TRANSPOSED), _at(_PLAIN)
     _dtrsm(right, lower, transposed, plain, m, n, _at(1.0), triangle.ctypes, ldl, a.ctypes, lda)
@@ -68,13 +68,13 @@ def divide(a: Array, lead: int, rows: int, columns: int, triangle: Array, lead_o
 
 @njit(**STRICT)
 def add_square(c: Array, lead: int, size: int, columns: int, factor: float, a: Array, lead_of: int) -> None:
-    """Add so many times ``A A^T`` to the lower triangle of a matrix."""
+    """Add ``factor A A^T`` to the lower triangle of a matrix."""
     n, k, ldc, lda = _at(np.int32(size)), _at(np.int32(columns)), _at(np.int32(lead)), _at(np.int32(lead_of))
     _dsyrk(_at(_LOWER), _at(_PLAIN), n, k, _at(factor), a.ctypes, lda, _at(1.0), c.ctypes, ldc)
 
 
 @njit(**STRICT)
 def add_product(c: Array, rows: int, columns: int, inner: int, factor: float, a: Array, b: Array, lead: int) -> None:
-    """Add so many times ``A B^T`` to a matrix; it and ``A`` have their columns side by side."""
+    """Add ``factor A B^T`` to a matrix; it and ``A`` have contiguous columns."""
     m, n, k, ldb = _at(np.int32(rows)), _at(np.int32(columns)), _at(np.int32(inner)), _at(np.int32(lead))
     _dgemm(_at(_PLAIN), _at(_TRANSPOSED), m, n, k, _at(factor), a.ctypes, m, b.ctypes, ldb, _at(1.0), c.ctypes, m)

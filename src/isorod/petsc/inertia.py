@@ -1,4 +1,4 @@
-"""Inertia of symmetric matrices: signs of eigenvalues, by Sylvester's law and a band's factors, LAPACK's or MUMPS'."""
+"""Inertia of symmetric matrices by Sylvester's law from factors: a band's, LAPACK's or MUMPS'."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -9,21 +9,21 @@ from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.banded import is_banded
 from isorod.petsc.direct import WORK_SPACE
 from isorod.petsc.rows import Compressed, local_rows
-from isorod.petsc.shared_band import SharedFactors
+from isorod.petsc.shared_band import DistributedFactors
 
 # Up to so many rows a dense factorisation takes less time than MUMPS' (measured on blades: 243 rows, 1.5 against 3.2
 # ms; 486 rows, 5.3 against 7.5 ms).
 _DENSE = 500
 _BLOCK = 32
 
-# Factors of a band with more than so many times the matrix' entries are MUMPS' matter.
+# Where a band's factors have more than so many times the matrix' entries, MUMPS is used.
 _FILL = 2.0
 
 _PREFIX = "sturm_"
 
-# With this option, read when MUMPS begins, its factors of a symmetric matrix show negative eigenvalues on any number of
-# ranks.
-TELLING = {"mat_mumps_icntl_13": 1}
+# With this option, read at MUMPS' start, its factors of a symmetric matrix give the number of negative eigenvalues on
+# any number of ranks.
+COUNT_NEGATIVE = {"mat_mumps_icntl_13": 1}
 
 
 def prepare(pc: PETSc.PC) -> None:
@@ -42,32 +42,32 @@ def is_factored(pc: PETSc.PC) -> bool:
 
 
 def of_factors(pc: PETSc.PC) -> int | None:
-    """Return the number of negative eigenvalues that a direct solver's factors show as they are; None where none is."""
+    """Return the number of negative eigenvalues from a direct solver's present factors; None if not known."""
     if is_banded(pc):
-        found: int | None = pc.getPythonContext().negative
-        return found
+        negative: int | None = pc.getPythonContext().negative
+        return negative
     if pc.getType() != PETSc.PC.Type.CHOLESKY or pc.getFactorSolverType() != "mumps":
         return None
     factor = pc.getFactorMatrix()
-    # A root node of ScaLAPACK's does not tell (`TELLING`).
-    told = factor.getComm().getSize() == 1 or factor.getMumpsIcntl(13) == 1
-    return int(factor.getMumpsInfog(12)) if told else None
+    # With ScaLAPACK at the root node it is not known (`COUNT_NEGATIVE`).
+    known = factor.getComm().getSize() == 1 or factor.getMumpsIcntl(13) == 1
+    return int(factor.getMumpsInfog(12)) if known else None
 
 
 def count_negative(pc: PETSc.PC) -> int:
-    """Return the number of negative eigenvalues of what was factorised, by MUMPS or as a band."""
+    """Return the number of negative eigenvalues of the matrix factorised by MUMPS or as a band."""
     if is_banded(pc):
-        found = pc.getPythonContext().negative
-        return negative_eigenvalues(pc.getOperators()[1]) if found is None else int(found)
+        negative = pc.getPythonContext().negative
+        return negative_eigenvalues(pc.getOperators()[1]) if negative is None else int(negative)
     return int(pc.getFactorMatrix().getInertia()[0])
 
 
 def negative_eigenvalues(matrix: PETSc.Mat) -> int:
     """Return the number of negative eigenvalues of a symmetric matrix, options ``-sturm_...``.
 
-    Where none is typed, a banded matrix takes the time of a band's factors, which are not kept.
+    Without such options a banded matrix is factorised as a band, without keeping the factors.
     """
-    factors = SharedFactors()
+    factors = DistributedFactors()
     if not _typed() and factors.eliminate(matrix, keep=False, fill=_FILL):
         assert factors.negative is not None
         return factors.negative
@@ -88,9 +88,9 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
 
 
 def negative_of_rows(rows: Compressed) -> int | None:
-    """Return what `negative_eigenvalues` does of all rows, on one rank, of which the upper triangle will do.
+    """Return `negative_eigenvalues` from all rows, on one rank; the upper triangle suffices.
 
-    None where it is not a band's factors that count.
+    None where a band's factors cannot be used.
     """
     factors, size = Factors(), rows.start.size - 1
     if _typed() or not factors.factorise(Ordered(rows, 0, size), size, keep=False, fill=_FILL):
@@ -108,7 +108,7 @@ def _negative_dense(matrix: PETSc.Mat) -> int:
     n = start.size - 1
     dense = np.zeros((n, n))
     dense[np.repeat(np.arange(n), np.diff(start)), column] = values
-    # What stands above the diagonal in a row stands below it in a column.
+    # The transpose has the upper triangle below the diagonal.
     factors, pivots, _ = lapack.dsytrf(dense.T, lower=1, lwork=_BLOCK * n, overwrite_a=1)
     single = pivots > 0
     # A block of two rows has an eigenvalue of either sign.

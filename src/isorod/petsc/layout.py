@@ -1,6 +1,6 @@
-"""Matrices whose arrays are made here: what each entry's place is, and which of them travel to other ranks' rows.
+"""Matrices with arrays allocated here: positions of the entries, and which are sent to other ranks' rows.
 
-PETSc takes the arrays as they are, so that values which are added up in them are the matrix's, without a copy.
+PETSc uses the arrays directly, so that values summed in them are the matrix's, without a copy.
 """
 
 import ctypes
@@ -17,7 +17,7 @@ from isorod.compiled import F1, I1, STRICT, njit
 from isorod.petsc.library import POINTER, adopted, function
 from isorod.petsc.rows import INTEGER, Compressed
 
-# Of messages with entries.
+# Tag of messages with entries.
 _TAG = 18
 
 
@@ -27,7 +27,7 @@ class Rows(NamedTuple):
     Attributes
     ----------
     entries : slice or (entries,)
-        Which of the given entries come where.
+        Which of the given entries they are.
     start : (rows + 1,)
         First entry of each row.
     column : (entries,)
@@ -52,13 +52,13 @@ class Layout(NamedTuple):
     Attributes
     ----------
     own
-        This rank's rows at columns that are numbers of these rows, counted from the first of them.
+        This rank's diagonal block, columns counted from its first row.
     others
-        Its rows at columns of other ranks.
+        Its off-diagonal block: columns of other ranks.
     sent
-        Of each rank which entries are sums of its own.
+        The entries to be sent to each rank.
     received
-        Where the entries go that come from each rank, block by block.
+        Positions of the entries received from each rank, block by block.
     """
 
     own: Rows
@@ -79,14 +79,14 @@ class Arrays:
     Parameters
     ----------
     layout
-        Where entries are.
+        Positions of the entries.
     total
-        Number of entries, those that travel among them.
+        Number of entries, those to be sent included.
 
     Attributes
     ----------
     values
-        All entries, if the matrix has its own of them as they come, else None.
+        All entries, if the matrix' own are in the same order, else None.
     own, others
         This rank's rows as in the layout, with values.
     """
@@ -96,7 +96,7 @@ class Arrays:
         in_order = isinstance(layout.own.entries, slice) and isinstance(layout.others.entries, slice)
         self.values = np.zeros(total) if in_order else None
         self.own, self.others = (self._rows(one) for one in (layout.own, layout.others))
-        # PETSc counts them anew.
+        # PETSc renumbers them in place.
         self.others = self.others._replace(column=self.others.column.copy())
 
     def _rows(self, rows: Rows) -> Compressed:
@@ -104,7 +104,7 @@ class Arrays:
         return Compressed(rows.start, rows.column, values)
 
     def matrix(self, sizes: tuple[int, int]) -> PETSc.Mat:
-        """Return a new matrix of so many rows here and in all, whose arrays are these: keep it no longer than this."""
+        """Return a new matrix with these arrays, given its rows here and in all; it must not outlive them."""
         if self._comm.getSize() > 1:
             return split_matrix(self._comm, sizes, self.own, self.others)
         return PETSc.Mat().createAIJWithArrays((sizes, sizes), tuple(self.own), comm=self._comm)
@@ -128,7 +128,7 @@ class Arrays:
         matrix.assemble()
 
     def _exchange(self, values: Array) -> None:
-        """Send the entries of other ranks' rows, and add those that come."""
+        """Send the entries of other ranks' rows, and add those received."""
         comm = self._comm.tompi4py()
         sent = [comm.Isend(values[which], rank, _TAG) for rank, which in self._layout.sent.items()]
         for rank, squares in self._layout.received.items():
@@ -140,12 +140,12 @@ class Arrays:
 
 
 def split_matrix(comm: PETSc.Comm, sizes: tuple[int, int], own: Compressed, others: Compressed) -> PETSc.Mat:
-    """Return a new matrix over several ranks whose arrays, of `Layout`, are these: keep it no longer than they are."""
+    """Return a new matrix over several ranks with arrays of a `Layout`, which it must not outlive."""
     from mpi4py import MPI
 
     rows, total = sizes
     made, communicator = POINTER(), comm.tompi4py()
-    # What MPI calls a communicator is an integer or an address.
+    # MPI's handle of a communicator is an integer or an address.
     kind: Any = ctypes.c_int if MPI._sizeof(communicator) == ctypes.sizeof(ctypes.c_int) else POINTER
     handle = kind.from_address(MPI._addressof(communicator))
     arrays = [one.ctypes.data for part in (own, others) for one in part]
@@ -157,7 +157,7 @@ def split_matrix(comm: PETSc.Comm, sizes: tuple[int, int], own: Compressed, othe
 
 @njit(void(F1, I1, I1, I1, F1), **STRICT)
 def _add_squares(more: Any, start: Any, width: Any, size: Any, values: Any) -> None:
-    """Add blocks that come one after the other, row by row, to values (`Squares`)."""
+    """Add consecutive blocks, each row by row, to values (`Squares`)."""
     at = 0
     for b in range(start.size):
         for i in range(size[b]):

@@ -1,4 +1,4 @@
-"""The few PETSc functions that petsc4py does not wrap in every version isorod runs with, called in its own library."""
+"""PETSc functions that petsc4py does not wrap in all supported versions, called in its library by ctypes."""
 
 import ctypes
 import re
@@ -17,11 +17,11 @@ _AT_THE_END = re.compile(r"(options_left|options_view|malloc_\w+|memory_view|obj
 @cache
 def function(name: str, *kinds: Any) -> Callable[..., None]:
     """Return a function of PETSc's library that takes arguments of some kinds and raises `PETSc.Error` if it fails."""
-    found = getattr(ctypes.CDLL(PETSc.__file__), name)
-    found.argtypes = kinds
+    routine = getattr(ctypes.CDLL(PETSc.__file__), name)
+    routine.argtypes = kinds
 
     def call(*arguments: Any) -> None:
-        code = found(*arguments)
+        code = routine(*arguments)
         if code:
             raise PETSc.Error(code)
 
@@ -29,7 +29,7 @@ def function(name: str, *kinds: Any) -> Callable[..., None]:
 
 
 def adopted(handle: Any, comm: PETSc.Comm) -> PETSc.Mat:
-    """Return a matrix of a handle of PETSc's: petsc4py takes no foreign one, but its own may become the matrix."""
+    """Return the petsc4py matrix of a PETSc handle: petsc4py takes none, but its own matrix can be replaced by it."""
     result = PETSc.Mat().create(comm)
     function("MatHeaderReplace", POINTER, ctypes.POINTER(POINTER))(result.handle, ctypes.byref(handle))
     return result
@@ -42,17 +42,17 @@ def set_singular(pc: PETSc.PC, singular: bool) -> None:
 
 
 def forget(handle: int) -> None:
-    """Make a preconditioner, given by its handle, one that does nothing and has nothing."""
+    """Reset a preconditioner, given by its handle, to the empty type ``none``."""
     function("PCSetType", POINTER, ctypes.c_char_p)(handle, b"none")
 
 
 def pc_name(pc: PETSc.PC) -> str:
-    """Return the type of a preconditioner, of one that is written in Python the name of its class."""
+    """Return the type of a preconditioner; for one in Python the name of its class."""
     return type(pc.getPythonContext()).__name__.lower() if pc.getType() == "python" else str(pc.getType())
 
 
 def solver_types(snes: PETSc.SNES) -> dict[str, str]:
-    """Return the names of a nonlinear solver and of what it is made of."""
+    """Return the types of a nonlinear solver and of its linear solver, preconditioner and factorisation."""
     ksp = snes.getKSP()
     pc = ksp.getPC()
     names = {"snes": snes.getType(), "ksp": ksp.getType(), "pc": pc_name(pc)}
@@ -72,7 +72,7 @@ def is_used(name: str) -> bool:
 def unused_options() -> list[str]:
     """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``.
 
-    They are forgotten, so that PETSc does not complain of them once more when it ends.
+    They are removed, so that PETSc does not report them again when it ends.
     """
     count = ctypes.c_int()
     names = ctypes.POINTER(ctypes.c_char_p)()

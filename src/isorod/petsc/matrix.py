@@ -1,4 +1,4 @@
-"""Sparse matrices from entries: room once, values for each assembly."""
+"""Sparse matrices from entries: preallocated once, filled in each assembly."""
 
 import ctypes
 from collections.abc import Callable, Iterable
@@ -15,16 +15,16 @@ from isorod.petsc.library import POINTER, adopted, function
 from isorod.petsc.placement import Placement, gather
 from isorod.petsc.rows import P1, component_rows, local_rows
 
-# Attribute of a matrix whose arrays were made here: these, which know where the given entries go.
+# Attribute of a matrix: its arrays, allocated here, with the positions of the given entries.
 _ARRAYS = "isorod_arrays"
 
-# Attribute of another: where each of the given entries adds up, and how many there are then.
+# Attribute of a matrix preallocated by PETSc: position of each given entry, and the number of entries.
 _PLACES = "isorod_places"
 
-# Attribute of what `componentwise` makes: how many components there are.
+# Attribute of matrices of `componentwise`: number of components.
 _COMPONENTS = "isorod_components"
 
-# Attribute of another: that it has got room for other entries.
+# Attribute of a matrix whose preallocation has changed.
 _RENEWED = "isorod_renewed"
 
 
@@ -36,7 +36,7 @@ def create_matrix(
     layout: Layout | None = None,
     total: int = 0,
 ) -> PETSc.Mat:
-    """Return a new square AIJ matrix, or what ``-mat_type`` says, with room for given entries.
+    """Return a new square matrix, AIJ or by ``-mat_type``, preallocated for given entries.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def create_matrix(
         Returns global rows and columns of each entry; negative ones are ignored.  `set_values` takes the values in this
         order.
     layout, total
-        Where the entries are, so many, if that is known without the indices (on all ranks or none); ``-mat_type`` knows
-        no layout.
+        Positions and number of the entries, if known without the indices (on all ranks or none); not used with
+        ``-mat_type``.
     """
     arrays: Arrays | Placement | None = None
     if not PETSc.Options().hasName("mat_type"):
-        # PETSc's COO preallocation spends most of its time on sorting what is sorted.
+        # PETSc's COO preallocation spends most of its time on sorting sorted entries.
         if layout is not None:
             arrays = Arrays(comm, layout, total)
         elif comm.getSize() > 1:
@@ -77,12 +77,12 @@ def keep_symmetric(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
-    """Preallocate a matrix, once more perhaps, by global row and column indices (COO); negative ones are ignored."""
+    """Preallocate a matrix, or do so again, by global row and column indices (COO); negative ones are ignored."""
     matrix.setAttr(_ARRAYS, None)
     matrix.setAttr(_PLACES, None)
     matrix.setAttr(_RENEWED, True)
     if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
-        # PETSc's own way sorts all entries by comparing them.
+        # PETSc's own COO preallocation is a comparison sort of all entries.
         rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
         placed = gather([(rows, columns)], 0, matrix.getSize()[0])
         matrix.setPreallocationCSR(placed.own)
@@ -96,25 +96,25 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
 
 
 def forget_factors(matrix: PETSc.Mat, ksp: PETSc.KSP) -> None:
-    """Forget the preconditioner of a matrix that has got room for other entries since: PETSc may take it for the same.
+    """Reset the preconditioner if the matrix' preallocation has changed, which PETSc may not notice.
 
-    Of a matrix over several ranks the state of the pattern, by which it tells, is always that of the first one.
+    Over several ranks it compares a state of the sparsity pattern that never changes.
     """
     if renewed(matrix):
         ksp.getPC().reset()
 
 
 def renewed(matrix: PETSc.Mat) -> bool:
-    """Return whether a matrix has got room for other entries since this was asked last."""
-    found = bool(matrix.getAttr(_RENEWED))
+    """Return whether a matrix' preallocation has changed since the last call."""
+    result = bool(matrix.getAttr(_RENEWED))
     matrix.setAttr(_RENEWED, None)
-    return found
+    return result
 
 
 def fits(matrix: PETSc.Mat, count: int, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Let other entries follow the first ``count`` of a matrix if there is room for them; return whether there is.
+    """Replace the entries after the first ``count`` if the matrix' pattern has them; return whether it does.
 
-    The pattern stays as it is then, and what was analysed of it.  Only of a matrix on one rank it is known.
+    Pattern and symbolic factorisation are then kept.  Only known on one rank.
     """
     known = matrix.getAttr(_PLACES)
     if known is None:
@@ -129,7 +129,7 @@ def fits(matrix: PETSc.Mat, count: int, rows: NDArray[Any], columns: NDArray[Any
 
 @njit(b1(I1, I1, P1, P1, I1), **STRICT)
 def _find(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> bool:
-    """Fill in where entries are in compressed rows, -1 if an index is negative; return whether all are there."""
+    """Fill in the positions of entries in compressed rows, -1 if an index is negative; return whether all exist."""
     for k in range(rows.size):
         places[k] = -1
         if rows[k] < 0 or columns[k] < 0:
@@ -157,9 +157,9 @@ def _add_up(values: Any, places: Any, entries: Any) -> None:
 
 
 def zeros(matrix: PETSc.Mat, total: int) -> NDArray[np.float64]:
-    """Return zeros for so many entries, in the order in which a matrix got room for them, to be added to.
+    """Return zeros for ``total`` entries, in the order of the matrix' preallocation, to be added to.
 
-    They are the matrix's own values if these come as the entries do; `set_values` makes them the matrix's then, too.
+    They are the matrix' own values if these are in the same order; `set_values` is called in either case.
     """
     arrays = matrix.getAttr(_ARRAYS)
     own = arrays.values if isinstance(arrays, Arrays) else None
@@ -170,7 +170,7 @@ def zeros(matrix: PETSc.Mat, total: int) -> NDArray[np.float64]:
 
 
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
-    """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
+    """Set the entries in the order of the matrix' preallocation; repeated ones are summed."""
     gathered, arrays = matrix.getAttr(_PLACES), matrix.getAttr(_ARRAYS)
     if arrays is not None:
         arrays.set(matrix, values)
@@ -239,14 +239,14 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
 
 
 def components_of(matrix: PETSc.Mat) -> int:
-    """Return for how many components `componentwise` has made a matrix, 1 if it has not."""
+    """Return the number of components of a matrix of `componentwise`, 1 for others."""
     return int(matrix.getAttr(_COMPONENTS) or 1)
 
 
 def add_componentwise(matrix: PETSc.Mat, factor: float, other: PETSc.Mat) -> bool:
-    """Add so many times what `componentwise` has made to a matrix with blocks of all components at its entries.
+    """Add ``factor`` times a matrix of `componentwise` to a matrix with blocks of all components at its entries.
 
-    Returns whether it has those; nothing is added if not, or if the other is no such matrix.
+    Returns whether the matrices are such; if not, nothing is added.
     """
     components = components_of(other)
     if components == 1 or matrix.getType() not in ("seqaij", "mpiaij"):
@@ -266,7 +266,7 @@ def add_componentwise(matrix: PETSc.Mat, factor: float, other: PETSc.Mat) -> boo
 def _add_blocks(
     start: Any, column: Any, values: Any, start_of: Any, column_of: Any, values_of: Any, components: int, factor: float
 ) -> bool:
-    """Add so many times compressed rows of one component to those of all; return whether blocks are where its entries.
+    """Add ``factor`` times rows of one component to those of all; return whether these have blocks at its entries.
 
     Nothing is added if the factor is zero.
     """

@@ -15,9 +15,9 @@ from isorod.petsc.library import is_used
 
 @contextmanager
 def in_force(values: Mapping[str, object] | None) -> Iterator[None]:
-    """Set options for what is done within, over those typed, and put back after it what was there before.
+    """Set options within the context, over those typed, and restore the former ones after it.
 
-    Those that nothing within has used are named in a warning: a result that took hours is not lost to a misspelling.
+    A warning, not an error, names those that were not used: a misspelling must not cost a result that took hours.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def in_force(values: Mapping[str, object] | None) -> Iterator[None]:
     before = {name: options.getString(name) for name in words if options.hasName(name)}
     try:
         for name, word in words.items():
-            # Anew: one that was there may have been used.
+            # Deleted first: the former one may be marked as used.
             options.delValue(name)
             options.setValue(name, word)
         with petsc_errors():
@@ -50,7 +50,7 @@ def in_force(values: Mapping[str, object] | None) -> Iterator[None]:
         for name, word in before.items():
             options.setValue(name, word or None)
     if left:
-        # Of whoever called the function that has this context.
+        # Points to the caller of the function with this context.
         warnings.warn(f"PETSc option {', '.join(left)}: nothing used it; check its spelling", stacklevel=4)
 
 
@@ -58,7 +58,7 @@ def _words(values: Mapping[str, object]) -> dict[str, str | None]:
     """Return options as PETSc reads them."""
     if not isinstance(values, Mapping):
         raise InputError(f'petsc: got {type(values).__name__}, need a mapping such as {{"snes_rtol": 1e-10}}')
-    found: dict[str, str | None] = {}
+    words: dict[str, str | None] = {}
     for name, value in values.items():
         if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w*", name):
             raise InputError(f"PETSc option {name!r}: need a name without a dash, such as 'snes_rtol'")
@@ -70,5 +70,5 @@ def _words(values: Mapping[str, object]) -> dict[str, str | None]:
         several = value if isinstance(value, list | tuple) else [value]
         if value is not None and not all(isinstance(one, str | Real) for one in several):
             raise InputError(f"PETSc option {name}: got {type(value).__name__}, need a number, a text, True or None")
-        found[name] = None if value is None else ",".join(str(one) for one in several)
-    return found
+        words[name] = None if value is None else ",".join(str(one) for one in several)
+    return words

@@ -1,7 +1,7 @@
-"""Where the entries that ranks have go in a matrix over all of them.
+"""Positions of ranks' entries in a matrix over all of them.
 
-PETSc's own way (COO) sorts all entries by comparing them, and keeps several numbers for each.  Here they are counted
-into their rows, once, and only those of rows that other ranks have travel.
+PETSc's COO preallocation is a comparison sort of all entries, and keeps several numbers for each.  Here entries are
+sorted into their rows by counting, once, and only those of other ranks' rows are sent.
 """
 
 from collections.abc import Sequence
@@ -17,19 +17,19 @@ from isorod.compiled import F1, I1, STRICT, njit
 from isorod.petsc.layout import split_matrix
 from isorod.petsc.rows import P1, Compressed
 
-# Of messages with entries.
+# Tag of messages with entries.
 _TAG = 17
 
 
 class Placement:
-    """Places of this rank's entries, and of those that come from others.
+    """Positions of this rank's entries, and of those received from others.
 
     Parameters
     ----------
     comm, own
-        All ranks, and the number of this one's rows.
+        The communicator, and the number of this rank's rows.
     rows, columns
-        Of each entry in the whole matrix; negative ones are ignored.
+        Row and column of each entry in the whole matrix; negative ones are ignored.
     """
 
     def __init__(self, comm: PETSc.Comm, own: int, rows: Index, columns: Index) -> None:
@@ -41,23 +41,23 @@ class Placement:
         self._sent = {int(rank): away[owner == rank] for rank in np.unique(owner)}
         outbox = [self._sent.get(rank) for rank in range(self._comm.size)]
         inbox = self._comm.alltoall([None if one is None else (rows[one], columns[one]) for one in outbox])
-        found = {rank: pair for rank, pair in enumerate(inbox) if pair is not None}
-        placed = gather([(rows, columns), *found.values()], int(low), int(high))
+        received = {rank: pair for rank, pair in enumerate(inbox) if pair is not None}
+        placed = gather([(rows, columns), *received.values()], int(low), int(high))
         self._own, self._others = (
             Compressed(first, across, np.zeros(across.size, dtype=PETSc.ScalarType))
             for first, across in (placed.own, placed.others)
         )
         runs = [_runs(places, placed.bound) for places in placed.places]
         self._bound, self._runs = placed.bound, runs[0]
-        lengths = (pair[0].size for pair in found.values())
-        self._received = dict(zip(found, zip(lengths, runs[1:], strict=True), strict=True))
+        lengths = (pair[0].size for pair in received.values())
+        self._received = dict(zip(received, zip(lengths, runs[1:], strict=True), strict=True))
 
     def matrix(self, sizes: tuple[int, int]) -> PETSc.Mat:
-        """Return a new matrix of so many rows here and in all, whose arrays are these: keep it no longer than this."""
+        """Return a new matrix with these arrays, given its rows here and in all; it must not outlive them."""
         return split_matrix(self._whole, sizes, self._own, self._others)
 
     def set(self, matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
-        """Set the entries of the matrix made here, repeated ones added up."""
+        """Set the entries of the matrix made here; repeated ones are summed."""
         sent = [self._comm.Isend(values[which], rank, _TAG) for rank, which in self._sent.items()]
         own, others = self._own.values, self._others.values
         own[:] = 0.0
@@ -78,11 +78,10 @@ class Gathered(NamedTuple):
     Attributes
     ----------
     own, others
-        First entry of each row and the columns: those that are numbers of these rows, counted from the first of them,
-        and the others.
+        First entry of each row and the columns: of the diagonal block, counted from its first row, and of the others.
     places
-        Of each part where its entries come, -1 if an index is negative or the row another one: among the own, or
-        ``bound`` and their place among the others.
+        For each part its entries' positions: among the own, or ``bound`` plus the position among the others; -1 if an
+        index is negative or the row is not one of these.
     bound
         At least the number of own entries.
     """
@@ -94,7 +93,7 @@ class Gathered(NamedTuple):
 
 
 def gather(parts: Sequence[tuple[Index, Index]], low: int, high: int) -> Gathered:
-    """Return the rows ``low`` to ``high`` of entries with given rows and columns, each place once."""
+    """Return the rows ``low .. high - 1`` of entries with given rows and columns, repeated ones merged."""
     own = high - low
     start = np.zeros(own + 1, dtype=np.int64)
     bound = sum(_count(*part, low, high, start) for part in parts)
@@ -116,7 +115,7 @@ def gather(parts: Sequence[tuple[Index, Index]], low: int, high: int) -> Gathere
 
 @njit(i8(I1, I1, i8, i8, I1), **STRICT)
 def _count(rows: Any, columns: Any, low: int, high: int, start: Any) -> int:
-    """Add to the number of entries of each row, behind its place; return how many are at columns of these numbers."""
+    """Count the entries of row ``r`` in ``start[r + 1]``; return the number of those in the diagonal block."""
     inside = 0
     for k in range(rows.size):
         if low <= rows[k] < high and columns[k] >= 0:
@@ -129,7 +128,7 @@ def _count(rows: Any, columns: Any, low: int, high: int, start: Any) -> int:
 def _sort(rows: Any, columns: Any, low: int, high: int, first: int, free: Any, keys: Any, order: Any) -> None:
     """Put entries, counted from ``first``, into their rows, with keys that ascend as the columns of a row shall.
 
-    Columns that are numbers of these rows come first in a row, counted from the first of them.
+    Columns of the diagonal block come first in a row, counted from its first row.
     """
     own = high - low
     for k in range(rows.size):
@@ -146,7 +145,7 @@ def _compress(
     start: Any, keys: Any, order: Any, low: int, bound: int, first: Any, own: Any, first_of_others: Any, others: Any,
     places: Any,
 ) -> None:  # fmt: skip
-    """Fill in each place once, and where the entries come.  Few rows are not in the order of their columns."""
+    """Fill in the merged rows, and the positions of the entries.  Few rows need sorting."""
     size = start.size - 1
     inside = outside = 0
     for i in range(size):
@@ -177,10 +176,10 @@ def _compress(
 
 @njit(types.UniTuple(I1, 3)(I1, i8), **STRICT)
 def _runs(places: Any, bound: int) -> Any:
-    """Return where runs of entries begin, how long they are and where the first goes: most entries lie as they come."""
+    """Return first entry, length and first position of runs of entries at consecutive positions: most are."""
     count = 0
     for k in range(places.size):
-        # Neither from what has no place, -1, to the first one, nor from the last of the own to the first of the others.
+        # A run continues neither from -1 to position 0, nor from the own entries to the others.
         if places[k] >= 0 and (k == 0 or places[k] != places[k - 1] + 1 or places[k] == 0 or places[k] == bound):
             count += 1
     begins, lengths, goes = np.empty(count, np.int64), np.zeros(count, np.int64), np.empty(count, np.int64)
@@ -197,7 +196,7 @@ def _runs(places: Any, bound: int) -> Any:
 
 @njit(void(F1, I1, I1, I1, i8, F1, F1), **STRICT)
 def _add(values: Any, begins: Any, lengths: Any, places: Any, bound: int, own: Any, others: Any) -> None:
-    """Add runs of values to entries, those with places from ``bound`` on to the others."""
+    """Add runs of values to entries, those with positions from ``bound`` on to the others."""
     for r in range(begins.size):
         b, p = begins[r], places[r]
         if p < bound:

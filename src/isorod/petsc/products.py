@@ -8,20 +8,20 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.petsc.rows import Compressed, local_rows
 
-# Rows of a dense matrix, in the mean, from which on it pays.
+# Mean number of rows of the dense blocks from which they pay.
 _LEAST = 8
 
 
 def products(matrix: PETSc.Mat, vectors: Sequence[PETSc.Vec]) -> Array:
     """Return this rank's rows of the products with vectors, shape ``(m, rows)``.
 
-    Rows whose entries lie side by side, as those of a layer of a rod do, are a dense matrix to BLAS, which passes
-    through memory once for all vectors; others are PETSc's matter.
+    Rows with contiguous, equal columns, like those of a rod's layer, are dense blocks for BLAS, which reads them from
+    memory once for all vectors; other matrices are left to PETSc.
     """
     if matrix.getType() == "seqaij":
-        found = _dense(local_rows(matrix).own, np.stack([one.array_r for one in vectors], axis=1))
-        if found is not None:
-            return np.ascontiguousarray(found.T)
+        result = _dense(local_rows(matrix).own, np.stack([one.array_r for one in vectors], axis=1))
+        if result is not None:
+            return np.ascontiguousarray(result.T)
     image = matrix.createVecLeft()
     rows = np.empty((len(vectors), image.getLocalSize()))
     for row, vector in zip(rows, vectors, strict=True):
@@ -32,7 +32,7 @@ def products(matrix: PETSc.Mat, vectors: Sequence[PETSc.Vec]) -> Array:
 
 
 def _dense(rows: Compressed, columns: Array) -> Array | None:
-    """Return the product with columns ``(n, m)``; None if a row has gaps or nothing, or few are alike."""
+    """Return the product with columns ``(n, m)``; None if a row has gaps or is empty, or blocks have few rows."""
     start, width = rows.start, np.diff(rows.start)
     if not width.all():
         return None
@@ -42,8 +42,8 @@ def _dense(rows: Compressed, columns: Array) -> Array | None:
     cuts = np.flatnonzero((np.diff(width) != 0) | (np.diff(first) != 0)) + 1
     if _LEAST * cuts.size > width.size:
         return None
-    found = np.empty((width.size, columns.shape[1]))
+    result = np.empty((width.size, columns.shape[1]))
     for i, j in zip([0, *cuts.tolist()], [*cuts.tolist(), width.size], strict=True):
         block = rows.values[start[i] : start[j]].reshape(j - i, width[i])
-        np.matmul(block, columns[first[i] : first[i] + width[i]], out=found[i:j])
-    return found
+        np.matmul(block, columns[first[i] : first[i] + width[i]], out=result[i:j])
+    return result

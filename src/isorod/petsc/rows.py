@@ -1,4 +1,4 @@
-"""The rows of a matrix that a rank has, without a copy of them."""
+"""A rank's rows of a matrix, without a copy."""
 
 import ctypes
 from typing import Any, NamedTuple
@@ -10,12 +10,12 @@ from petsc4py import PETSc
 
 from isorod.petsc.library import POINTER, function
 
-# Array of the integers that PETSc counts with.
+# Array of PETSc's integers.
 P1 = types.Array(from_dtype(np.dtype(PETSc.IntType)), 1, "C")
 
 INTEGER: Any = ctypes.c_int64 if np.dtype(PETSc.IntType).itemsize == 8 else ctypes.c_int32
 
-# Types of matrices whose arrays these are.
+# Types of matrices with such arrays.
 _OURS = ("seqaij", "mpiaij")
 
 
@@ -33,11 +33,11 @@ class LocalRows(NamedTuple):
     Attributes
     ----------
     own
-        Their entries at columns that are numbers of these rows, counted from the first of them.
+        The diagonal block, columns counted from its first row.
     others
-        The other entries, at places of ``columns``; no rows on one rank.
+        The other entries, with columns as positions in ``columns``; empty on one rank.
     columns
-        Columns of the matrix, ascending, that the others are at.
+        Columns of the others in the matrix, ascending.
     """
 
     own: Compressed
@@ -46,14 +46,14 @@ class LocalRows(NamedTuple):
 
 
 def local_rows(matrix: PETSc.Mat) -> LocalRows:
-    """Return the rows of this rank of a matrix of any type that PETSc makes AIJ of."""
+    """Return this rank's rows of a matrix of any type that PETSc converts to AIJ."""
     if matrix.getType() not in _OURS:
         matrix = matrix.convert("aij", PETSc.Mat())
     return _local_rows(matrix.handle, matrix.getLocalSize()[0], matrix)
 
 
 def component_rows(matrix: PETSc.Mat, components: int) -> LocalRows:
-    """Return this rank's rows of what a matrix of interlaced components (MAIJ) does to each; its own if of one."""
+    """Return this rank's rows of a MAIJ matrix' block of one component; its own rows if it has one component."""
     if components == 1:
         return local_rows(matrix)
     one = POINTER()
@@ -62,7 +62,7 @@ def component_rows(matrix: PETSc.Mat, components: int) -> LocalRows:
 
 
 def _local_rows(handle: int | None, rows: int, matrix: PETSc.Mat) -> LocalRows:
-    """Return the rows of an AIJ matrix given by its handle, which another one keeps alive."""
+    """Return the rows of an AIJ matrix given by its handle; ``matrix`` keeps it alive."""
     if matrix.getType().startswith("seq"):
         nothing = Compressed(np.zeros(rows + 1, dtype=PETSc.IntType), np.empty(0, dtype=PETSc.IntType), np.empty(0))
         return LocalRows(_arrays(handle, rows, matrix), nothing, nothing.column)
@@ -70,9 +70,9 @@ def _local_rows(handle: int | None, rows: int, matrix: PETSc.Mat) -> LocalRows:
     where = ctypes.POINTER(POINTER)
     call = function("MatMPIAIJGetSeqAIJ", POINTER, where, where, where)
     call(handle, ctypes.byref(own), ctypes.byref(others), ctypes.byref(columns))
-    found = _arrays(others.value, rows, matrix)
-    count = int(found.column.max(initial=-1)) + 1
-    return LocalRows(_arrays(own.value, rows, matrix), found, _array(columns.value, count, INTEGER, matrix))
+    outside = _arrays(others.value, rows, matrix)
+    count = int(outside.column.max(initial=-1)) + 1
+    return LocalRows(_arrays(own.value, rows, matrix), outside, _array(columns.value, count, INTEGER, matrix))
 
 
 def _arrays(handle: int | None, rows: int, matrix: PETSc.Mat) -> Compressed:
@@ -88,7 +88,7 @@ def _arrays(handle: int | None, rows: int, matrix: PETSc.Mat) -> Compressed:
 
 
 def _array(address: int | None, count: int, kind: Any, matrix: PETSc.Mat) -> NDArray[Any]:
-    """Return an array that a matrix has, and keeps alive with it."""
+    """Return an array of a matrix, which it keeps alive."""
     if not count or not address:
         return np.zeros(count, dtype=np.dtype(kind))
     buffer = (kind * count).from_address(address)

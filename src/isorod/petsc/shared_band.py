@@ -1,13 +1,12 @@
 """Factors of a banded symmetric matrix whose rows several ranks share.
 
-The first rows of a rank, as far as those of the rank before reach, separate the two.  Each rank eliminates the rest of
-its own: the first one downwards, the last one upwards, each towards its only separator, which fills in nothing that one
-rank's factorisation would not; those between have a separator at either end, and that before them fills in a block of
-its width all along, which is not kept.  What is left is a matrix of the separators, banded too, and small: every rank
-factorises it.
+The first rows of a rank, as far as the previous rank's band reaches, separate the two.  Each rank eliminates its other
+rows: the first one downwards, the last one upwards, each towards its only separator, with no more fill-in than on one
+rank; ranks between have a separator at either end, and the one before them causes fill-in of its width all along, which
+is not kept.  The Schur complement of the separators is banded, too, and small: every rank factorises it.
 
-Where a rank has no more rows than separate it, or the factors are refused, the first rank takes all rows, and row
-exchanges if need be.
+Where a rank has no rows besides its separator, or the factors are refused, the first rank factorises all rows, with row
+exchanges if needed.
 """
 
 from typing import Any
@@ -24,13 +23,13 @@ from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.rows import P1, Compressed, LocalRows, local_rows
 
 
-class SharedFactors:
+class DistributedFactors:
     """Factors over the ranks of a matrix.
 
     Attributes
     ----------
     negative
-        Number of negative eigenvalues; None where rows were exchanged, which does not tell.
+        Number of negative eigenvalues; None where rows were exchanged, from which it is not known.
     """
 
     def __init__(self) -> None:
@@ -41,7 +40,7 @@ class SharedFactors:
         self._comm: Any = None
 
     def factorise(self, matrix: PETSc.Mat) -> bool:
-        """Factorise; return whether that can be, which it cannot if the matrix is singular."""
+        """Factorise; return False if the matrix is singular."""
         self._whole = None
         if self.eliminate(matrix):
             return True
@@ -51,10 +50,10 @@ class SharedFactors:
         return self._whole.regular
 
     def eliminate(self, matrix: PETSc.Mat, keep: bool = True, fill: float = np.inf) -> bool:
-        """Factorise without row exchanges; return whether that went well.
+        """Factorise without row exchanges; return whether that succeeded.
 
-        Without keeping, there is an inertia but no factors are kept.  A matrix whose factors would have more than
-        ``fill`` times its entries is refused.
+        Without ``keep`` only the inertia remains, no factors.  A matrix whose factors would have more than ``fill``
+        times its entries is refused.
         """
         self._comm = matrix.getComm().tompi4py()
         rows = local_rows(matrix)
@@ -69,7 +68,7 @@ class SharedFactors:
         return self._join(self._inner.factorise(self._ordered(rows), self._own - self._before, keep, fill))
 
     def _separate(self, rows: LocalRows) -> bool:
-        """Find the separators; return whether each rank has more rows than its own."""
+        """Find the separators; return whether each rank has more rows than its separator."""
         rank = self._comm.rank
         reach = int(rows.columns[-1]) + 1 - self._bounds[rank + 1] if rows.columns.size else 0
         # Of each rank the separator before it.
@@ -95,7 +94,7 @@ class SharedFactors:
         ordered = Ordered(rows.own, first, own, False, (row[inside], column[inside], values[inside]), self._after)
         if not first:
             return ordered
-        # Rows of the separator before: what couples them to each other, to what follows, and to the separator after.
+        # Rows of the separator before: their own block, and the coupling to later rows and the separator after.
         corner, border = np.zeros((first, first)), np.zeros((own + self._after, first))
         separator, place, coupling = _entries(rows.own, first)
         within = place < first
@@ -107,7 +106,7 @@ class SharedFactors:
         return ordered._replace(border=self._border, corner=corner)
 
     def _join(self, done: bool) -> bool:
-        """Factorise the matrix of the separators; return whether everything went well."""
+        """Factorise the matrix of the separators; return whether all factorisations succeeded."""
         inner, empty = self._inner, np.empty((0, 0))
         if not done:
             mine = None
@@ -150,7 +149,7 @@ class SharedFactors:
             x[x.size - after :] = 0.0
             self._inner.back(x)
             left[:] = right[:before] - self._border.T @ x[: self._border.shape[0]]
-        # As numbers, not as objects: eigensolvers come here often.
+        # As buffers, not pickled: eigensolvers call this often.
         summed = np.empty_like(outer)
         self._comm.Allreduce(outer, summed)
         outer = summed
@@ -194,7 +193,7 @@ def _separators(parts: list[Any], sizes: Index) -> Ordered:
     rows: list[Array] = []
     columns: list[Index] = []
     for rank, block in enumerate(blocks):
-        # What couples a separator to that before is of the rank between them.
+        # The rank between two separators has their coupling.
         line, low, high = [block], first[rank], first[rank + 1]
         if rank and parts[rank - 1][2].size:
             line.insert(0, parts[rank - 1][2])
@@ -212,12 +211,12 @@ def _separators(parts: list[Any], sizes: Index) -> Ordered:
 
 
 class _Whole:
-    """All rows on the first rank: factors or, where these are refused, LU with row exchanges.
+    """All rows on the first rank: band factors or, where these are refused, LU with row exchanges.
 
     Attributes
     ----------
     regular, negative
-        Whether the matrix has any, and its number of negative eigenvalues if they tell; on every rank.
+        Whether the matrix is regular, and its number of negative eigenvalues, None if not known; on every rank.
     """
 
     regular: bool
@@ -256,15 +255,15 @@ class _Whole:
     def solve(self, right: Array) -> Array:
         """Return this rank's solution for its right-hand side."""
         parts = self._comm.gather(right)
-        found = None
+        solutions = None
         if parts is not None:
             x = np.concatenate(parts)
             if self._factors is not None:
                 self._factors.solve(x)
             else:
                 x, _ = lapack.dgbtrs(self._lu, self._width, self._width, x, self._pivots, overwrite_b=1)
-            found = np.split(x, np.cumsum(self._counts)[:-1])
-        return np.asarray(self._comm.scatter(found))
+            solutions = np.split(x, np.cumsum(self._counts)[:-1])
+        return np.asarray(self._comm.scatter(solutions))
 
 
 @njit(i8(P1, P1), **STRICT)

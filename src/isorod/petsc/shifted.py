@@ -1,4 +1,4 @@
-"""A symmetric matrix less a multiple of another one, whose entries lie at places of its own."""
+"""A symmetric matrix less a multiple of another one with a smaller sparsity pattern."""
 
 import numpy as np
 from numba import b1, f8, i8
@@ -11,11 +11,11 @@ from isorod.petsc.rows import P1, Compressed, component_rows, local_rows
 
 
 def upper_rows(matrix: PETSc.Mat, shift: float, other: PETSc.Mat) -> Compressed | None:
-    """Return what is on and above the diagonal of ``matrix - shift other``; None where they are no rows on one rank.
+    """Return the upper triangle of ``matrix - shift other``; None unless both are AIJ or MAIJ on one rank.
 
-    Entries below the diagonal have places, but no values.  The other matrix may be one that multiplies each of several
-    interlaced components (PETSc's MAIJ).  PETSc's own way there, by a copy and entries of all components, takes as long
-    as factors do.
+    Entries below the diagonal have positions, but no values.  The other matrix may multiply each of several interlaced
+    components (PETSc's MAIJ).  PETSc's own function, by a copy with entries of all components, takes as long as a
+    factorisation.
     """
     if matrix.getType() != "seqaij" or other.getType() not in ("seqaij", "seqmaij"):
         return None
@@ -39,7 +39,7 @@ def _subtract(
     shift: float,
     result: Array,
 ) -> bool:
-    """Fill in the values on and above the diagonal; return whether there are places for all of the other matrix."""
+    """Fill in the upper triangle's values; return whether the pattern has all entries of the other matrix."""
     for i in range(start.size - 1):
         low, high = start[i], start[i + 1]
         node, place = i // components, i % components
@@ -52,14 +52,14 @@ def _subtract(
             result[k] = values[k]
         k = low
         for m in range(begin, end):
-            wanted = components * other_column[m] + place
-            # Where nothing is left out, as in nearly all rows, a column tells its place.
-            guess = low + wanted - column[low] if low < high else high
-            if low <= guess < high and column[guess] == wanted:
+            target = components * other_column[m] + place
+            # In a row without gaps, as nearly all are, the column gives the position.
+            guess = low + target - column[low] if low < high else high
+            if low <= guess < high and column[guess] == target:
                 k = guess
-            while k < high and column[k] < wanted:
+            while k < high and column[k] < target:
                 k += 1
-            if k == high or column[k] != wanted:
+            if k == high or column[k] != target:
                 return False
             result[k] -= shift * others[m]
     return True

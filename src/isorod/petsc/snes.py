@@ -20,12 +20,12 @@ def create_snes(
     test: Callable[..., Any],
     options: Mapping[str, object],
 ) -> PETSc.SNES:
-    """Return SNES on a residual and its tangent, as the user's options say.
+    """Return SNES on a residual and its tangent, with the user's options.
 
     Parameters
     ----------
     vector, matrix
-        What holds residual and tangent.
+        Storage of residual and tangent.
     residual
         ``residual(x, out)`` fills a vector.
     tangent
@@ -33,12 +33,12 @@ def create_snes(
     test
         Convergence test as SNES takes it; PETSc's own stays where ``-snes_atol`` is typed.
     options
-        What the user's own override.
+        Defaults, which the user's options override.
     """
 
     def jacobian(snes: PETSc.SNES, x: PETSc.Vec, product: PETSc.Mat, filled: PETSc.Mat) -> None:
         tangent(snes, x, filled)
-        # Two where only products are taken of the one, as with -snes_mf_operator.
+        # With -snes_mf_operator they differ: one is used for products only.
         if product.handle != filled.handle:
             product.assemble()
 

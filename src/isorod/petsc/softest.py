@@ -10,15 +10,15 @@ from isorod.arrays import Array
 
 
 def noise(vector: PETSc.Vec, seed: int = 0) -> PETSc.Vec:
-    """Return a random vector of a layout, the same on any number of ranks."""
-    found = vector.duplicate()
-    found.array_w[:] = _normal(found.getSize(), seed)[slice(*found.getOwnershipRange())]
-    return found
+    """Return a random vector with the layout of a vector, the same on any number of ranks."""
+    result = vector.duplicate()
+    result.array_w[:] = _normal(result.getSize(), seed)[slice(*result.getOwnershipRange())]
+    return result
 
 
 @lru_cache(maxsize=1)
 def _normal(size: int, seed: int) -> Array:
-    """Return so many random numbers; of models of a sweep the same."""
+    """Return normally distributed random numbers; kept, since the models of a sweep need the same."""
     return np.random.default_rng(seed).normal(size=size)
 
 
@@ -29,7 +29,7 @@ def soften(
     iterations: int,
     purge: Callable[[PETSc.Vec], None] = lambda shape: None,
 ) -> tuple[float, PETSc.Vec]:
-    """Take a shape towards the lowest eigenvector of ``K v = l D v``, in place.
+    """Iterate a shape towards the lowest eigenvector of ``K v = l D v``, in place.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ def soften(
     weight
         The diagonal ``D``, not negative.
     shape
-        Where the iteration starts, and ends.
+        Start and result of the iteration.
     iterations
-        How many there are.
+        Number of iterations.
     purge
-        Called with the shape before each.
+        Called with the shape before each iteration.
 
     Returns
     -------

@@ -185,7 +185,7 @@ def _identity(model: Model, settings: tuple[Any, ...]) -> dict[str, Any]:
         arrays += [motion.turn, motion.path]
         digest.update(repr(motion.clock).encode())
     if model.times is not None:
-        arrays += [model.times.way, model.times.times]
+        arrays += [model.times.path, model.times.times]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return {"version": __version__, "analysis": "statics", "settings": repr(settings), "model": digest.hexdigest()}

@@ -14,7 +14,7 @@ from isorod.checks import hourglass
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.direct import room
-from isorod.petsc.inertia import TELLING
+from isorod.petsc.inertia import COUNT_NEGATIVE
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 from isorod.statics.contact_policy import ContactPolicy
@@ -208,7 +208,7 @@ class Newton:
         self._convergence.guarded = self.stabilisation is None
         try:
             before = self.assembler.jacobians(self.x, factor)
-            with defaults(TELLING | room(self.assembler.comm) | unscaled(self.assembler)):
+            with defaults(COUNT_NEGATIVE | room(self.assembler.comm) | unscaled(self.assembler)):
                 # At constant load factor only contact has changed.
                 self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)

@@ -10,7 +10,7 @@ from isorod.assembly import element_kernel
 from isorod.assembly.gradients import deformation_gradients
 from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.assembly.region import regions
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.material.law import Material
 from isorod.material.places import alone
 from isorod.space.space import Table
@@ -26,7 +26,7 @@ class Elements:
         The elements.
     """
 
-    def __init__(self, share: Share) -> None:
+    def __init__(self, share: ElementRange) -> None:
         self._share, self._space = share, share.body.space
 
     @cached_property

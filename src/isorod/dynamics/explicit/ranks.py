@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly.split import Share, Split
+from isorod.assembly.split import ElementRange, Partition
 from isorod.model.model import Model
 
 
@@ -53,8 +53,8 @@ class Ranks:
         self.communicator = comm
         self.comm: Any = comm.tompi4py() if self.size > 1 else None
         first = 3 * model.first_node
-        split = Split(model, first, [3 * body.space.layer_nodes for body in model.bodies], self.size)
-        self.shares: list[Share] = split.shares(self.rank)
+        split = Partition(model, first, [3 * body.space.layer_nodes for body in model.bodies], self.size)
+        self.shares: list[ElementRange] = split.element_ranges(self.rank)
         self.owned = split.owners() == self.rank
         self.mine = order[self.owned]
         self._sizes = [body.space.layer_nodes for body in model.bodies]
@@ -62,7 +62,7 @@ class Ranks:
         self._counts = [np.zeros(body.space.layers, dtype=np.int64) for body in model.bodies]
         own = [np.zeros(body.space.layers, dtype=bool) for body in model.bodies]
         for rank in range(self.size):
-            for share in split.shares(rank):
+            for share in split.element_ranges(rank):
                 layers = np.unique(share.layers)
                 self._counts[share.which][layers] += 1
                 if rank == self.rank:

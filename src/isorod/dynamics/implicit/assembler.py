@@ -27,7 +27,7 @@ from isorod.assembly.gradients import add_stress
 from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.dynamics.explicit import states
 from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.model.mean import MeanSupport
@@ -48,7 +48,7 @@ class StepPart(Part):
         Deformation gradients at the start of the step, shape ``(E, t, q, 3, 3)``.
     """
 
-    def __init__(self, share: Share, exchange: Exchange) -> None:
+    def __init__(self, share: ElementRange, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         self.start = np.empty((*self.table.weights.shape, 3, 3))
         self.inertia = self.largest = 0.0
@@ -121,7 +121,7 @@ class StepAssembler(Assembler):
         self._velocity = self._start = np.zeros(self._exchange.size)
         self.moved = np.zeros(model.dofs if self.coupling is None else self.coupling.constraints.held.size)
 
-    def _part(self, share: Share) -> Part:
+    def _part(self, share: ElementRange) -> Part:
         return StepPart(share, self._exchange)
 
     def _coupled(self) -> "StepCoupling | None":

@@ -27,7 +27,7 @@ class StepCoupling(Coupling):
         Sum of the norms of the solids' inertial and internal forces and loads at the last residual.
     """
 
-    _share = 0.5
+    _bond_factor = 0.5
 
     def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
         for k, tie in enumerate(model.ties):
@@ -68,7 +68,7 @@ class StepCoupling(Coupling):
 
     def middle(self, change: Array) -> Array:
         """Return the mean of both states, of the change between them."""
-        return self._start + self._share * change
+        return self._start + self._bond_factor * change
 
     def _seen(self, moved: Array) -> Array:
         return self.middle(moved)

@@ -24,7 +24,7 @@ from isorod.assembly.mixed import MixedAssembler, MixedPart, coupling
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import Share
+from isorod.assembly.split import ElementRange
 from isorod.dynamics.implicit.assembler import StepAssembler, StepPart
 from isorod.material.along_rod import complementary, volume_between, volume_change
 from isorod.model.model import Model
@@ -47,7 +47,7 @@ class MixedStepPart(MixedPart, StepPart):
         Whether it is incompressible somewhere, or compressible somewhere.
     """
 
-    def __init__(self, share: Share, exchange: Exchange) -> None:
+    def __init__(self, share: ElementRange, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         rigid = [law.lame == np.inf for law in share.body.laws]
         self.rigid, self.soft = any(rigid), not all(rigid)
@@ -150,7 +150,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
         super().__init__(model, comm)
         self.pressure = np.zeros(sum(body.pressures.size for body in model.bodies if body.pressures is not None))
 
-    def _part(self, share: Share) -> Part:
+    def _part(self, share: ElementRange) -> Part:
         kind = StepPart if share.body.pressures is None else MixedStepPart
         return kind(share, self._exchange)
 
