@@ -77,7 +77,7 @@ class Run(ABC):
         # Only functions that add up to one take part in the virtual work of a translation.
         self._carried = system.model.is_control_point.repeat(3).astype(float)
         own = np.zeros(2)
-        for share in system.ranks.shares:
+        for share in system.ranks.element_ranges:
             body, table = share.body, share.body.space.tabulate(share.first, share.last)
             for k, name in enumerate(("activation_work", "modulus")):
                 values = [getattr(law, name) for law in body.shear_laws]
@@ -183,7 +183,7 @@ class Run(ABC):
             )
         self.count = max(1, int(count))
 
-    def _said_step(self) -> str:
+    def _step_text(self) -> str:
         """Return the time step as it was given, and what was made of it."""
         given = self.settings.time_step
         if given is None or np.isclose(given, self.step, rtol=1e-6, atol=0.0):

@@ -172,7 +172,7 @@ class Run(run.Run):
         if not abs(error) <= IMBALANCE:
             raise SolveError(
                 f"step {self.taken}, time {self.time:.6g}: energy balance error {error:.2g} of the work done; "
-                f"time step {self._said_step()}: use a smaller one"
+                f"time step {self._step_text()}: use a smaller one"
             )
         self._record(seen)
         return seconds
