@@ -17,7 +17,7 @@ from isorod.petsc.direct import direct
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.statics.derivatives import Moving, refuse
-from isorod.statics.differences import NEAR, Beside
+from isorod.statics.differences import NEAR, PerturbedModels
 
 TIGHT = {"snes_rtol": 1e-13, "snes_atol": 1e-12}
 
@@ -238,7 +238,7 @@ def test_one_back_substitution_for_a_force_is_as_good_as_one_for_each_number(spr
         ksp = direct(matrix, {"pc_type": "cholesky"}, "test_")
         ksp.solve(pull, adjoint)
         of_support = begin.model.prescribed(1.0)[begin.model.bound]
-        beside = Beside(lambda at: parameters.at(SPRING, at).model(), spring.parameters, begin.model)
+        beside = PerturbedModels(lambda at: parameters.at(SPRING, at).model(), spring.parameters, begin.model)
         for name in spring.parameters:
             steps, models = beside.models(name, NEAR)
             rates = []

@@ -36,7 +36,18 @@ from isorod.petsc.direct import direct, room
 from isorod.statics.along_contact import PREDICTORS, Touching
 from isorod.statics.contact_policy import Settling, Stage
 from isorod.statics.derivatives import as_solved, equilibrium, numbers
-from isorod.statics.differences import ASIDE, BY, NEAR, Beside, Derivatives, Kinked, Measured, Steps, near, silently
+from isorod.statics.differences import (
+    ASIDE,
+    BY,
+    NEAR,
+    Derivatives,
+    Kinked,
+    Measured,
+    PerturbedModels,
+    Steps,
+    near,
+    silently,
+)
 from isorod.statics.path import Step
 
 # Iterations stop when a correction leaves more than this fraction of the residual, by rounding or by a wrong tangent;
@@ -299,7 +310,7 @@ def derivatives(
     SolveError
         If an increment cannot be repeated.
     """
-    beside = Beside(as_solved(make, solution.model.times), at, solution.model)
+    beside = PerturbedModels(as_solved(make, solution.model.times), at, solution.model)
     # With small steps few points begin to flow, slip or touch; where none do, larger ones have less rounding.
     laws = [law for body in solution.model.bodies for law in body.laws]
     kinks = any(law.kinks or not getattr(law, "stores", True) for law in laws)

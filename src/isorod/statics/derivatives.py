@@ -32,10 +32,10 @@ from isorod.statics.differences import (
     BY,
     NEAR,
     WIDE,
-    Beside,
     Derivatives,
     Kinked,
     Measured,
+    PerturbedModels,
     Steps,
     Unavailable,
     largest,
@@ -297,7 +297,7 @@ def derivatives(
         equilibria = [stack.enter_context(closing(Moving(solution)))]
         if equilibria[0].tight:
             equilibria.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
-        beside = Beside(as_solved(make, solution.model.times), at, solution.model)
+        beside = PerturbedModels(as_solved(make, solution.model.times), at, solution.model)
         moving, unsure = equilibria[0], (0.0, "")
 
         def ask(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:

@@ -182,7 +182,7 @@ class Steps:
         return derivatives
 
 
-class Beside:
+class PerturbedModels:
     """Models with perturbed parameters, on the discretisation of a given one.
 
     Parameters
