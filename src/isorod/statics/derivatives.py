@@ -191,7 +191,7 @@ class Moving:
             self.tight = Tight(contact, contact.results(moved), moved, self.comm, times)
             self.assembler.contact = self.tight  # type: ignore[assignment]
 
-    def beside(self, model: Model) -> Assembler:
+    def perturbed(self, model: Model) -> Assembler:
         """Return the assembler of a model, whose contact is as the solution left it."""
         assembler = assembler_for(model, self.comm)
         if self._left is not None and assembler.contact is not None:
@@ -220,7 +220,7 @@ class Moving:
         """
         acting, rows, gaps = [], [], []
         for model in models:
-            assembler, row = self.beside(model), self.assembler.vector()
+            assembler, row = self.perturbed(model), self.assembler.vector()
             if _gap(assembler) > 2.0 * _gap(self.assembler):
                 raise Kinked("surfaces that are tied part, or overlap")
             contact = assembler.contact
