@@ -91,8 +91,8 @@ def solve(
         Time to which histories are followed (`isorod.model.times.until`): load steps end at each kink of a table, and
         contact settles in each.
     steps_tolerance
-        For laws with memory without ``load_steps``: their number is doubled, up to 256 times, while its relative error
-        (`Equilibrium.steps_error`) is larger.
+        For laws with memory without ``load_steps``: the number of steps is doubled, up to 256, while the relative error
+        by it (`Equilibrium.steps_error`) is larger.
     checkpoint, every, resume
         File for the last equilibrium, minimum wall time between two checkpoints in seconds, and whether to continue
         from the file.  Without ``resume`` an existing file is not overwritten.  Not available with contact, ties, mean
