@@ -164,7 +164,7 @@ def _solve(
                 if softer is not None and not model.remembers
             ],
             linear_at=linear_at,
-            equilibria=seeker.looks,
+            equilibria=seeker.equilibria,
             newton_iterations=path.solver.iterations,
             seconds={"setup": setup, "assembly": assembly, "solve": solved, "check": check},
             built=assembler.built,

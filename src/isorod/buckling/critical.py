@@ -54,12 +54,12 @@ _BENDS = 0.9
 _BEND_NEAR = 0.3
 
 # Alternatives where there is no such factor.
-_CURE = "statics with --stable goes on, and linear_at takes the factors of a lower load (linear_at = 0: at rest)"
+_CURE = "statics with --stable continues, and linear_at takes the factors of a lower load (linear_at = 0: at rest)"
 
 _END = "buckling: no equilibrium beyond load factor {:.6g}, a limit point or too fast a turn ({}); " + _CURE
 
 
-class Look(NamedTuple):
+class Linearised(NamedTuple):
     """The factors estimated at an equilibrium.
 
     Attributes
@@ -134,9 +134,9 @@ class Seeker:
         self._assembler, self._tangents, self._path = assembler, tangents, path
         pressures = assembler.unknowns - assembler.model.unknowns
         self.pencil = Pencil(tangents.stiffness, mass, pressures=pressures, factors=factorisation(assembler, "st_"))
-        self.looks = 0
-        self._last: Look | None = None
-        self._short: Look | None = None
+        self.equilibria = 0
+        self._last: Linearised | None = None
+        self._short: Linearised | None = None
         # Distance of the last converged factor from the equilibrium at which it was computed, and its error.
         self._reach = self._doubt = 0.0
 
@@ -144,21 +144,21 @@ class Seeker:
         """Return the lowest vibration modes about the equilibrium of the tangents."""
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 
-    def look(self, place: Known, highest: int) -> Look:
+    def linearise(self, place: Known, highest: int) -> Linearised:
         """Return the factors estimated at an equilibrium, up to the number ``highest`` at least."""
         self._tangents.fill(place)
         below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
         modes = self.modes(max(below, highest + 1) + _SPARE)
         pushed = [self._tangents.derivative * vector for vector in modes.vectors]
         slopes = np.array([[a.dot(b) for b in modes.vectors] for a in pushed])
-        self.looks += 1
+        self.equilibria += 1
         # 1 / mu, since the derivative may be singular.
         rates, shapes = np.linalg.eig(-0.5 * (slopes + slopes.T) / modes.eigenvalues[:, None])
         real = (np.abs(rates.imag) <= 1e-9 * np.abs(rates)) & (rates != 0.0)
         offsets, shapes = 1.0 / rates[real].real, shapes[:, real].real
         order = np.argsort(offsets)
         self._reach = 0.0
-        self._last = Look(place.factor, place.x, below, offsets[order], shapes[:, order], modes, np.diag(slopes))
+        self._last = Linearised(place.factor, place.x, below, offsets[order], shapes[:, order], modes, np.diag(slopes))
         return self._last
 
     def seek(self, number: int, guess: float | None = None) -> Point:
@@ -173,21 +173,21 @@ class Seeker:
         for _ in range(_MOST_FLOWING if flows else _MOST):
             if guess is not None:
                 try:
-                    self.look(self._path.at(guess), number)
+                    self.linearise(self._path.at(guess), number)
                 except PathEnds as problem:
                     # A factor may lie before the end of the path.
                     ended = problem
                     if not ended.reached > low:
                         raise SolveError(_END.format(ended.reached, ended)) from None
-                    self.look(self._path.at(ended.reached), number)
+                    self.linearise(self._path.at(ended.reached), number)
             last = self._last
             assert last is not None
             guess = last.factor
             low, high = (guess, high) if last.below <= number else (low, guess)
             if flows and high < np.inf and high - low <= _AT_ONCE * high:
                 raise SolveError(
-                    f"buckling: factor {number + 1} is none: it buckles as it yields, at load factor {high:.5g}, where "
-                    "the tangent stiffness falls at once"
+                    f"buckling: there is no factor {number + 1}: it buckles as it yields, at load factor {high:.5g}, "
+                    "where the tangent stiffness drops suddenly"
                 )
             estimate = last.factor_of(number)
             if estimate is None:
@@ -239,10 +239,10 @@ class Seeker:
             place = self._path.at(factor)
         except PathEnds as problem:
             raise SolveError(_END.format(problem.reached, problem)) from None
-        look = self.look(place, modes - 1 + more)
-        if look.below:
-            raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
-        points = [point for point in (self._point(look, k) for k in range(modes)) if point is not None]
+        at = self.linearise(place, modes - 1 + more)
+        if at.below:
+            raise SolveError(f"buckling: linear_at {factor:g} is beyond {at.below} load factors; take a lower one")
+        points = [point for point in (self._point(at, k) for k in range(modes)) if point is not None]
         if not points:
             raise SolveError(f"buckling: at linear_at {factor:g} the loads take no stiffness away")
         return points
@@ -255,25 +255,27 @@ class Seeker:
         along = np.array([moved.dot(mode) for mode in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
         return bool(along**2 > _BENDS * moved.dot(rate))
 
-    def _point(self, look: Look, number: int, near: Look | None = None, settled: float = np.nan) -> Point | None:
+    def _point(
+        self, at: Linearised, number: int, near: Linearised | None = None, settled: float = np.nan
+    ) -> Point | None:
         """Return a factor as estimated at an equilibrium; its error is estimated at another one, short of it."""
-        estimate = look.factor_of(number)
+        estimate = at.factor_of(number)
         if estimate is None:
             return None
         offset, shape = estimate
-        x, vector = look.x.copy(), self._tangents.rate.duplicate()
+        x, vector = at.x.copy(), self._tangents.rate.duplicate()
         x.axpy(offset, self._tangents.rate)
         vector.zeroEntries()
-        vector.maxpy(shape, look.modes.vectors)
-        loss = float(look.modes.eigenvalues @ shape**2) / offset
-        residual = float(look.modes.residuals[np.argmax(np.abs(shape))])
-        softer = self._softer(near or look, number)
-        return Point(look.factor + offset, x, vector, loss, residual, settled, look.below, softer)
+        vector.maxpy(shape, at.modes.vectors)
+        loss = float(at.modes.eigenvalues @ shape**2) / offset
+        residual = float(at.modes.residuals[np.argmax(np.abs(shape))])
+        softer = self._softer(near or at, number)
+        return Point(at.factor + offset, x, vector, loss, residual, settled, at.below, softer)
 
-    def _softer(self, look: Look, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
+    def _softer(self, at: Linearised, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
         """Return the vibration mode at an equilibrium that becomes a shape (`Point.softer`)."""
-        estimate = look.factor_of(number)
+        estimate = at.factor_of(number)
         if estimate is None:
             return None
         k = int(np.argmax(np.abs(estimate[1])))
-        return look.factor, look.x, look.modes.vectors[k], float(look.modes.eigenvalues[k]), -float(look.slopes[k])
+        return at.factor, at.x, at.modes.vectors[k], float(at.modes.eigenvalues[k]), -float(at.slopes[k])

@@ -28,7 +28,7 @@ from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 if TYPE_CHECKING:
-    from isorod.dynamics.sight import Sight
+    from isorod.dynamics.sight import PeakContacts
 
 # Displacement error of implicit steps above which a warning is given.
 _LARGE = 0.005
@@ -150,15 +150,15 @@ def solve(
                 loop += spent
             finally:
                 file.close()
-            sight = _sight(run) if model.contacts else None
-            points = sight.better_points() if sight and looks < _LOOKS and run.taken > first else None
+            at_peaks = _peak_contacts(run) if model.contacts else None
+            points = at_peaks.better_points() if at_peaks and looks < _LOOKS and run.taken > first else None
             if points is None:
                 break
             looks += 1
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        touched = sight.results() if sight else []
-        for doubt in sight.doubts(touched) if sight else []:
+        touched = at_peaks.results() if at_peaks else []
+        for doubt in at_peaks.doubts(touched) if at_peaks else []:
             warnings.warn(doubt, stacklevel=2)
         small.warn_of_large(
             model, np.array(run.rows["displacement"]), [owned(model, state) for state in run.rows["solid_displacement"]]
@@ -225,10 +225,10 @@ def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[fl
         run.end()
 
 
-def _sight(run: Run) -> "Sight":
-    from isorod.dynamics.sight import Sight
+def _peak_contacts(run: Run) -> "PeakContacts":
+    from isorod.dynamics.sight import PeakContacts
 
-    return Sight(run)
+    return PeakContacts(run)
 
 
 def _warn_of_steps(run: Run) -> None:

@@ -17,7 +17,7 @@ from isorod.dynamics.run import Run
 _PRESSES, _ELSEWHERE = 0.5, 0.2
 
 
-class Sight:
+class PeakContacts:
     """The contacts of a motion at their largest forces.
 
     Parameters

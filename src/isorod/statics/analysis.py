@@ -27,7 +27,7 @@ from isorod.statics import stability
 from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome, warn_of
 from isorod.statics.equilibrium import Equilibrium
-from isorod.statics.kept import Keeper, Kept
+from isorod.statics.kept import CheckpointOptions, CheckpointWriter
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 
@@ -120,7 +120,7 @@ def solve(
         raise InputError("resume: got no checkpoint, need the file that the run wrote")
     if checkpoint is not None and load_steps is None and model.remembers:
         raise InputError("checkpoint: give load steps, which else are doubled until their error is small")
-    kept = None if checkpoint is None else Kept(File(checkpoint), every, resume)
+    kept = None if checkpoint is None else CheckpointOptions(File(checkpoint), every, resume)
     stops: Sequence[float] = ()
     if like is not None and (model.remembers or any(contact.friction for contact in model.contacts)):
         steps, stops = 1, like.factors
@@ -183,7 +183,7 @@ def _solve(
     kept: tuple[bool, int | None],
     stable: bool,
     progress: bool,
-    saved: Kept | None = None,
+    saved: CheckpointOptions | None = None,
     stops: Sequence[float] = (),
 ) -> Equilibrium:
     """Return the result of `solve`, with the options in force."""
@@ -200,7 +200,7 @@ def _solve(
     if assembler.contact is not None and start_at is not None:
         # The matrix includes the entries of the contacts there.
         assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
-    solver, display, keeper = Newton(assembler, loose), Teller(), None
+    solver, display, writer = Newton(assembler, loose), Teller(), None
     if progress and assembler.comm.getRank() == 0:
         solver.report = display
     try:
@@ -210,9 +210,9 @@ def _solve(
         assembler.seconds = 0.0
         path = Path(assembler, *kept)
         if saved is not None:
-            keeper = Keeper(solver, path, saved, (load_steps, kept))
+            writer = CheckpointWriter(solver, path, saved, (load_steps, kept))
         begun = None if path.outputs or model.times is not None or saved else begin(solver, start_at, path)
-        augmentations = climb(solver, load_steps, path, start_at, keeper, stops) if begun is None else begun
+        augmentations = climb(solver, load_steps, path, start_at, writer, stops) if begun is None else begun
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
@@ -270,11 +270,11 @@ def _solve(
         )
         return reached.with_largest(turn)
     except KeyboardInterrupt as stop:
-        if keeper is not None:
-            stop.add_note(keeper.keep())
+        if writer is not None:
+            stop.add_note(writer.keep())
         raise
     finally:
         display.close()
-        if keeper is not None:
-            keeper.close()
+        if writer is not None:
+            writer.close()
         solver.destroy()

@@ -7,7 +7,7 @@ from itertools import pairwise
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
-from isorod.statics.kept import Keeper, Reached
+from isorod.statics.kept import CheckpointWriter, Reached
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY
@@ -49,7 +49,7 @@ def climb(
     load_steps: int,
     path: Path,
     start: Array | None = None,
-    keeper: Keeper | None = None,
+    writer: CheckpointWriter | None = None,
     stops: Sequence[float] = (),
 ) -> int:
     """Follow the load path to its end, from a checkpoint if any; fill ``path``; return how many multiplier updates.
@@ -69,7 +69,7 @@ def climb(
         return (1.0 if model.times is None else _stage_length(stages, factor)) / load_steps
 
     reached = Reached(0.0, first(0.0), 0, 0, 0.0)
-    factor, step, augmentations, quick, loose = reached if keeper is None else keeper.begun(reached)
+    factor, step, augmentations, quick, loose = reached if writer is None else writer.begun(reached)
     while factor < 1.0:
         end = next(stop for stop in stops if stop > factor)
         longest = solver.steps.turning.longest_step(factor)
@@ -114,8 +114,8 @@ def climb(
             if in_steps or model.remembers:
                 # Results depend on the path: steps are no longer than requested.
                 step = min(step, first(factor))
-        if keeper is not None:
-            keeper.note(Reached(factor, step, augmentations, quick, loose))
+        if writer is not None:
+            writer.note(Reached(factor, step, augmentations, quick, loose))
     if loose:
         warnings.warn(
             f"up to load factor {loose:.4g} rigid-body modes are constrained by artificial stiffness, not yet by "

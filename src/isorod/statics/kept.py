@@ -34,7 +34,7 @@ class Reached(NamedTuple):
     loose: float
 
 
-class Kept(NamedTuple):
+class CheckpointOptions(NamedTuple):
     """The file, minimum wall time between two checkpoints in seconds, and whether to continue from it."""
 
     file: File
@@ -42,7 +42,7 @@ class Kept(NamedTuple):
     resume: bool
 
 
-class Keeper:
+class CheckpointWriter:
     """Writes checkpoints of load steps.
 
     Parameters
@@ -60,7 +60,7 @@ class Keeper:
         If checkpoints do not support the model.
     """
 
-    def __init__(self, solver: Newton, path: Path, kept: Kept, settings: tuple[Any, ...]) -> None:
+    def __init__(self, solver: Newton, path: Path, kept: CheckpointOptions, settings: tuple[Any, ...]) -> None:
         model = solver.assembler.model
         if model.contacts or model.coupled:
             raise InputError(
