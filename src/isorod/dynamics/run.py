@@ -154,7 +154,7 @@ class Run(ABC):
         system, state = self.system, self.system.state
         state.displacement[system.order] = displacement
         state.velocity[system.order] = velocity
-        system.go_on(0.0)
+        system.update_states(0.0)
         critical = self._critical()
         if not critical > 0.0:
             raise InputError(f"initial state: an element is inverted; {self.system.worst(state.displacement)}")

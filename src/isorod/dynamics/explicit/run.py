@@ -141,7 +141,7 @@ class Run(run.Run):
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
             taken, outcome, spent = self._take(course)
             seconds += spent
-            self.system.go_on(self.step)
+            self.system.update_states(self.step)
             if outcome == DEEP:
                 raise SolveError(
                     f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: penetration "

@@ -300,7 +300,7 @@ class System:
         _, stored, active, lost = self.ranks.sums(np.array(own)).tolist()
         return stored, active, lost
 
-    def go_on(self, step: float) -> None:
+    def update_states(self, step: float) -> None:
         """Update laws with memory to the present displacement, at a time ``step`` after their last state."""
         if self.model.remembers:
             elapse(self.mesh, step)

@@ -296,7 +296,7 @@ class Run(run.Run):
         self.solids.move(change[rods:], after[rods:])
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
-        self.system.go_on(dt)
+        self.system.update_states(dt)
         self.assembler.know(self.system.states)
         self.taken += 1
 
