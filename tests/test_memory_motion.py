@@ -128,7 +128,7 @@ def test_forces_that_are_asked_for_leave_the_state() -> None:
     np.testing.assert_array_equal(system.forces(1.1 * moved, 0.0)[0], first)
     # Read and given back.
     system.update_states(0.1)
-    system.know(known)
+    system.set_states(known)
     np.testing.assert_array_equal(system.states, known)
     np.testing.assert_array_equal(system.forces(1.1 * moved, 0.0)[0], first)
 

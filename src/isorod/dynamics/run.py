@@ -361,7 +361,7 @@ class Run(ABC):
         self.system.starts[:] = kept["starts"]
         self.system.anchors[:] = kept["anchors"]
         self.system.highest[:] = kept["highest"]
-        self.system.know(kept["states"])
+        self.system.set_states(kept["states"])
         self.estimates = [(float(time), float(value)) for time, value in kept["estimates"]]
         self._estimated = kept["estimated"]
         self._energy = float(kept["energy"])

@@ -314,7 +314,7 @@ class System:
         """States of laws with memory at all quadrature points, of all ranks."""
         return self.ranks.sums(states.of(self.model, self.ranks, self.mesh.fibres))
 
-    def know(self, all_states: Array) -> None:
+    def set_states(self, all_states: Array) -> None:
         """Set the states of laws with memory, as `states` returned them."""
         states.give(self.model, self.ranks, all_states, self.mesh.fibres)
         elapse(self.mesh, 0.0)

@@ -56,7 +56,7 @@ class StepPart(Part):
         """Set the initial state of a step, of this rank's degrees of freedom."""
         self.start = self.gradients(displacement)
 
-    def know(self, states: Array) -> None:
+    def set_states(self, states: Array) -> None:
         """Set the states of laws with memory at the body's points, ``(E, t, q, m)``."""
         self.laws = self.laws.knowing(states[self.table.first : self.table.first + self.table.elements])
 
@@ -286,12 +286,12 @@ class StepAssembler(Assembler):
         rods = everywhere[: self.model.dofs]
         return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])
 
-    def know(self, known: Array) -> None:
+    def set_states(self, known: Array) -> None:
         """Set the initial states of laws with memory (`isorod.dynamics.explicit.system.System.states`)."""
         if self.model.remembers:
             each = states.by_bodies(self.model, known)
             for part in self.parts:
-                part.know(each[part.which])
+                part.set_states(each[part.which])
 
     def accept(self, x: PETSc.Vec) -> None:
         """Keep further initial values of the next step."""

@@ -99,7 +99,7 @@ class Run(run.Run):
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
         self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
-        self.assembler.know(self.system.states)
+        self.assembler.set_states(self.system.states)
         self._phase = self._from_start()
 
     def _place_facets(self) -> None:
@@ -137,7 +137,7 @@ class Run(run.Run):
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
-        self.assembler.know(self.system.states)
+        self.assembler.set_states(self.system.states)
         self.assembler.pressure = kept["pressure"]
         for name in _KEPT:
             getattr(self.solids, name)[:] = kept[f"solid_{name}"]
@@ -297,7 +297,7 @@ class Run(run.Run):
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
         self.system.update_states(dt)
-        self.assembler.know(self.system.states)
+        self.assembler.set_states(self.system.states)
         self.taken += 1
 
     def _add_impulses(self, time: float, dt: float, level: float, change: Array) -> None:
