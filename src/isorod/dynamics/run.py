@@ -125,7 +125,7 @@ class Run(ABC):
         """The error of the steps, relative to the largest displacement; None where it is not available."""
         return None
 
-    def met(self, index: int) -> Array:
+    def contact_displacement(self, index: int) -> Array:
         """Return the displacement at an output for contact, followed by that of facets."""
         displacement: Array = self.rows["displacement"][index]
         return displacement

@@ -36,11 +36,11 @@ class PeakContacts:
         """Yield contacts with largest forces at the same output, and the displacement there; obstacles are placed."""
         peaks = self._forces.argmax(axis=0)
         for index in np.unique(peaks).tolist():
-            yield np.flatnonzero(peaks == index), self._met(index)
+            yield np.flatnonzero(peaks == index), self._displacement_at(index)
 
-    def _met(self, index: int) -> Array:
+    def _displacement_at(self, index: int) -> Array:
         self._contact.place(index * self._run.interval)
-        return self._run.met(index)
+        return self._run.contact_displacement(index)
 
     def better_points(self) -> list[tuple[int, int]] | None:
         """Return points of each pass that resolve all patches; None where the present ones do."""
@@ -64,7 +64,7 @@ class PeakContacts:
         packed = self._contact.packed
         (there,) = (points for n, (_, _, points) in enumerate(result.of_contacts(self._model, packed)) if n == k)
         for index in outputs[[0, -1]].tolist() if outputs.size else []:
-            self._contact.forces(self._met(index))
+            self._contact.forces(self._displacement_at(index))
             loads = packed.areas[there] * packed.states["pressure"][there]
             if loads[~pressed].sum() > _ELSEWHERE * loads.sum():
                 return True

@@ -174,7 +174,7 @@ class StepAssembler(Assembler):
         if self.coupling is not None:
             self.coupling.begin(step, damping, displacement, velocity, self.moved)
         if self.contact is not None:
-            self.contact.start = self.met(displacement)
+            self.contact.start = self.contact_displacement(displacement)
 
     def prescribed(self, factor: float) -> Array:
         """Return the increment prescribed by supports in the step, with slaves of ties, ``(dofs,)``."""
@@ -281,7 +281,7 @@ class StepAssembler(Assembler):
         middle = self.coupling.middle(self.system_displacement(x, factor))
         return carried(self.coupling.constraints, self.system_forces(x, factor), middle)
 
-    def met(self, everywhere: Array) -> Array:
+    def contact_displacement(self, everywhere: Array) -> Array:
         """Return the degrees of freedom of contact: those of rods, and of facets that these touch."""
         rods = everywhere[: self.model.dofs]
         return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])

@@ -149,10 +149,10 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         return self._phase.error()
 
-    def met(self, index: int) -> Array:
+    def contact_displacement(self, index: int) -> Array:
         """See `isorod.dynamics.run.Run`."""
         everywhere = np.append(*(self.rows[name][index] for name in ("displacement", "solid_displacement")))
-        return self.assembler.met(everywhere)
+        return self.assembler.contact_displacement(everywhere)
 
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
@@ -194,7 +194,10 @@ class Run(run.Run):
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
-            ends = self.assembler.met(displacement), self.assembler.met(displacement + change)
+            ends = (
+                self.assembler.contact_displacement(displacement),
+                self.assembler.contact_displacement(displacement + change),
+            )
             through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
                 *ends, (time, time + dt)
             )
@@ -304,7 +307,7 @@ class Run(run.Run):
         """Add impulses and work of a step to the sums: of supports, contact, loads, and on solids."""
         state, model, solids = self.system.state, self.system.model, self.solids
         rods = model.dofs
-        met = self.assembler.met(change)
+        touching = self.assembler.contact_displacement(change)
         change, moved = change[:rods], change[rods:]
         if self.assembler.coupling is None:
             held = self.assembler.reactions(self.newton.x, level)
@@ -328,11 +331,11 @@ class Run(run.Run):
         state.sums[FOLLOWED] += float(loads @ change)
         state.sums[PUSHED:FOLLOWED] += dt * (loads * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
-            pushed = self.assembler.contact.forces(met)[0]
+            pushed = self.assembler.contact.forces(touching)[0]
             pushed[:rods] *= self._carried
             state.sums[PUSHED:FOLLOWED] += dt * resultant(pushed)
             state.sums[FOLLOWED] += self.assembler.contact.work()
-            state.sums[DISSIPATED] += self.assembler.contact.accept(met)
+            state.sums[DISSIPATED] += self.assembler.contact.accept(touching)
 
     def _energies(self) -> tuple[float, float, float]:
         """Return the stored energy without activation, that added by full activation, and the dissipation of laws."""
