@@ -183,7 +183,7 @@ class Moving:
 
         contact, left = self.assembler.contact, solution.settled
         if left is None or contact is None:
-            raise Unavailable("derivatives: how contact was settled is not known; solve the model anew")
+            raise Unavailable("derivatives: how contact settled is not known; solve the model again")
         self._left = relative(contact, left, solution.contacts)
         restore(contact, self._left)
         moved = self.assembler.touching(self.x, 1.0)
@@ -391,7 +391,7 @@ def _along(
         ]
         if max(off, default=0.0) <= APART:
             return rates
-        why = "what is measured does not change evenly as it moves"
+        why = "results are nonlinear even over the smallest steps"
     raise Kinked(why)
 
 

@@ -222,7 +222,7 @@ class PerturbedModels:
             try:
                 return steps, [self.model(name, step) for step in steps.steps]
             except InputError as problem:
-                why = why or f"models beside it cannot be had: {problem}"
+                why = why or f"there is no model with a slightly different value: {problem}"
         raise Kinked(why)
 
     def model(self, name: str, step: float) -> Model:
@@ -234,7 +234,7 @@ class PerturbedModels:
 
     def _refuse(self, model: Model, name: str) -> None:
         if not np.array_equal(model.free, self._like.free):
-            raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
+            raise InputError(f"{name}: the discretisation changes with it, or is not that of the solution")
 
     def derivatives(
         self,
@@ -288,7 +288,7 @@ def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[...
             with choices.repeated(made, near=True):
                 return ask(*there)
         except InputError as problem:
-            raise Kinked(f"what is measured cannot be had beside it: {problem}") from problem
+            raise Kinked(f"results are not available at a slightly different value: {problem}") from problem
 
     # The function adds places of equal value.  What fails here does so for each parameter, where it is reported.
     with suppress(Kinked):

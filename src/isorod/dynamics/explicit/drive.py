@@ -47,8 +47,8 @@ class Drive:
                 raise InputError(f"support {k}: explicit steps move no mean motions; use integrator 'implicit'")
         if system.ranks.size > 1 and (model.following or model.means or self._moves):
             raise InputError(
-                "loads: on several ranks explicit steps know no moments, pressures that follow, mean supports, springs "
-                "and supports that move; use one rank, or integrator 'implicit'"
+                "loads: explicit steps on several ranks do not support moments, follower pressures, mean supports, "
+                "springs and moving supports; use one rank, or integrator 'implicit'"
             )
         self._springs = [averages.mean_of(model, mean) for mean in model.means.values() if mean.stiffness is not None]
         self._held = [k for k, mean in model.means.items() if mean.stiffness is None]

@@ -194,13 +194,9 @@ class Run(run.Run):
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
-            ends = (
-                self.assembler.contact_displacement(displacement),
-                self.assembler.contact_displacement(displacement + change),
-            )
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
-                *ends, (time, time + dt)
-            )
+            at = self.assembler.contact_displacement
+            ends = at(displacement), at(displacement + change), (time, time + dt)
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends)
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
