@@ -18,7 +18,7 @@ _CHUNK = 4_000_000
 
 
 class Softer:
-    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by a Prony series of shear moduli."""
+    """A stiffness that relaxes: ``K`` minus ``fraction(omega)`` times a matrix, as by Prony series of shear moduli."""
 
     def __init__(self, matrix: PETSc.Mat, prony: Array) -> None:
         self.matrix, self.prony = matrix, prony
@@ -113,8 +113,8 @@ class Basis:
         systems = diagonal[:, None] * np.eye(self.squares.size) + 0j
         if self._coriolis is not None:
             systems += 1j * omega[:, None, None] * self._turned_small
-        for one, small in zip(self._softer, self._soft_small, strict=True):
-            systems -= one.fraction(omega)[:, None, None] * small
+        for relaxing, small in zip(self._softer, self._soft_small, strict=True):
+            systems -= relaxing.fraction(omega)[:, None, None] * small
         return np.asarray(np.linalg.solve(systems, force[..., None])[..., 0])
 
     def _damped(self, omega: Array) -> Array:
@@ -138,9 +138,9 @@ class Basis:
             missing = np.sum(terms, axis=0)
             stiff = np.diag(self.squares) - missing.real
             values, shapes = np.linalg.eigh(stiff)
-            own = np.flatnonzero(flexible)
-            squares = values[np.arange(own.size), own]
-            picked = shapes[np.arange(own.size), :, own]
+            numbers = np.flatnonzero(flexible)
+            squares = values[np.arange(numbers.size), numbers]
+            picked = shapes[np.arange(numbers.size), :, numbers]
             lost = -np.einsum("ki,kij,kj->k", picked, missing.imag, picked) / squares
         ratios = 0.5 * lost + (0.0 if self._damping is None else self._damping.ratios(squares))
         if self._coriolis is not None:
@@ -169,10 +169,10 @@ class Basis:
         energy norm.
         """
         errors, shapes = np.zeros(frequencies.size), []
-        own = self.coordinates(frequencies)
+        coordinates = self.coordinates(frequencies)
         force = self._force.array_r
         work, solution = self._force.duplicate(), self._force.duplicate()
-        for k, (frequency, x) in enumerate(zip(frequencies, own, strict=True)):
+        for k, (frequency, x) in enumerate(zip(frequencies, coordinates, strict=True)):
             omega = np.array([2.0 * np.pi * frequency])
             damped = self._damped(omega)[0]
             rest = self.scale(omega)[0] * force - self._stiff @ x + omega[0] ** 2 * (self._heavy @ x) + 0j
@@ -182,16 +182,16 @@ class Basis:
                 rest -= stiff * (self._stiff @ x) + self._heavy @ ((damped - stiff * self.squares) * x)
             if self._coriolis is not None:
                 rest -= 1j * omega[0] * (self._turned @ x)
-            for one, images in zip(self._softer, self._soft, strict=True):
-                rest += one.fraction(omega)[0] * (images @ x)
+            for relaxing, images in zip(self._softer, self._soft, strict=True):
+                rest += relaxing.fraction(omega)[0] * (images @ x)
             energy = 0.0
             for part in (rest.real, rest.imag):
                 work.array_w[:] = part
                 self._ksp.solve(work, solution)
                 energy += max(work.dot(solution), 0.0)
                 shapes.append(solution.array_r.copy())
-            whole = float(np.abs(x) ** 2 @ (np.abs(self.squares) + self._shift))
-            errors[k] = np.sqrt(energy / whole) if whole > 0.0 else 0.0
+            total = float(np.abs(x) ** 2 @ (np.abs(self.squares) + self._shift))
+            errors[k] = np.sqrt(energy / total) if total > 0.0 else 0.0
         work.destroy(), solution.destroy()
         return errors, shapes
 

@@ -151,9 +151,7 @@ class Pencil:
         eps.getST().setShift(shift)
         eps.getST().setMatStructure(self.structure)
         if self.report is not None:
-            eps.setMonitor(
-                lambda eps, restart, converged, *_: self._report(f"restart {restart}, {converged} of {count} found")
-            )
+            eps.setMonitor(lambda eps, k, converged, *_: self._report(f"restart {k}, {converged} of {count} found"))
         return eps
 
     def shift(self) -> float | None:
@@ -244,10 +242,10 @@ class Pencil:
             for k in np.flatnonzero(residuals > limit):
                 x, values = pairs.vectors[k], np.abs(pairs.eigenvalues[[k, self.rigid]])
                 self.mass.mult(x, image)
-                own = np.abs(x.array_r)
-                noise = absolute_product(self.stiffness, own)
+                sizes = np.abs(x.array_r)
+                noise = absolute_product(self.stiffness, sizes)
                 noise *= 0.5 * np.finfo(float).eps / max(values.max(), self.floor)
-                lost, left = comm.allreduce(float(own @ noise)), np.sqrt(comm.allreduce(float(noise @ noise)))
+                lost, left = comm.allreduce(float(sizes @ noise)), np.sqrt(comm.allreduce(float(noise @ noise)))
                 if lost <= _LOST and residuals[k] <= _MARGIN * left / image.norm():
                     residuals[k] = 0.0
             image.destroy()
