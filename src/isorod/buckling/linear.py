@@ -78,7 +78,7 @@ def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], count: i
         rates, small = eigh(-0.5 * basis.T @ (lost + lost.T) @ basis, held)
         turns = basis @ small[:, ::-1]
         block, forces, pushed = (_combined(vectors, turns) for vectors in (block, forces, pushed))
-        reciprocals = rates[::-1][:iteration]
+        reciprocals = rates[::-1][:count]
         reciprocals = reciprocals[reciprocals > _PULLS * np.abs(rates).max()]
         moved = np.abs(reciprocals - before).max(initial=0.0) if reciprocals.size == before.size else np.inf
         before = reciprocals
