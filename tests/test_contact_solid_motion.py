@@ -173,14 +173,14 @@ def test_the_tangent_of_a_step_is_the_derivative_of_its_balance(shape, degree, s
     start, ahead = 1e-3 * rng.standard_normal((2, count))
     start[model.held] = ahead[model.held] = 0.0
     if friction:
-        assembler.contact.accept(0.0 * assembler.met(start))
+        assembler.contact.accept(0.0 * assembler.contact_displacement(start))
     assembler.begin(0.1, 0.05, start, ahead)
     x, way, matrix = assembler.vector(), assembler.vector(), assembler.matrix()
     x.array_w[:] = 2e-3 * rng.standard_normal(x.local_size)
     way.array_w[:] = rng.standard_normal(x.local_size)
     assembler.tangent(x, 1.0, matrix)
     assert assembler.contact.touching > 20
-    assert all(one.active for one in assembler.contact.results(assembler.met(0.0 * start)))
+    assert all(one.active for one in assembler.contact.results(assembler.contact_displacement(0.0 * start)))
     forces = [assembler.vector() for _ in range(2)]
     for sign, force in zip((1.0, -1.0), forces, strict=True):
         assembler.residual(x + sign * 1e-7 * way, 1.0, force)

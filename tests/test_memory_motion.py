@@ -118,7 +118,7 @@ def test_forces_that_are_asked_for_leave_the_state() -> None:
     system = System(model, explicit=True)
     moved = 1e-3 * np.random.default_rng(0).normal(size=model.dofs)
     system.state.displacement[:] = moved
-    system.go_on(0.1)
+    system.update_states(0.1)
     known = system.states
     assert np.abs(known).max() > 0.0
     first = system.forces(1.1 * moved, 0.0)[0]
@@ -127,8 +127,8 @@ def test_forces_that_are_asked_for_leave_the_state() -> None:
     np.testing.assert_array_equal(system.states, known)
     np.testing.assert_array_equal(system.forces(1.1 * moved, 0.0)[0], first)
     # Read and given back.
-    system.go_on(0.1)
-    system.know(known)
+    system.update_states(0.1)
+    system.set_states(known)
     np.testing.assert_array_equal(system.states, known)
     np.testing.assert_array_equal(system.forces(1.1 * moved, 0.0)[0], first)
 

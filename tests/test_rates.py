@@ -17,7 +17,7 @@ from isorod.petsc.direct import direct
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.statics.derivatives import Moving, refuse
-from isorod.statics.differences import NEAR, Beside
+from isorod.statics.differences import NEAR, PerturbedModels
 
 TIGHT = {"snes_rtol": 1e-13, "snes_atol": 1e-12}
 
@@ -43,7 +43,7 @@ modes = 4
 def of(scene, comm=PETSc.COMM_SELF, **more):
     analysis = modal if scene.analysis == "modal" else statics
     solution = analysis.solve(scene.model(), comm=comm, **more)
-    return derivatives.of(scene, solution).told()
+    return derivatives.of(scene, solution).checked()
 
 
 def logarithmic(found, name, parameter):
@@ -144,7 +144,7 @@ def test_a_force_by_a_constant_is_the_energy_by_both(spring):
     def make(values):
         return parameters.at(SPRING, values).model()
 
-    found = begin.derivatives(make, {"travel": SPRING.travel}, explicit).told()
+    found = begin.derivatives(make, {"travel": SPRING.travel}, explicit).checked()
     # The difference by nu is of second order.
     assert float(found.by["travel"]["slope"]) == pytest.approx(float(spring.by["nu"]["force"]), rel=3e-5)
 
@@ -238,7 +238,7 @@ def test_one_back_substitution_for_a_force_is_as_good_as_one_for_each_number(spr
         ksp = direct(matrix, {"pc_type": "cholesky"}, "test_")
         ksp.solve(pull, adjoint)
         of_support = begin.model.prescribed(1.0)[begin.model.bound]
-        beside = Beside(lambda at: parameters.at(SPRING, at).model(), spring.parameters, begin.model)
+        beside = PerturbedModels(lambda at: parameters.at(SPRING, at).model(), spring.parameters, begin.model)
         for name in spring.parameters:
             steps, models = beside.models(name, NEAR)
             rates = []
@@ -264,7 +264,7 @@ def test_ranks_find_the_same(on_ranks):
 
 def no_derivative(measure, **at):
     solution = statics.solve(SPRING.model())
-    solution.derivatives(lambda values: parameters.at(SPRING, values).model(), at, measure).told()
+    solution.derivatives(lambda values: parameters.at(SPRING, values).model(), at, measure).checked()
 
 
 def kink(solution):

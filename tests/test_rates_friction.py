@@ -100,7 +100,7 @@ ONWARD = ("support.left = 0.8", "support.left = 1.5")
 def direct(scene, solution, names):
     """Return derivatives along the path; none of them differences of answers."""
     known = parameters.parameters(scene)
-    found = derivatives.of(scene, solution, {name: known[name] for name in names}).told()
+    found = derivatives.of(scene, solution, {name: known[name] for name in names}).checked()
     assert not found.errors and not found.why
     return found
 

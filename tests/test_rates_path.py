@@ -124,7 +124,7 @@ def test_they_are_those_of_whole_runs_beside(tmp_path, law, share):
     constants = [one for one in known if one.endswith((".E", ".hardening.0.1", ".recovery", ".A", ".prony.0.1"))]
     names = [*constants, RADIUS, FORCES[0]]
     made, solution = begun(scene)
-    found = derivatives.of(scene, solution, {name: known[name] for name in names}).told()
+    found = derivatives.of(scene, solution, {name: known[name] for name in names}).checked()
     for name in names:
         for key, rate in runs_apart(scene, made, name, share).items():
             size = max(abs(rate), 1e-2 * abs(float(found.values[key]) / known[name]))
@@ -150,7 +150,7 @@ def test_the_remainder_of_taylor_is_of_second_order(tmp_path, text, law, name):
     scene = scene_of(tmp_path, text, law)
     made, solution = begun(scene)
     at, measured = parameters.parameters(scene)[name], next(iter(scene.units))
-    found, rest = derivatives.of(scene, solution, {name: at}).told(), []
+    found, rest = derivatives.of(scene, solution, {name: at}).checked(), []
     for share in (0.02, 0.01, 0.005):
         moved = scene.measure(solved(scene, made, values={name: at * (1.0 + share)}))[measured]
         rest.append(moved - float(found.values[measured]) - float(found.by[name][measured]) * at * share)
@@ -159,7 +159,7 @@ def test_the_remainder_of_taylor_is_of_second_order(tmp_path, text, law, name):
 
 def test_forces_scale_with_all_stresses_and_with_the_square_of_lengths(tmp_path):
     scene = scene_of(tmp_path, pulled())
-    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).told()
+    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).checked()
     assert sum(logarithmic(found, "force", one) for one in STRESSES) == pytest.approx(1.0, abs=3e-9)
     lengths = (LENGTH, RADIUS, "support.tip.displacement.2")
     assert sum(logarithmic(found, "force", one) for one in lengths) == pytest.approx(2.0, abs=3e-9)
@@ -169,7 +169,7 @@ def test_forces_scale_with_all_stresses_and_with_the_square_of_lengths(tmp_path)
 def test_what_is_left_when_all_is_let_go_scales(tmp_path):
     """Supports carry nothing any more; the tip stays where stresses, over moduli and loads, are as they were."""
     scene = scene_of(tmp_path, BAR, last=("load.tip = 0.2", "unload = true"))
-    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).told()
+    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).checked()
     assert sum(logarithmic(found, "tip", one) for one in (*STRESSES, *FORCES)) == pytest.approx(0.0, abs=1e-7)
     assert abs(logarithmic(found, "tip", STRESSES[1])) > 3.0
 
@@ -177,7 +177,7 @@ def test_what_is_left_when_all_is_let_go_scales(tmp_path):
 def test_creep_goes_with_time_and_a_power_of_stress(tmp_path):
     """Strain rate A q^n: where all stresses grow s times and A falls by s^n, nothing changes."""
     scene = scene_of(tmp_path, BAR, LAWS["creep"][0])
-    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).told()
+    found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings())).checked()
     law = "rod.bar.law.Creep"
     for measured, power in (("tip", 0.0), ("moment", 1.0)):
         stresses = sum(logarithmic(found, measured, one) for one in (f"{law}.E", *FORCES))
@@ -197,7 +197,7 @@ def test_curves_over_all_steps_have_them(tmp_path, law):
     known = parameters.parameters(scene)
     found = solution.derivatives(
         lambda values: parameters.at(scene, values).model(), {name: known[name] for name in names}, curve
-    ).told()
+    ).checked()
     assert found.values["force"] == pytest.approx(curve(solution)["force"], rel=1e-8)
     whole = sum(found.by[name]["force"] * known[name] for name in names)
     np.testing.assert_allclose(whole, found.values["force"], atol=1e-8 * np.abs(found.values["force"]).max())
@@ -214,7 +214,7 @@ def test_pressures_that_follow_to_a_free_end_have_them(tmp_path):
     scene = scene_of(tmp_path, BAR, "NeoHookean = {E = 2e4, nu = 0.3}", **words)
     made, solution = begun(scene)
     names = {name: parameters.parameters(scene)[name] for name in ("rod.bar.law.NeoHookean.E", "load.gas.pressure")}
-    found = derivatives.of(scene, solution, names).told()
+    found = derivatives.of(scene, solution, names).checked()
     for name in names:
         for key, rate in runs_apart(scene, made, name, 1e-4).items():
             assert float(found.by[name][key]) == pytest.approx(rate, rel=1e-5), (name, key)
@@ -228,7 +228,7 @@ def test_where_all_of_a_bar_begins_to_yield_there_is_none(tmp_path):
     found = derivatives.of(scene, statics.solve(scene.model(), **scene.settings()), names)
     assert found.none[STRESSES[1]] == "the slope of force jumps, as where the largest of several changes its place"
     with pytest.raises(InputError, match="there is none here: the slope of force jumps"):
-        found.told()
+        found.checked()
 
 
 def test_a_few_models_beside_at_a_time_find_the_same(tmp_path, monkeypatch):
@@ -244,7 +244,7 @@ def test_a_few_models_beside_at_a_time_find_the_same(tmp_path, monkeypatch):
 def on_two(path):
     scene = files.find(path)
     both, alone = (
-        derivatives.of(scene, solved(scene, comm=comm), dict.fromkeys([STRESSES[1]], 400.0) | {RADIUS: 1.0}).told()
+        derivatives.of(scene, solved(scene, comm=comm), dict.fromkeys([STRESSES[1]], 400.0) | {RADIUS: 1.0}).checked()
         for comm in (PETSc.COMM_WORLD, PETSc.COMM_SELF)
     )
     for name in alone.by:

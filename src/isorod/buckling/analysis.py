@@ -27,10 +27,10 @@ from isorod.output.progress import Teller
 from isorod.output.state import State
 from isorod.petsc.options import in_force
 
-# The first equilibrium is at this share of the linear factor.
+# The first equilibrium is at this fraction of the linear factor.
 _FIRST = 0.8
 
-# Vibration modes of the state of rest more than are wanted, from which the linear factors begin.
+# Additional vibration modes of the state of rest, with which the iteration to the linear factors begins.
 _MORE = 8
 
 
@@ -42,31 +42,31 @@ def solve(
     petsc: Mapping[str, object] | None = None,
     progress: bool = False,
 ) -> BucklingModes:
-    """Return the lowest load factors at which the model buckles, and the shapes it buckles into.
+    """Return the lowest load factors at which the model buckles, and the buckling shapes.
 
-    All loads and moved supports grow with the load factor, 1 being what the model says.  From the linear factors of the
-    state of rest the equilibrium is followed to where its tangent stiffness is singular: what it deforms by before, and
-    pressures that follow it, are included.
+    All loads and moved supports are multiplied by the load factor.  From the linear factors of the state of rest the
+    equilibrium is followed to where its tangent stiffness is singular: deformation before buckling and follower
+    pressures are included.
 
     Parameters
     ----------
     model
         Bodies, supports and loads.
     modes
-        Number of load factors, the lowest above zero.
+        Number of load factors, the lowest positive ones.
     linear_at
-        Take the factors of the linearisation at the equilibrium of this load factor, by its tangent and how that
-        changes, and follow it no further: 0 is classical, linear buckling, by the stress of the state of rest alone.
+        Linearise at the equilibrium of this load factor, by its tangent and the tangent's derivative, and follow the
+        path no further: 0 is classical, linear buckling, by the stress linearised at rest.
     petsc
         PETSc and SLEPc options for this solve alone (`isorod.petsc.options.in_force`).
     progress
-        Show how far it is on standard error (`isorod.output.progress`).
+        Show the progress on standard error (`isorod.output.progress`).
 
     Raises
     ------
     InputError
-        If nothing loads the model, a law is of small strains, whose tangent knows no stress, forces have no potential,
-        or something touches, spins or is active.
+        If nothing loads the model, a small-strain law has no stress in its tangent, forces have no potential, or the
+        model has contact, spin or active muscles.
     SolveError
         If a rigid motion is free, SLEPc does not converge, or the path bends or ends before the first factor.
     """
@@ -76,8 +76,8 @@ def solve(
     if linear_at is not None and not 0.0 <= linear_at < np.inf:
         raise InputError(f"linear_at: got {linear_at:g}, need a load factor from 0 on")
     refuse(model)
-    with in_force(petsc), closing(Teller()) as told:
-        return _solve(model, modes, linear_at, comm, told if progress else None)
+    with in_force(petsc), closing(Teller()) as display:
+        return _solve(model, modes, linear_at, comm, display if progress else None)
 
 
 def refuse(model: Model) -> None:
@@ -89,7 +89,10 @@ def refuse(model: Model) -> None:
         ("finite element bodies", model.solids),
         ("active muscles", "muscles" in loaded.burdens(model)),
         ("a stiffness that depends on the temperature", any(_softens(law) for law in laws)),
-        ("supports that move 'during' a part of the load", any(one.during != (0.0, 1.0) for one in model.motions)),
+        (
+            "supports that move 'during' a part of the load",
+            any(motion.during != (0.0, 1.0) for motion in model.motions),
+        ),
     ):
         if there:
             raise InputError(f"buckling: not known with {what}; statics counts negative eigenvalues, and follows paths")
@@ -97,7 +100,7 @@ def refuse(model: Model) -> None:
         if law.timed or getattr(law, "recovery", False):
             why = "flows with time" if law.timed else "recovers, and has no symmetric tangent"
             raise InputError(
-                f"buckling: {type(law).__name__} {why}: the load factor depends on the way there; follow a rod with a "
+                f"buckling: {type(law).__name__} {why}: the load factor depends on the load path; follow a rod with a "
                 "slight bend by statics over time, or take Plastic, or NeoHookean for what comes at once"
             )
     model.refuse_hold("buckling")
@@ -108,12 +111,12 @@ def refuse(model: Model) -> None:
 
 
 def _softens(law: Material) -> bool:
-    """Return whether a law has a table of its stiffness, which no load factor may leave."""
+    """Return whether a law has a table of its stiffness over the temperature."""
     return isinstance(law, Thermal) and len(law.stiffness) > 0
 
 
 def _solve(
-    model: Model, modes: int, linear_at: float | None, comm: PETSc.Comm | None, told: Teller | None
+    model: Model, modes: int, linear_at: float | None, comm: PETSc.Comm | None, display: Teller | None
 ) -> BucklingModes:
     start = perf_counter()
     heavy = model.of_density(1.0)
@@ -122,8 +125,8 @@ def _solve(
         raise InputError(f"modes: got {modes}, need 1 to {assembler.model.unknowns} (number of unknowns)")
     tangents, path, mass = Tangents(assembler), Primary(assembler), assembler.mass()
     try:
-        if told is not None and assembler.comm.getRank() == 0:
-            path.solver.tell = told
+        if display is not None and assembler.comm.getRank() == 0:
+            path.solver.report = display
         setup = perf_counter() - start
         assembler.seconds = 0.0
         seeker = Seeker(assembler, tangents, path, mass)
@@ -131,7 +134,7 @@ def _solve(
         if linear_at is None:
             points = _along(seeker, path, float(first[0]), modes)
         elif linear_at:
-            points = seeker.told_at(linear_at, modes, _MORE)
+            points = seeker.linearised_at(linear_at, modes, _MORE)
         assembly, check = assembler.seconds, seeker.pencil.check_seconds
         solved = perf_counter() - start - setup - assembly - check
 
@@ -141,27 +144,27 @@ def _solve(
         def moves(shapes: Sequence[PETSc.Vec]) -> Array:
             return assembler.shapes(np.array([assembler.all_unknowns(one) for one in shapes]))
 
-        moved = moves([one.shape for one in points])
-        scales, places = (np.array(one) for one in zip(*(scaled(model, one) for one in moved), strict=True))
+        moved = moves([point.shape for point in points])
+        scales, places = (np.array(each) for each in zip(*(scaled(model, shape) for shape in moved), strict=True))
         return BucklingModes(
             model=model,
-            factors=np.array([one.factor for one in points]),
+            factors=np.array([point.factor for point in points]),
             linear=first,
             vectors=scales[:, None] * moved,
             places=[*places],
-            losses=scales**2 * np.array([one.loss for one in points]),
-            residuals=np.array([one.residual for one in points]),
-            settled=None if linear_at is not None else max(one.settled for one in points),
-            below=[one.below for one in points],
-            states=[state(one.factor, one.x) for one in points],
+            losses=scales**2 * np.array([point.loss for point in points]),
+            residuals=np.array([point.residual for point in points]),
+            settled=None if linear_at is not None else max(point.settled for point in points),
+            below=[point.below for point in points],
+            states=[state(point.factor, point.x) for point in points],
             softening=[
                 Softening(state(*softer[:2]), moves([softer[2]])[0], *softer[3:])
-                for softer in (one.softer for one in points)
+                for softer in (point.softer for point in points)
                 # On finer spaces other points would flow.
                 if softer is not None and not model.remembers
             ],
             linear_at=linear_at,
-            equilibria=seeker.looks,
+            equilibria=seeker.equilibria,
             newton_iterations=path.solver.iterations,
             seconds={"setup": setup, "assembly": assembly, "solve": solved, "check": check},
             built=assembler.built,
@@ -177,24 +180,24 @@ def _solve(
 def _at_rest(
     assembler: Assembler, seeker: Seeker, tangents: Tangents, modes: int
 ) -> tuple[Array, list[Point], dict[str, str]]:
-    """Return the linear factors, what is there, and the types of solvers."""
+    """Return the linear factors, their points, and the types of solvers."""
     x = assembler.vector()
     tangents.fill_at_rest(x)
     lowest = seeker.modes(modes + _MORE)
     # At a critical load factor the lowest eigenvalue is zero.
     seeker.pencil.floor = float(lowest.eigenvalues[0])
-    found = of_pencil(tangents, seeker.pencil.mass, lowest.vectors, modes, seeker.pencil.pressures)
+    linear = of_pencil(tangents, seeker.pencil.mass, lowest.vectors, modes, seeker.pencil.pressures)
     points = []
-    for k, (factor, residual, shape) in enumerate(zip(*found, strict=True)):
+    for k, (factor, residual, shape) in enumerate(zip(*linear, strict=True)):
         place = x.copy()
         place.axpy(factor, tangents.rate)
         loss = -shape.dot(tangents.derivative * shape)
         points.append(Point(float(factor), place, shape, loss, float(residual), np.nan, k))
-    return found.factors, points, lowest.solver
+    return linear.factors, points, lowest.solver
 
 
 def _along(seeker: Seeker, path: Primary, first: float, modes: int) -> list[Point]:
-    """Return what is at the factors along the primary path; fewer, with a warning, where it cannot be followed on."""
+    """Return the points along the primary path; fewer, with a warning, where it cannot be followed further."""
     points: list[Point] = []
     for k in range(modes):
         try:

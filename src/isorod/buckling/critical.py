@@ -1,9 +1,9 @@
 """Load factors at which the tangent of the primary path is singular: Newton's method on its lowest eigenvalues.
 
-At an equilibrium of load factor ``f`` the vibration modes nearest to zero, ``K x = omega^2 M x`` with a unit density,
-span the shapes in which ``K(f + mu) = K + mu K'`` may be singular: a small pencil ``(X^T K X) y = -mu (X^T K' X) y``
-tells ``mu``.  The next equilibrium lies short of that, so that nothing leads off the path, and errors fall with the
-square of ``mu``.  The Sturm count of ``K(f)`` says how many factors lie below, and so which of the ``mu`` is wanted.
+At an equilibrium of load factor ``f`` the vibration modes estimate to zero, ``K x = omega^2 M x`` with a unit density,
+span the shapes in which ``K(f + mu) = K + mu K'`` may be singular: the projected pencil ``(X^T K X) y = -mu (X^T K' X)
+y`` gives ``mu``.  The next equilibrium lies short of that, so as not to leave the path, and errors fall with the square
+of ``mu``.  The Sturm count of ``K(f)`` is the number of factors below, and selects the ``mu`` of the target.
 """
 
 from typing import NamedTuple
@@ -20,47 +20,47 @@ from isorod.errors import SolveError
 from isorod.modal.pencil import Eigenpairs, Pencil
 from isorod.petsc import inertia
 
-# The next equilibrium is short of the factor by this share of the way.
+# The next equilibrium is short of the factor by this fraction of the distance to it.
 _SHORT = 0.05
 
-# Equilibria from which a factor is sought at most.
+# Maximum number of equilibria per factor.
 _MOST = 15
 
-# So many of what yields, whose stiffness falls at once: then the factor lies between two that differ by this share.
+# Maximum where a law yields, since its stiffness falls suddenly: the factor is then bracketed to this relative width.
 _MOST_FLOWING, _AT_ONCE = 40, 1e-4
 
-# Where no factor is in sight it is looked for up to so many times the first load factor.
+# Where the pencil has no factor, the search ends at this multiple of the first load factor.
 _FARTHEST = 8.0
 
-# Relative changes of a factor that are none, and the relative way to a factor from which it is told.
+# Relative change of a converged factor, and the relative distance from which a factor is accepted.
 _SETTLED, _NEAR = 1e-9, 1e-2
 
-# The last equilibrium but one lies this far (relative) from a factor; errors are estimated there, since at the factor
-# an equilibrium on another space is not to be had.
+# The last equilibrium but one lies at this relative distance from a factor; errors are estimated there, since there is
+# no equilibrium on another space at the factor itself.
 _APART = 1e-2
 
-# The shift is this share of the first eigenvalue at rest below zero, where the lowest one is next to a factor: the
-# others would drown in it.
+# Near a factor the lowest eigenvalue is close to zero, where a shift at zero would leave only rounding of the others:
+# it is below zero by this fraction of the first eigenvalue at rest.
 _ASIDE = 1e-2
 
-# Vibration modes besides those that are wanted.
+# Vibration modes computed in addition.
 _SPARE = 4
 
-# Factors that are told from less than so many times the distance of one that has settled have done so, too.
+# A factor less than this multiple of the distance of a converged one away has converged, too.
 _BESIDE = 1.5
 
-# The path's own motion has this share along a shape (its root in the norm of mass) where it bends towards that.
+# The path bends towards a shape if this fraction of its tangent, squared in the norm of the mass, lies along it.
 _BENDS = 0.9
 _BEND_NEAR = 0.3
 
-# What else can be asked where there is no such factor.
-_CURE = "statics with --stable goes on, and linear_at takes the factors told at a lower load (linear_at = 0: at rest)"
+# Alternatives where there is no such factor.
+_CURE = "statics with --stable continues, and linear_at takes the factors of a lower load (linear_at = 0: at rest)"
 
 _END = "buckling: no equilibrium beyond load factor {:.6g}, a limit point or too fast a turn ({}); " + _CURE
 
 
-class Look(NamedTuple):
-    """What is known at an equilibrium.
+class Linearised(NamedTuple):
+    """The factors estimated at an equilibrium.
 
     Attributes
     ----------
@@ -68,30 +68,30 @@ class Look(NamedTuple):
         Its load factor and its unknowns.
     below
         Number of negative eigenvalues of its tangent.
-    ways
-        Load factors of the small pencil less that one, ``(p,)``, ascending.
+    offsets
+        Load factors of the projected pencil less that one, ``(p,)``, ascending.
     shapes
         Combinations of the modes, ``(modes, p)``.
     modes
-        The vibration modes nearest to zero.
+        The vibration modes estimate to zero.
     slopes
-        By how much their ``omega^2`` grow with the load factor, ``(modes,)``.
+        Derivatives of their ``omega^2`` with the load factor, ``(modes,)``.
     """
 
     factor: float
     x: PETSc.Vec
     below: int
-    ways: Array
+    offsets: Array
     shapes: Array
     modes: Eigenpairs
     slopes: Array
 
-    def way(self, number: int) -> tuple[float, Array] | None:
-        """Return how far the factor of a number, from 0, is from here, and its shape; None where it is not seen."""
-        ahead, behind = np.flatnonzero(self.ways > 0.0), np.flatnonzero(self.ways <= 0.0)[::-1]
-        here = number - self.below
-        several, k = (ahead, here) if here >= 0 else (behind, -here - 1)
-        return (float(self.ways[several[k]]), self.shapes[:, several[k]]) if k < several.size else None
+    def factor_of(self, number: int) -> tuple[float, Array] | None:
+        """Return the offset of a factor by its number, from 0, and its shape; None where it is not known here."""
+        ahead, behind = np.flatnonzero(self.offsets > 0.0), np.flatnonzero(self.offsets <= 0.0)[::-1]
+        k = number - self.below
+        side, k = (ahead, k) if k >= 0 else (behind, -k - 1)
+        return (float(self.offsets[side[k]]), self.shapes[:, side[k]]) if k < side.size else None
 
 
 class Point(NamedTuple):
@@ -104,17 +104,17 @@ class Point(NamedTuple):
     x
         Unknowns of the equilibrium there.
     shape
-        What it buckles into, on the unknowns.
+        Buckling shape, on the unknowns.
     loss
         By how much the stiffness ``x^T K x`` of the shape falls with the load factor.
     residual, settled
-        Of the vibration mode that becomes the shape, and the relative change of the factor that is left; not a number
-        where nothing was followed.
+        Residual of the vibration mode that becomes the shape, and last relative change of the factor; the latter is not
+        a number where the path was not followed.
     below
-        Sturm count: negative eigenvalues just below, of factors that are lower.
+        Sturm count: negative eigenvalues just below the factor, one for each lower factor.
     softer
-        Load factor and unknowns of an equilibrium short of it, the vibration mode there that becomes the shape, its
-        stiffness, and by how much that falls with the load factor; None at rest.
+        Load factor and unknowns of an equilibrium short of the factor, the vibration mode there that becomes the shape,
+        its stiffness, and by how much that falls with the load factor; None at rest.
     """
 
     factor: float
@@ -134,63 +134,63 @@ class Seeker:
         self._assembler, self._tangents, self._path = assembler, tangents, path
         pressures = assembler.unknowns - assembler.model.unknowns
         self.pencil = Pencil(tangents.stiffness, mass, pressures=pressures, factors=factorisation(assembler, "st_"))
-        self.looks = 0
-        self._last: Look | None = None
-        self._short: Look | None = None
-        # How far the last factor that has settled lay from the equilibrium that told it, and by how much it may be off.
+        self.equilibria = 0
+        self._last: Linearised | None = None
+        self._short: Linearised | None = None
+        # Distance of the last converged factor from the equilibrium at which it was computed, and its error.
         self._reach = self._doubt = 0.0
 
     def modes(self, count: int) -> Eigenpairs:
-        """Return the lowest vibration modes about the equilibrium at which the tangents are."""
+        """Return the lowest vibration modes about the equilibrium of the tangents."""
         return self.pencil.solve(min(count, self.pencil.size), -_ASIDE * self.pencil.floor)
 
-    def look(self, place: Known, wanted: int) -> Look:
-        """Return what is known at an equilibrium of the factors around it, that of the number ``wanted`` among them."""
+    def linearise(self, place: Known, highest: int) -> Linearised:
+        """Return the factors estimated at an equilibrium, up to the number ``highest`` at least."""
         self._tangents.fill(place)
         below = inertia.negative_eigenvalues(self._tangents.stiffness) - self.pencil.pressures
-        modes = self.modes(max(below, wanted + 1) + _SPARE)
-        pushed = [self._tangents.derivative * one for one in modes.vectors]
+        modes = self.modes(max(below, highest + 1) + _SPARE)
+        pushed = [self._tangents.derivative * vector for vector in modes.vectors]
         slopes = np.array([[a.dot(b) for b in modes.vectors] for a in pushed])
-        self.looks += 1
-        # 1 / mu, as the derivative may be singular.
+        self.equilibria += 1
+        # 1 / mu, since the derivative may be singular.
         rates, shapes = np.linalg.eig(-0.5 * (slopes + slopes.T) / modes.eigenvalues[:, None])
         real = (np.abs(rates.imag) <= 1e-9 * np.abs(rates)) & (rates != 0.0)
-        ways, shapes = 1.0 / rates[real].real, shapes[:, real].real
-        order = np.argsort(ways)
+        offsets, shapes = 1.0 / rates[real].real, shapes[:, real].real
+        order = np.argsort(offsets)
         self._reach = 0.0
-        self._last = Look(place.factor, place.x, below, ways[order], shapes[:, order], modes, np.diag(slopes))
+        self._last = Linearised(place.factor, place.x, below, offsets[order], shapes[:, order], modes, np.diag(slopes))
         return self._last
 
     def seek(self, number: int, guess: float | None = None) -> Point:
-        """Return the load factor of a number, from 0 and in the order of their size.
+        """Return the load factor by its number, from 0, ascending.
 
-        Where there is no guess it is sought from the last equilibrium, from which another factor was computed.
+        Without a guess the search starts from the last equilibrium, which another factor was computed from.
         """
-        low, high, before, bends, told = 0.0, np.inf, (np.nan, np.nan), 0, None
+        low, high, before, bends, first = 0.0, np.inf, (np.nan, np.nan), 0, None
         factor, farthest = np.nan, 0.0
         ended: PathEnds | None = None
         flows = self._assembler.model.remembers
         for _ in range(_MOST_FLOWING if flows else _MOST):
             if guess is not None:
                 try:
-                    self.look(self._path.at(guess), number)
+                    self.linearise(self._path.at(guess), number)
                 except PathEnds as problem:
-                    # What lies before its end may have passed a factor all the same.
+                    # A factor may lie before the end of the path.
                     ended = problem
                     if not ended.reached > low:
                         raise SolveError(_END.format(ended.reached, ended)) from None
-                    self.look(self._path.at(ended.reached), number)
+                    self.linearise(self._path.at(ended.reached), number)
             last = self._last
             assert last is not None
             guess = last.factor
             low, high = (guess, high) if last.below <= number else (low, guess)
             if flows and high < np.inf and high - low <= _AT_ONCE * high:
                 raise SolveError(
-                    f"buckling: factor {number + 1} is none: it buckles as it yields, at load factor {high:.5g}, where "
-                    "the tangent stiffness falls at once"
+                    f"buckling: there is no factor {number + 1}: it buckles as it yields, at load factor {high:.5g}, "
+                    "where the tangent stiffness drops suddenly"
                 )
-            found = last.way(number)
-            if found is None:
+            estimate = last.factor_of(number)
+            if estimate is None:
                 farthest = farthest or _FARTHEST * guess
                 if guess > farthest:
                     raise SolveError(
@@ -198,37 +198,37 @@ class Seeker:
                     )
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * guess
                 continue
-            way, shape = found
-            factor = guess + way
-            told = factor if told is None else told
-            bends += not flows and last.below == number and way > abs(before[1])
-            if bends > 1 or (0.0 < way < _BEND_NEAR * guess and self._moves_along(shape)):
+            offset, shape = estimate
+            factor = guess + offset
+            first = factor if first is None else first
+            bends += not flows and last.below == number and offset > abs(before[1])
+            if bends > 1 or (0.0 < offset < _BEND_NEAR * guess and self._moves_along(shape)):
                 raise SolveError(
-                    f"buckling: the path bends before factor {number + 1}, first estimated at {told:.6g}: it has a "
+                    f"buckling: the path bends before factor {number + 1}, first estimated at {first:.6g}: it has a "
                     f"limit point, or goes aside as an imperfect column does; {_CURE}"
                 )
-            # Errors fall with the square of the way.
-            if way > 0.3 * _APART * factor:
+            # Errors fall with the square of the offset.
+            if offset > 0.3 * _APART * factor:
                 self._short = last
-            doubt = abs(factor - before[0]) * (way / before[1]) ** 2
-            if 0.0 < way <= self._reach:
-                # A factor that lies beside one that has settled is told as well.
+            doubt = abs(factor - before[0]) * (offset / before[1]) ** 2
+            if 0.0 < offset <= self._reach:
+                # A factor next to a converged one is as accurate.
                 doubt = float(np.nanmin((doubt, self._doubt)))
-            if 0.0 < way <= _NEAR * factor and (doubt <= _SETTLED * factor or way <= _SETTLED**0.5 * factor):
-                self._reach, self._doubt = _BESIDE * way, doubt
+            if 0.0 < offset <= _NEAR * factor and (doubt <= _SETTLED * factor or offset <= _SETTLED**0.5 * factor):
+                self._reach, self._doubt = _BESIDE * offset, doubt
                 point = self._point(last, number, self._short, doubt / factor)
                 assert point is not None
                 return point
-            before = factor, way
-            guess = factor - max(_SHORT * abs(way), _APART * factor if abs(way) > 2.0 * _APART * factor else 0.0)
+            before = factor, offset
+            guess = factor - max(_SHORT * abs(offset), _APART * factor if abs(offset) > 2.0 * _APART * factor else 0.0)
             if not low < guess < high:
                 guess = 0.5 * (low + high) if high < np.inf else 1.5 * low
             if ended is not None and guess >= ended.reached:
                 raise SolveError(_END.format(ended.reached, ended))
         raise SolveError(f"buckling: factor {number + 1} does not settle, last {factor:.6g}: the path bends; {_CURE}")
 
-    def told_at(self, factor: float, modes: int, more: int) -> list[Point]:
-        """Return the factors by the tangent and its derivative at an equilibrium of a lower load.
+    def linearised_at(self, factor: float, modes: int, more: int) -> list[Point]:
+        """Return the factors of the linearisation at the equilibrium of a lower load, with ``more`` modes in addition.
 
         Raises
         ------
@@ -239,42 +239,43 @@ class Seeker:
             place = self._path.at(factor)
         except PathEnds as problem:
             raise SolveError(_END.format(problem.reached, problem)) from None
-        look = self.look(place, modes - 1 + more)
-        if look.below:
-            raise SolveError(f"buckling: linear_at {factor:g} is beyond {look.below} load factors; take a lower one")
-        points = [one for one in (self._point(look, k) for k in range(modes)) if one is not None]
+        at = self.linearise(place, modes - 1 + more)
+        if at.below:
+            raise SolveError(f"buckling: linear_at {factor:g} is beyond {at.below} load factors; take a lower one")
+        points = [point for point in (self._point(at, k) for k in range(modes)) if point is not None]
         if not points:
             raise SolveError(f"buckling: at linear_at {factor:g} the loads take no stiffness away")
         return points
 
     def _moves_along(self, shape: Array) -> bool:
-        """Return whether the path itself moves along a shape: it bends, and no other path meets it there."""
+        """Return whether the path itself moves along a shape: it bends, and does not bifurcate."""
         mass, rate = self.pencil.mass, self._tangents.rate
         moved = mass * rate
         assert self._last is not None
-        along = np.array([moved.dot(one) for one in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
+        along = np.array([moved.dot(mode) for mode in self._last.modes.vectors]) @ shape / np.linalg.norm(shape)
         return bool(along**2 > _BENDS * moved.dot(rate))
 
-    def _point(self, look: Look, number: int, near: Look | None = None, settled: float = np.nan) -> Point | None:
-        """Return what a look tells of the factor of a number, and of its error another one, short of it."""
-        found = look.way(number)
-        if found is None:
+    def _point(
+        self, at: Linearised, number: int, near: Linearised | None = None, settled: float = np.nan
+    ) -> Point | None:
+        """Return a factor as estimated at an equilibrium; its error is estimated at another one, short of it."""
+        estimate = at.factor_of(number)
+        if estimate is None:
             return None
-        way, shape = found
-        x, vector = look.x.copy(), self._tangents.rate.duplicate()
-        x.axpy(way, self._tangents.rate)
+        offset, shape = estimate
+        x, vector = at.x.copy(), self._tangents.rate.duplicate()
+        x.axpy(offset, self._tangents.rate)
         vector.zeroEntries()
-        vector.maxpy(shape, look.modes.vectors)
-        # What is lost on the way is all there was.
-        loss = float(look.modes.eigenvalues @ shape**2) / way
-        residual = float(look.modes.residuals[np.argmax(np.abs(shape))])
-        softer = self._softer(near or look, number)
-        return Point(look.factor + way, x, vector, loss, residual, settled, look.below, softer)
+        vector.maxpy(shape, at.modes.vectors)
+        loss = float(at.modes.eigenvalues @ shape**2) / offset
+        residual = float(at.modes.residuals[np.argmax(np.abs(shape))])
+        softer = self._softer(near or at, number)
+        return Point(at.factor + offset, x, vector, loss, residual, settled, at.below, softer)
 
-    def _softer(self, look: Look, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
-        """Return what is known at an equilibrium of the vibration mode that becomes a shape (`Point.softer`)."""
-        found = look.way(number)
-        if found is None:
+    def _softer(self, at: Linearised, number: int) -> tuple[float, PETSc.Vec, PETSc.Vec, float, float] | None:
+        """Return the vibration mode at an equilibrium that becomes a shape (`Point.softer`)."""
+        estimate = at.factor_of(number)
+        if estimate is None:
             return None
-        k = int(np.argmax(np.abs(found[1])))
-        return look.factor, look.x, look.modes.vectors[k], float(look.modes.eigenvalues[k]), -float(look.slopes[k])
+        k = int(np.argmax(np.abs(estimate[1])))
+        return at.factor, at.x, at.modes.vectors[k], float(at.modes.eigenvalues[k]), -float(at.slopes[k])

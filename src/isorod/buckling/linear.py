@@ -1,8 +1,8 @@
-"""Load factors of the state of rest: ``K x = -mu K' x``, the ``mu`` least above zero.
+"""Load factors of the state of rest, linear buckling: ``K x = -mu K' x``, the lowest positive ``mu``.
 
-Slender rods are far stiffer along than across, and the inner product of ``K`` drowns shapes in rounding.  So a block of
-shapes, at first the lowest vibration modes by SLEPc and random ones, is taken through ``K^-1 K'`` in the inner product
-of the mass, with a Rayleigh-Ritz projection each time; the inertia of ``K + mu K'`` proves that no ``mu`` is missed.
+Slender rods are far stiffer axially than in bending, so that in the inner product of ``K`` shapes are lost to rounding.
+Therefore subspace iteration by ``K^-1 K'`` in the inner product of the mass, with a Rayleigh-Ritz projection each time,
+from the lowest vibration modes by SLEPc and random ones; the inertia of ``K + mu K'`` proves that no ``mu`` is missed.
 """
 
 from typing import NamedTuple
@@ -18,13 +18,13 @@ from isorod.errors import InputError, SolveError
 from isorod.petsc import inertia
 from isorod.petsc.softest import noise
 
-# Iterations at least and at most, and relative changes that are none.
+# Minimum and maximum number of iterations, and relative change at convergence.
 _LEAST, _MOST, _SETTLED = 5, 200, 1e-10
 
-# How far (relative) above the last factor they are counted.
+# Factors are counted up to this (relative) above the last one.
 _ABOVE = 1e-6
 
-# Reciprocals of factors that are smaller than this share of the largest, of loads that pull, are none.
+# Reciprocals of factors below this fraction of the largest in size are rounding, as with tensile loads.
 _PULLS = 1e-4
 
 
@@ -44,8 +44,8 @@ class Linear(NamedTuple):
     shapes: list[PETSc.Vec]
 
 
-def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], wanted: int, pressures: int) -> Linear:
-    """Return the ``wanted`` least factors above zero, fewer where the load makes fewer.
+def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], count: int, pressures: int) -> Linear:
+    """Return the ``count`` lowest positive factors, or fewer where there are no more.
 
     Parameters
     ----------
@@ -54,41 +54,41 @@ def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], wanted: 
     mass
         Mass matrix.
     block
-        Shapes to begin with, more than are wanted; their entries are changed.
+        Initial shapes, more than ``count``; their entries are changed.
     pressures
         Number of pressures among the unknowns.
 
     Raises
     ------
     InputError
-        If the load takes no stiffness away, however large it is.
+        If the load reduces the stiffness nowhere.
     SolveError
         If the iteration does not settle, or the count shows that a factor is missed.
     """
-    before = np.full(wanted, np.inf)
-    # Lowest vibration modes may have nothing of what buckles, as of a pipe's ovals.
-    block = [*block, *(noise(tangents.rate, seed) for seed in range(wanted + 1))]
-    for count in range(_MOST):
-        forces = [tangents.derivative * one for one in block]
-        for one, force in zip(block, forces, strict=True):
-            tangents.ksp.solve(force, one)
+    before = np.full(count, np.inf)
+    # The lowest vibration modes may be orthogonal to the buckling shapes, as of a pipe that becomes oval.
+    block = [*block, *(noise(tangents.rate, seed) for seed in range(count + 1))]
+    for iteration in range(_MOST):
+        forces = [tangents.derivative * shape for shape in block]
+        for shape, force in zip(block, forces, strict=True):
+            tangents.ksp.solve(force, shape)
         held, basis = reduced(mass, forces, block)
-        pushed = [tangents.derivative * one for one in block]
+        pushed = [tangents.derivative * shape for shape in block]
         lost = np.array([[a.dot(b) for b in block] for a in pushed])
         rates, small = eigh(-0.5 * basis.T @ (lost + lost.T) @ basis, held)
         turns = basis @ small[:, ::-1]
-        block, forces, pushed = (_combined(several, turns) for several in (block, forces, pushed))
-        found = rates[::-1][:wanted]
-        found = found[found > _PULLS * np.abs(rates).max()]
-        moved = np.abs(found - before).max(initial=0.0) if found.size == before.size else np.inf
-        before = found
-        if count < _LEAST or not moved <= _SETTLED * np.abs(found).max(initial=0.0):
+        block, forces, pushed = (_combined(vectors, turns) for vectors in (block, forces, pushed))
+        reciprocals = rates[::-1][:count]
+        reciprocals = reciprocals[reciprocals > _PULLS * np.abs(rates).max()]
+        moved = np.abs(reciprocals - before).max(initial=0.0) if reciprocals.size == before.size else np.inf
+        before = reciprocals
+        if iteration < _LEAST or not moved <= _SETTLED * np.abs(reciprocals).max(initial=0.0):
             continue
-        if not found.size:
+        if not reciprocals.size:
             raise InputError("buckling: these loads never make the tangent stiffness singular: they pull, or stiffen")
-        factors = 1.0 / found
+        factors = 1.0 / reciprocals
         below = _count(tangents, factors[-1]) - pressures
-        # The other one of two that are the same may take longer.
+        # The second of two equal factors may converge later.
         if below == int((rates * (1.0 + _ABOVE) * factors[-1] >= 1.0).sum()):
             break
     else:
@@ -97,26 +97,26 @@ def linear(tangents: Tangents, mass: PETSc.Mat, block: list[PETSc.Vec], wanted: 
     for factor, force, push in zip(factors, forces, pushed, strict=False):
         force.axpy(factor, push)
         residuals.append(force.norm() / (factor * push.norm()))
-    return Linear(factors, np.array(residuals), block[: found.size])
+    return Linear(factors, np.array(residuals), block[: reciprocals.size])
 
 
-def _combined(several: list[PETSc.Vec], turns: Array) -> list[PETSc.Vec]:
-    """Return combinations of vectors, a column of the matrix each."""
-    found = []
+def _combined(vectors: list[PETSc.Vec], turns: Array) -> list[PETSc.Vec]:
+    """Return linear combinations of vectors, one for each column of the matrix; destroy the vectors."""
+    combinations = []
     for column in turns.T:
-        one = several[0].duplicate()
-        one.zeroEntries()
-        one.maxpy(column, several)
-        found.append(one)
-    for one in several:
-        one.destroy()
-    return found
+        combination = vectors[0].duplicate()
+        combination.zeroEntries()
+        combination.maxpy(column, vectors)
+        combinations.append(combination)
+    for vector in vectors:
+        vector.destroy()
+    return combinations
 
 
 def _count(tangents: Tangents, factor: float) -> int:
     """Return the number of negative eigenvalues of the tangent just above a factor."""
     matrix = tangents.stiffness.copy()
     matrix.axpy(factor * (1.0 + _ABOVE), tangents.derivative, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    found = inertia.negative_eigenvalues(matrix)
+    negative = inertia.negative_eigenvalues(matrix)
     matrix.destroy()
-    return found
+    return negative

@@ -1,4 +1,4 @@
-"""What buckling answers: load factors, shapes, errors."""
+"""Results of buckling: load factors, shapes, errors."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class BucklingMode(Shape):
     factor
         Its load factor.
     place
-        Where it is largest: ``body``, ``u``, ``angle`` in degrees and ``radius`` on the disk.
+        Where its displacement is largest: ``body``, ``u``, ``angle`` in degrees and ``radius`` on the disk.
     """
 
     factor: float = field(kw_only=True)
@@ -49,31 +49,30 @@ class BucklingModes:
     model
         What was solved.
     factors
-        Load factors, shape ``(modes,)``: what loads and moved supports are multiplied with.
+        Load factors, shape ``(modes,)``: multipliers of loads and support displacements.
     linear
         Those of the state of rest, shape ``(modes,)`` or fewer; none of the mixed formulation.
     vectors
         Shapes on all degrees of freedom, shape ``(modes, dofs)``; the largest displacement is 1, positive.
     places
-        Where that is: ``body``, ``u``, ``angle`` in degrees and ``radius`` on the disk.
+        Where displacements are largest: ``body``, ``u``, ``angle`` in degrees and ``radius`` on the disk.
     residuals
         Of the vibration mode that becomes each shape, next to its factor, ``|K x - lambda M x| / (lambda_0 |M x|)``
         with the first ``lambda_0`` of the state of rest, shape ``(modes,)``; at rest ``|K x + f K' x| / |f K' x|``.
     settled
-        Relative change of the factors that their iteration leaves; None where all are computed at one equilibrium.
+        Last relative change of the factors; None where all are computed at one equilibrium.
     below
-        Of each the number of factors below, by the inertia of the tangent near it (Sturm count).
+        Number of factors below each, by the inertia of the tangent near it (Sturm count).
     states
-        The equilibrium at each, or a straight way to it from the one at which they are computed.
+        The equilibrium at each factor, or its linear extrapolation from the one at which they are computed.
     losses
         By how much the stiffness ``x^T K x`` of each shape falls with the load factor, shape ``(modes,)``.
     softening
-        What the estimate of their error goes by: each shape at an equilibrium short of its factor; none of
-        those computed at rest.
+        Data of the error estimate: each shape at an equilibrium short of its factor; none for factors computed at rest.
     linear_at
         The load factor of the equilibrium at which they are computed; None where each is computed at its own.
     equilibria, newton_iterations
-        How many equilibria were looked at, and linear solves on the way to these.
+        Number of equilibria, and of linear solves to reach these.
     seconds
         ``setup``, ``assembly``, ``solve`` and, for Sturm counts, ``check``, wall time.
     built, solver, ranks
@@ -125,7 +124,7 @@ class BucklingModes:
 
     @property
     def about(self) -> str:
-        """What they are about, in words."""
+        """The equilibrium of the tangent stiffness, as text."""
         if self.linear_at is None:
             return "the equilibrium at each load factor"
         place = f"the equilibrium at load factor {self.linear_at:g}" if self.linear_at else "the state of rest"
@@ -133,7 +132,7 @@ class BucklingModes:
 
     @cached_property
     def loads(self) -> tuple[str, Array] | None:
-        """What the factors mean where there is one load or one moved support: in words, and its sizes ``(modes,)``."""
+        """Critical values ``(modes,)`` of the only load or moved support, with its description; None with several."""
         moved = [k for k, one in enumerate(self.model.motions) if one.path.any() or one.turn.any()]
         if len(self.model.loads) + len(moved) != 1:
             return None
@@ -159,56 +158,56 @@ class BucklingModes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the factors' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none, as of those computed at rest.  It takes about as long as the factors.  It is the sum
-        of those across the ``"section"`` and along the ``"axis"``; of one direction alone where that is asked for.
+        None where there is none, as for factors computed at rest.  It takes about as long as the factors.  It is the
+        sum of those across the ``"section"`` and along the ``"axis"``, or that of one direction given.
         """
         from isorod.checks import embedded
 
         heavy = self.model.of_density(1.0)
-        found = of_factors(heavy, self.softening, directions, self.ranks)
-        return found if found is None or directions else found + embedded.of(self).error
+        error = of_factors(heavy, self.softening, directions, self.ranks)
+        return error if error is None or directions else error + embedded.of(self).error
 
     def shapes(self) -> Iterator[tuple[float, Array]]:
-        """Yield each shape with its energy: what is a share of that is missing in the load factor."""
+        """Yield each shape with its energy: the load factor lacks the fraction that is missing there."""
         for factor, loss, vector in zip(self.factors, self.losses, self.vectors, strict=True):
             yield 0.5 * float(factor * loss), vector
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them."""
+        """Return the entries of a record."""
         kept = ("about", "linear", "residuals", "settled", "below", "equilibria", "newton_iterations")
-        found = {name: getattr(self, name) for name in kept} | {"largest": self.places}
+        record = {name: getattr(self, name) for name in kept} | {"largest": self.places}
         if self.loads is not None:
-            found["critical_load"], found["critical_loads"] = self.loads
-        return found
+            record["critical_load"], record["critical_loads"] = self.loads
+        return record
 
     def frames(self) -> "list[tuple[float, BucklingModes]]":
-        """Return what there is to show: these modes."""
+        """Return the frames of a picture: these modes."""
         return [(0.0, self)]
 
     def curves(self) -> dict[str, Array]:
-        """Return number, load factor and residual of each mode, a row a mode."""
+        """Return number, load factor and residual of the modes, one row each."""
         numbers = np.arange(1.0, len(self) + 1.0)
         return {"mode": numbers, "load factor": self.factors, "residual": self.residuals}
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's part of each shape, ``(nodes, 3)``, and the fields of the equilibrium at the first factor."""
-        found = self.states[0].fields(body)
-        return found | {f"mode_{k + 1}": self.model.nodal(one, body) for k, one in enumerate(self.vectors)}
+        fields = self.states[0].fields(body)
+        return fields | {f"mode_{k + 1}": self.model.nodal(one, body) for k, one in enumerate(self.vectors)}
 
 
 def scaled(model: Model, vector: Array) -> tuple[float, dict[str, float]]:
-    """Return the number that makes the largest displacement of a shape ``(dofs,)`` 1, and the place of that.
+    """Return the factor that scales the largest displacement of a shape ``(dofs,)`` to 1, and the place of that.
 
-    Of the places where it is as large, the first; the largest of its components is positive there.
+    Of several places of equal size the first is taken; the largest component is positive there.
     """
     shape = Deformation(model, vector)
 
     def sizes(b: int) -> Field:
         return lambda u, xi: np.linalg.norm(shape.at(b, u, xi), axis=-1)
 
-    found = [largest(body.space, sizes(b))[0] for b, body in enumerate(model.bodies)]
-    body = int(np.argmax([one.value * (1.0 + 1e-9 * (len(found) - k)) for k, one in enumerate(found)]))
-    peak = found[body]
+    peaks = [largest(body.space, sizes(b))[0] for b, body in enumerate(model.bodies)]
+    body = int(np.argmax([place.value * (1.0 + 1e-9 * (len(peaks) - k)) for k, place in enumerate(peaks)]))
+    peak = peaks[body]
     there = shape.at(body, peak.u, peak.xi)
     sign = np.sign(there[np.argmax(np.abs(there))])
     place = {

@@ -1,4 +1,4 @@
-"""The primary path of equilibria, from rest on, at load factors as they are asked for."""
+"""The primary path of equilibria, which begins at rest, at given load factors."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ from isorod.material.along_rod import Laws
 from isorod.statics.newton import Newton
 from isorod.statics.steps import Diverged
 
-# How often a step is halved.
+# Maximum number of halvings of a step.
 _HALVINGS = 8
 
-# In so many steps the first equilibrium is reached.  A step in which the path goes so many times as fast as in the one
-# before has left it, as past a limit point.
+# Number of steps to the first equilibrium.  A step in which the displacements change this many times as fast as in the
+# one before has left the path, as past a limit point.
 _STEPS, _FASTER = 5, 4.0
 
-# No step begins this near (relative) to a critical load factor, where rounding leads off the path.
+# No step begins at this (relative) distance from a critical load factor or less, where rounding may leave the path.
 _APART = 5e-3
 
 
@@ -29,7 +29,7 @@ class Known(NamedTuple):
     factor, x
         Its load factor and unknowns.
     speed, rate
-        How fast these have changed on the way to it, the size of that infinite at rest.
+        The derivative of these with the load factor in the last step: its norm, infinite at rest, and itself.
     laws
         Those of this rank's parts, with the state there.
     """
@@ -42,7 +42,7 @@ class Known(NamedTuple):
 
 
 class PathEnds(Exception):
-    """No equilibrium is found beyond a load factor, ``reached``."""
+    """There is no equilibrium beyond the load factor ``reached``."""
 
     def __init__(self, reached: float, why: str) -> None:
         super().__init__(why)
@@ -50,12 +50,12 @@ class PathEnds(Exception):
 
 
 class Primary:
-    """The equilibria that a model goes through as its loads and its supports' motions grow from nothing.
+    """The equilibria of a model as its loads and its supports' motions grow from zero.
 
     Attributes
     ----------
     solver
-        Newton's method on it.
+        Newton's method.
     critical
         Load factors at which the tangent is known to be singular.
     """
@@ -68,7 +68,7 @@ class Primary:
     def at(self, factor: float) -> Known:
         """Return the equilibrium at a load factor; raises `PathEnds` where there is none."""
         solver, assembler = self.solver, self.solver.assembler
-        begin = max((one for one in self._known if self._starts(one, factor)), key=lambda one: one.factor)
+        begin = max((known for known in self._known if self._starts(known, factor)), key=lambda known: known.factor)
         begin.x.copy(solver.x)
         assembler.obey(begin.laws)
         solver.forget_path()
@@ -86,9 +86,9 @@ class Primary:
             except Diverged as problem:
                 why = str(problem)
             newer = (solver.x - before).norm() / (target - reached)
-            # What yields goes on faster.
+            # A law that yields is faster.
             if why is None and newer > _FASTER * speed and not assembler.model.remembers:
-                why = "the path goes on elsewhere"
+                why = "the path continues elsewhere"
             if why is not None:
                 before.copy(solver.x)
                 solver.forget_path()
@@ -100,15 +100,15 @@ class Primary:
             reached, speed, step = target, newer, 2.0 * step
             assembler.advance(solver.x, reached)
             self._known.append(Known(reached, solver.x.copy(), speed, rate, assembler.laws))
-        return next(one for one in self._known if one.factor == factor)
+        return next(known for known in self._known if known.factor == factor)
 
-    def _starts(self, one: Known, factor: float) -> bool:
+    def _starts(self, known: Known, factor: float) -> bool:
         """Return whether a step to a load factor may begin at an equilibrium."""
-        return one.factor <= factor and all(abs(one.factor - here) > _APART * here for here in self.critical)
+        return known.factor <= factor and all(abs(known.factor - here) > _APART * here for here in self.critical)
 
     def destroy(self) -> None:
         """Give back matrices and vectors."""
         self.solver.destroy()
-        for one in self._known:
-            one.x.destroy()
-            one.rate.destroy()
+        for known in self._known:
+            known.x.destroy()
+            known.rate.destroy()

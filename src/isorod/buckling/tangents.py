@@ -13,11 +13,11 @@ from isorod.petsc.direct import direct, room
 # Change of the load factor by which forces are differentiated.
 _DELTA = 1e-6
 
-# The path's tangent is followed both ways until something moves by this share of the least radius: the difference of
-# the tangents there is their derivative but for its square, and far above rounding.
+# The tangents are differenced along the path's tangent, in both directions, where the largest displacement is this
+# fraction of the smallest radius: errors are of second order, and rounding is far smaller.
 _STEP = 1e-3
 
-# The share of that by which laws with memory go on, so that what flows does.
+# The fraction of that by which laws with memory are loaded first, so that plastic flow continues.
 _LITTLE = 1e-2
 
 _PREFIX = "buckling_"
@@ -26,15 +26,15 @@ _PREFIX = "buckling_"
 class Tangents:
     """``K``, the tangent stiffness at an equilibrium, and ``K'``, its derivative with the load factor along the path.
 
-    ``K'`` has all that the load changes: the geometric stiffness of the stress, the displacements before buckling, what
-    stress makes of the moduli, and the load stiffness of pressures that follow.
+    ``K'`` includes the geometric stiffness of the stress, the displacements before buckling, the change of the moduli
+    with the stress, and the load stiffness of follower pressures.
 
     Attributes
     ----------
     stiffness, derivative
-        ``K`` and ``K'``; those of the last `fill`.  Of laws with memory they are of a load that goes on to grow.
+        ``K`` and ``K'``; those of the last `fill`.  Of laws with memory they are those of further loading.
     rate
-        How the unknowns grow with the load factor.
+        Derivative of the unknowns with the load factor.
     ksp
         Solver with ``K``.
     """
@@ -45,12 +45,12 @@ class Tangents:
         self.rate, self._force = assembler.vector(), assembler.vector()
         self.ksp = direct(self.stiffness, factorisation(assembler, _PREFIX), _PREFIX)
 
-    def fill(self, one: Known) -> None:
+    def fill(self, equilibrium: Known) -> None:
         """Set all of them at an equilibrium."""
         if self._assembler.model.remembers:
-            self._fill_loaded(one)
+            self._fill_loaded(equilibrium)
             return
-        x, factor = one.x, one.factor
+        x, factor = equilibrium.x, equilibrium.factor
         self._fill(x, factor)
         step = self._step(factor)
         place = x.copy()
@@ -62,23 +62,23 @@ class Tangents:
         self.derivative.scale(0.5 / step)
         place.destroy()
 
-    def _fill_loaded(self, one: Known) -> None:
-        """Set all of them at an equilibrium of laws with memory, by tangents of a load that goes on to grow.
+    def _fill_loaded(self, equilibrium: Known) -> None:
+        """Set all of them at an equilibrium of laws with memory, by tangents of further loading.
 
-        They are those a little farther along the path: what flows there flows on (F. R. Shanley, J. Aeronautical Sci.
-        14 (1947) 261-268), and what the moduli of a long load step have less, none of the law, is not in them.
+        They are those a little farther along the path: where material flows it continues to (F. R. Shanley, J.
+        Aeronautical Sci. 14 (1947) 261-268), and by so short an increment the algorithmic moduli are those of the law.
         """
-        assembler, place = self._assembler, one.x.copy()
-        one.rate.copy(self.rate)
-        little = _LITTLE * self._step(one.factor)
+        assembler, place = self._assembler, equilibrium.x.copy()
+        equilibrium.rate.copy(self.rate)
+        little = _LITTLE * self._step(equilibrium.factor)
         place.axpy(little, self.rate)
-        self._fill(place, one.factor + little)
-        step = self._step(one.factor)
+        self._fill(place, equilibrium.factor + little)
+        step = self._step(equilibrium.factor)
         place.axpy(step, self.rate)
-        assembler.advance(place, one.factor + little + step)
+        assembler.advance(place, equilibrium.factor + little + step)
         place.axpy(little, self.rate)
-        self._tangent(place, one.factor + 2.0 * little + step, self.derivative)
-        assembler.obey(one.laws)
+        self._tangent(place, equilibrium.factor + 2.0 * little + step, self.derivative)
+        assembler.obey(equilibrium.laws)
         self.derivative.axpy(-1.0, self.stiffness, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self.derivative.scale(1.0 / (step + little))
         place.destroy()
@@ -96,17 +96,11 @@ class Tangents:
     def fill_at_rest(self, x: PETSc.Vec) -> None:
         """Set all of them at rest, ``K'`` being the geometric and the load stiffness alone."""
         own = self._assembler.laws
-        # No step leads to where something flows.
-        self._assembler.obey([one.frozen for one in own])
+        # At rest nothing flows.
+        self._assembler.obey([laws.frozen for laws in own])
         self._fill(x, 0.0)
         self._assembler.geometric_stiffness(self.rate, self._step(0.0), self.derivative)
         self._assembler.obey(own)
-
-    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """Return what a force displaces, by the tangent at the equilibrium."""
-        found = force.duplicate()
-        self.ksp.solve(force, found)
-        return found
 
     def _tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
         self._assembler.extrapolate()
@@ -128,5 +122,5 @@ class Tangents:
 
     def destroy(self) -> None:
         """Give back matrices, factors and vectors."""
-        for one in (self.ksp, self.stiffness, self.derivative, self._other, self.rate, self._force):
-            one.destroy()
+        for item in (self.ksp, self.stiffness, self.derivative, self._other, self.rate, self._force):
+            item.destroy()

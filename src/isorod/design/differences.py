@@ -17,7 +17,7 @@ from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.statics.derivatives import numbers
-from isorod.statics.differences import Beside, Derivatives, Measured, Steps, Unavailable, largest, silently
+from isorod.statics.differences import Derivatives, Measured, PerturbedModels, Steps, Unavailable, largest, silently
 
 # Answers are at this share of a parameter to both sides, or on one where there are none on the other.
 APART = 2e-3
@@ -90,7 +90,7 @@ def derivatives(
         with silently():
             return numbers(measure(solve(model, solution)))
 
-    beside, found, errors = Beside(make, at, solution.model), dict(exact.by), dict[str, Mapping[str, float]]()
+    beside, found, errors = PerturbedModels(make, at, solution.model), dict(exact.by), dict[str, Mapping[str, float]]()
     none = {name: one for name, one in exact.none.items() if name not in left}
     for name, kink in left.items():
         try:
@@ -119,7 +119,7 @@ def _counts(model: Model) -> bool:
 
 
 def _by(
-    name: str, beside: Beside, values: Measured, answer: Callable[[Model], Measured], sure: bool
+    name: str, beside: PerturbedModels, values: Measured, answer: Callable[[Model], Measured], sure: bool
 ) -> tuple[Measured, dict[str, float]]:
     """Return the derivatives by a parameter, and their estimated errors."""
     size, known, problem = abs(beside.at[name]), dict[int, Measured](), None

@@ -126,7 +126,7 @@ class Evaluations:
         """Return the derivatives of what a scene measures, by each number."""
         scene, make = self._frozen[k].scene, partial(self._make, k)
         rates = differences.derivatives(solution, make, at, lambda one: measured(scene, one), partial(self._solve, k))
-        rates = rates.averaged().told()
+        rates = rates.averaged().checked()
         self.untold = rates.why or self.untold
         # Derivatives of modes are those of frequencies alone.
         modal = scene.analysis == "modal"

@@ -1,4 +1,4 @@
-"""Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
+"""Dynamics, explicit or implicit, with damping, activation and contact, and checks of energy and momentum."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -28,12 +28,12 @@ from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 if TYPE_CHECKING:
-    from isorod.dynamics.sight import Sight
+    from isorod.dynamics.sight import PeakContacts
 
-# Error of implicit steps above which they are warned of.
+# Displacement error of implicit steps above which a warning is given.
 _LARGE = 0.005
 
-# How often a motion is taken anew with more points of contact, at most.
+# How often a motion is repeated with more points of contact, at most.
 _LOOKS = 2
 
 
@@ -57,25 +57,25 @@ def solve(
 ) -> History:
     """Integrate the motion of a model from time zero.
 
-    Supports keep their displacement (at load factor 1) throughout, and loads their full value from the start, but for
-    what has a ``history``, a factor by time (`isorod.model.history.InTime`); supports may ``spin``.  Steps have the
-    whole impulse of a load, and the exact way of a support, whether their ends are at the table's kinks or not.
-    Supports that turn by more than a quarter of a turn at once want an initial displacement.
-    Explicit steps are central differences with the consistent mass; for a step longer than its critical one, mass is
-    added to fast waves (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
-    (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.  Bodies may have the mixed
-    formulation; explicit steps take displacements alone.
+    Supports have their displacement (at load factor 1) and loads their full value from the start, unless these have a
+    ``history``, a factor over time (`isorod.model.history.InTime`); supports may ``spin``.  Steps have the exact
+    impulse of a load, and the exact displacement of a support, with kinks of tables anywhere.  An instantaneous support
+    rotation of more than a quarter of a turn needs an initial displacement.
+    Explicit steps are central differences with the consistent mass; for a step longer than the critical one mass is
+    scaled selectively (`isorod.dynamics.explicit.mass`).  Implicit steps of any size conserve energy and momenta
+    (`isorod.dynamics.implicit.assembler`); with contact energy is conserved to second order.  Bodies may have the mixed
+    formulation in implicit steps.
 
     Parameters
     ----------
     model
-        Bodies with densities; those whose laws are of small strains (`isorod.material.law.Material.objective`) are
-        warned of where they turn or strain by more.
+        Bodies with densities; a warning is given where those of small-strain laws
+        (`isorod.material.law.Material.objective`) have large rotations or strains.
     end_time
-        Time to reach.
+        Final time.
     time_step
-        Largest step; the one taken divides the time between outputs.  Where not given, 0.9 of the critical step of the
-        consistent mass, and made smaller when the bodies stiffen; implicit steps must be given.
+        Largest step; the one taken divides the time between outputs.  By default 0.9 of the critical step of the
+        consistent mass, reduced when the bodies stiffen; required for implicit steps.
     outputs
         Number of equal intervals between outputs.
     damping
@@ -83,34 +83,35 @@ def solve(
     ramp
         Time in which the activation of muscles grows linearly to that of their laws.
     displacement, velocity
-        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.  Velocities that
-        are not given are those of the bodies (`isorod.model.body.Body`).  Of incompressible
-        bodies the nearest that change no volume are taken, in the norm of mass.
+        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are ignored.  Velocities are by
+        default those of the bodies (`isorod.model.body.Body`).  For incompressible bodies they are projected onto
+        volume-preserving ones, in the norm of the mass.
     checkpoint, every, resume
-        File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
-        it, to a later end time too if outputs are as far apart.  A file that is there is not overwritten without.
+        File for the state, minimum wall time between two checkpoints in seconds, and whether to continue from the file,
+        with the same output interval and also to a later end time.  Without ``resume`` an existing file is not
+        overwritten.
     progress
-        Show how far it is on standard error (`isorod.output.progress`).
+        Show the progress on standard error (`isorod.output.progress`).
     integrator
         ``"explicit"`` or ``"implicit"``.
     petsc
         PETSc options for the implicit steps of this run alone, such as ``{"snes_rtol": 1e-8}``
         (`isorod.petsc.options.in_force`).
     comm
-        The ranks, all there are where it is not given.
+        The ranks; all by default.
     solids
-        Initial displacement and velocity of each of the model's finite element bodies, at rest if there are none: of
-        their degrees of freedom on this rank, shape ``(3 nodes,)``, as `isorod.statics.Equilibrium.solids` has them, or
-        ``(3,)`` or a number for all nodes.
+        Initial displacement and velocity of each of the model's finite element bodies, by default at rest: of their
+        degrees of freedom on this rank, shape ``(3 nodes,)``, as in `isorod.statics.Equilibrium.solids`, or ``(3,)`` or
+        a number for all nodes.
 
     Raises
     ------
     InputError
-        If a number is out of range, a support is turned too far at once, the explicit time step is not stable at the
-        start with as much mass as may be added, a checkpoint cannot be used, or an option is refused.
+        If an argument is invalid, the instantaneous rotation of a support is too large, the explicit time step is
+        unstable at the start with the largest mass scaling, or a checkpoint cannot be used.
     SolveError
-        If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
-        does not converge; or bodies in contact would go through each other.
+        If explicit steps become unstable, with step, time, element and critical time step in the message; if an
+        implicit step does not converge; or if bodies in contact would pass through each other.
     """
     expect("model", model, Model)
     start, chosen = perf_counter(), _run_of(integrator)
@@ -131,8 +132,8 @@ def solve(
         if model.solids:
             from isorod.dynamics.implicit.solids import initial as of_solids
 
-            others = of_solids(model.solids, solids)
-            initial = np.append(initial[0], others[0]), np.append(initial[1], others[1])
+            of_bodies = of_solids(model.solids, solids)
+            initial = np.append(initial[0], of_bodies[0]), np.append(initial[1], of_bodies[1])
         path, looks, setup, loop = None if checkpoint is None else Path(checkpoint), 0, 0.0, 0.0
         points = _points(path, model, ranks) if model.contacts and resume and path is not None else None
         while True:
@@ -149,21 +150,21 @@ def solve(
                 loop += spent
             finally:
                 file.close()
-            sight = _sight(run) if model.contacts else None
-            points = sight.better_points() if sight and looks < _LOOKS and run.taken > first else None
+            at_peaks = _peak_contacts(run) if model.contacts else None
+            points = at_peaks.better_points() if at_peaks and looks < _LOOKS and run.taken > first else None
             if points is None:
                 break
             looks += 1
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
-        touched = sight.results() if sight else []
-        for doubt in sight.doubts(touched) if sight else []:
+        touched = at_peaks.results() if at_peaks else []
+        for doubt in at_peaks.doubts(touched) if at_peaks else []:
             warnings.warn(doubt, stacklevel=2)
         small.warn_of_large(
-            model, np.array(run.rows["displacement"]), [owned(model, one) for one in run.rows["solid_displacement"]]
+            model, np.array(run.rows["displacement"]), [owned(model, state) for state in run.rows["solid_displacement"]]
         )
     return History(
-        model=_untold(model),
+        model=_without_states(model),
         **{name: np.array(values) for name, values in run.rows.items()},
         steps=run.taken,
         time_step=run.step,
@@ -184,19 +185,20 @@ def solve(
 
 
 def _points(path: Path, model: Model, comm: PETSc.Comm) -> list[tuple[int, int]] | None:
-    """Return points of each pass of contacts with which a run took the steps that it left in a checkpoint.
+    """Return points of each pass of contacts of the run that wrote a checkpoint.
 
-    Those that a contact gives stay.  None where they are of other contacts: that is refused when the run begins.
+    Those given by a contact have precedence.  None if the file is of other contacts, which is refused when the run
+    begins.
     """
-    found = files.look(path, "points", comm.tompi4py())
-    given = [one.points for one in model.contacts for _ in (one.sides if one.facets is None else (None,))]
-    if found is None or len(found) != len(given):
+    stored = files.look(path, "points", comm.tompi4py())
+    user = [each.points for each in model.contacts for _ in (each.sides if each.facets is None else (None,))]
+    if stored is None or len(stored) != len(user):
         return None
-    return [own or (int(around), int(along)) for own, (around, along) in zip(given, found, strict=True)]
+    return [chosen or (int(around), int(along)) for chosen, (around, along) in zip(user, stored, strict=True)]
 
 
-def _untold(model: Model) -> Model:
-    """Return the model of a motion, of which laws with memory tell nothing but at points of quadrature."""
+def _without_states(model: Model) -> Model:
+    """Return the model of a motion; states of laws with memory, known at quadrature points alone, are left out."""
     if not model.remembers:
         return model
     (made := copy(model))._set(bodies=[body.after(None) for body in model.bodies])
@@ -204,10 +206,10 @@ def _untold(model: Model) -> Model:
 
 
 def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[float, dict[str, str]]:
-    """Take a run to its end; return the wall time of its steps, and the methods at work."""
+    """Take a run to its end; return the wall time of its steps, and the solver's methods."""
     loop, saved, ranks = 0.0, perf_counter(), run.system.ranks
     shown = Progress(run.time, run.settings.end_time)
-    run.tell = shown if progress and ranks.rank == 0 else run.tell
+    run.report = shown if progress and ranks.rank == 0 else run.report
     try:
         while run.index < run.outputs:
             loop += run.advance()
@@ -223,14 +225,14 @@ def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[fl
         run.end()
 
 
-def _sight(run: Run) -> "Sight":
-    from isorod.dynamics.sight import Sight
+def _peak_contacts(run: Run) -> "PeakContacts":
+    from isorod.dynamics.sight import PeakContacts
 
-    return Sight(run)
+    return PeakContacts(run)
 
 
 def _warn_of_steps(run: Run) -> None:
-    """Warn of steps too long for what moves."""
+    """Warn of inaccurate implicit steps."""
     error = run.time_error
     if error is not None and error > _LARGE:
         warnings.warn(
@@ -248,7 +250,7 @@ def _run_of(integrator: str) -> type[Run]:
 
 
 class _Checkpoint:
-    """What a run keeps in a file, if it has one."""
+    """The checkpoint of a run, if it has a file."""
 
     def __init__(self, run: Run, path: Path | None, initial: tuple[Array, Array]) -> None:
         self._run, self._initial = run, initial
@@ -256,7 +258,7 @@ class _Checkpoint:
         self._file = files.Kept(path, lambda: run.identity(*initial), comm)
 
     def begin(self, resume: bool, anew: bool) -> None:
-        """Begin the run, from the file if it is to be resumed; none other may have the file until `close`."""
+        """Begin the run, from the file if it is to be resumed; lock the file until `close`."""
         kept = self._file.begin(resume, anew)
         if kept is not None:
             try:
@@ -268,22 +270,22 @@ class _Checkpoint:
         self.write()
 
     def close(self) -> None:
-        """Let other runs have the file."""
+        """Release the file."""
         self._file.close()
 
     def write(self) -> None:
-        """Keep the state."""
+        """Write the state."""
         if self._file.path is not None:
             self._file.write(self._run.state())
 
     def keep(self) -> str:
-        """Keep the state of a run that is interrupted; return where it is, in words."""
+        """Write the state of an interrupted run; return a note on it."""
         reached = f"time {self._run.time:.6g} of {self._run.settings.end_time:.6g}"
         return self._file.keep(self._run.state, reached)
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:
-    """Raise `InputError` if a number is out of its range or the model holds what motions do not know."""
+    """Raise `InputError` if a number is out of its range, or dynamics does not support the model."""
     for name, value in (("end time", settings.end_time), ("time step", settings.time_step)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: got {value:g}, need a positive time")
@@ -312,8 +314,8 @@ def _check(model: Model, settings: Settings, every: float) -> None:
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     model.refuse_hold("motions")
-    for k, one in model.means.items():
-        if np.any(one.displacement) and one.history is None:
+    for k, mean in model.means.items():
+        if np.any(mean.displacement) and mean.history is None:
             raise InputError(f"support {k}: a mean motion is not displaced at once in dynamics; give it a history")
     for k, motion in enumerate(model.motions):
         if motion.tied.any():
@@ -327,7 +329,7 @@ def _check(model: Model, settings: Settings, every: float) -> None:
 
 
 def _check_turns(model: Model) -> None:
-    """Raise `InputError` if a support is turned at once by so much that the motion cannot know how often."""
+    """Raise `InputError` if the instantaneous rotation of a support is ambiguous by full turns."""
     for k, motion in enumerate(model.motions):
         turn = float(np.linalg.norm(motion.clock.at(0.0) * motion.turn))
         if turn > LONGEST:

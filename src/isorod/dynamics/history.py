@@ -1,4 +1,4 @@
-"""What motions are, at their outputs."""
+"""Results of dynamics at the outputs of a motion."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -17,7 +17,7 @@ from isorod.output.state import Animated, State
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
 
-# Of a history, what is one number an output.
+# Scalar results of a history.
 _CURVES = (
     *("kinetic", "stored", "contact_energy", "added_kinetic", "muscle_work", "load_work", "dissipated"),
     *("energy_error", "momentum_error", "contact_force", "contact_area", "penetration"),
@@ -26,7 +26,7 @@ _CURVES = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Instant(State, WithSolids):
-    """A motion at one of its outputs, which answers for any point of it (`isorod.output.state`).
+    """A motion at one of its outputs, with results at any point (`isorod.output.state`).
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class Instant(State, WithSolids):
     velocity
         All degrees of freedom, shape ``(dofs,)``.
     time
-        Of the output.
+        Time of the output.
     solid_velocities
-        Of each solid's degrees of freedom on this rank.
+        Velocity of each solid's degrees of freedom on this rank.
     """
 
     velocity: Array
@@ -46,9 +46,9 @@ class Instant(State, WithSolids):
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement and velocity, ``(nodes, 3)``, and its pressure coefficients if it has some."""
-        found = super().fields(body) | {"velocity": self.model.nodal(self.velocity, body)}
+        values = super().fields(body) | {"velocity": self.model.nodal(self.velocity, body)}
         pressure = self.pressures[body] if self.pressures else None
-        return found if pressure is None else found | {"pressure": pressure}
+        return values if pressure is None else values | {"pressure": pressure}
 
     def __repr__(self) -> str:
         largest = np.abs(self.displacement).max(initial=0.0)
@@ -57,14 +57,14 @@ class Instant(State, WithSolids):
 
 @dataclass(frozen=True, eq=False)
 class History(Animated):
-    """A motion, at its outputs: ``history[k]`` is the `Instant` ``k``, which answers for any point of it.
+    """A motion at its outputs: ``history[k]`` is the `Instant` ``k``, with results at any point.
 
     Attributes
     ----------
     model
-        What was solved.
+        The model.
     times
-        Shape ``(o,)``; all arrays below begin with this axis.
+        Times of the outputs, shape ``(o,)``; all arrays below begin with this axis.
     displacement, velocity
         All degrees of freedom, shape ``(o, dofs)``.
     reactions
@@ -73,46 +73,45 @@ class History(Animated):
         Force of each tie on its slave, and its moment about the middle of the slave's surface at rest, shape ``(o,
         ties, 3)``; not available in explicit steps, ``(o, 0, 3)``.
     obstacle_forces, obstacle_moments
-        Force of the rigid obstacle of each contact on the rods, friction included, and its moment about the point that
-        it turns about, or its own, shape ``(o, contacts, 3)``; zeros where there is none.
+        Force of the rigid obstacle of each contact on the rods, friction included, and its moment about its centre of
+        rotation, or its own, shape ``(o, contacts, 3)``; zeros without obstacle.
     contact_force, contact_area, penetration
-        Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
+        Sum of normal forces, reference area in contact, and largest penetration, of all pairs.
     contact_forces, contacts
-        Normal force of each contact, shape ``(o, contacts)``, and its outcome at the output at which it pressed most.
+        Normal force of each contact, shape ``(o, contacts)``, and its result at the output of its largest force.
     solid_displacement, solid_velocity
-        Of the finite element bodies' degrees of freedom, one body behind the other, shape ``(o, s)``; on every rank.
+        Degrees of freedom of the finite element bodies, concatenated, shape ``(o, s)``; on every rank.
     pressure
-        Coefficients of the pressures of mixed bodies, one body's behind the other's (`Model.split_pressures`), force
-        per area, shape ``(o, p)``: what balances the motion at the time of the output, of waves of pressure that steps
-        do not follow the mean.
+        Coefficients of the pressures of mixed bodies, concatenated (`Model.split_pressures`), force per area, shape
+        ``(o, p)``: in dynamic equilibrium at the time of the output; of pressure waves faster than the steps, the mean.
     kinetic, stored, contact_energy
         Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme
-        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty, and the
-        springs on which points stick.
+        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty and
+        frictional springs.
     added_kinetic
         Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
     muscle_work, dissipated, load_work
-        Work done by active fibres, taken by damping and friction, and done by loads and obstacles that move.
+        Work of active fibres, dissipation by damping, friction and laws, and work of loads and moving obstacles.
     energy_error
         Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
         the loads' work and initial energy.
     momentum_error
         Change of linear momentum less the impulses of supports, loads, obstacles and damping, over the sum of their
-        sizes and the initial one.
+        magnitudes and the initial one.
     steps, time_step, critical_step
-        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass
-        that was added.
+        Number of steps taken, the last time step, and the smallest estimate of the critical one of explicit steps,
+        with the added mass.
     estimates
         Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
     microseconds_a_step
-        Wall time of the compiled loop; zero if there was nothing left to do.
+        Wall time of the compiled loop; zero if no steps remained.
     newton_iterations, cuts
-        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
+        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and repeated.
     resumed
         Time at which the run continued from a checkpoint, or None.
     time_error
-        Of implicit steps, the error of the displacement, relative to the largest so far, that they make
-        (`isorod.dynamics.implicit.phase`); None of explicit ones, and of a single step.
+        Estimated displacement error of implicit steps, relative to the largest so far
+        (`isorod.dynamics.implicit.phase`); None for explicit ones, and for a single step.
     seconds, built, solver, ranks
         As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
     ramp
@@ -191,19 +190,23 @@ class History(Animated):
 
     @property
     def added_kinetic_share(self) -> float:
-        """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
+        """Fraction of the kinetic energy, over all outputs, in mass added for the time step."""
         total = float(self.kinetic.sum())
         return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it: all but the motion itself."""
+        """Return the entries of a record: all results but the motion itself."""
         left_out = (
             "model",
             "displacement",
             "velocity",
             "pressure",
             *(() if self.tie_forces.size else ("tie_forces", "tie_moments")),
-            *(() if any(one.obstacle for one in self.model.contacts) else ("obstacle_forces", "obstacle_moments")),
+            *(
+                ()
+                if any(contact.obstacle for contact in self.model.contacts)
+                else ("obstacle_forces", "obstacle_moments")
+            ),
             "solid_displacement",
             "solid_velocity",
             "contacts",
@@ -214,8 +217,8 @@ class History(Animated):
             "ranks",
             "ramp",
         )
-        found = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in left_out}
-        return found | {"added_kinetic_share": self.added_kinetic_share}
+        record = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in left_out}
+        return record | {"added_kinetic_share": self.added_kinetic_share}
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement and velocity at the end, shape ``(nodes, 3)``."""
@@ -223,12 +226,12 @@ class History(Animated):
 
     def frames(self) -> list[tuple[float, Instant]]:
         """Return the time and the motion of each output."""
-        return [(one.time, one) for one in self]
+        return [(instant.time, instant) for instant in self]
 
     def curves(self) -> dict[str, Array]:
-        """Return time, energies, contact, displacement and force of each support, what ties carry: a row an output."""
-        found = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
-        moved = np.array([support_displacements(self.model, one) for one in self.displacement])
+        """Return time, energies, contact, results of supports, and force and moment of ties: a row per output."""
+        table = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
+        moved = np.array([support_displacements(self.model, state) for state in self.displacement])
         count = len(self.model.supports)
-        found |= by_name("support", "displacement", moved) | by_name("support", "force", self.reactions[:, :count])
-        return found | by_name("tie", "force", self.tie_forces) | by_name("tie", "moment", self.tie_moments)
+        table |= by_name("support", "displacement", moved) | by_name("support", "force", self.reactions[:, :count])
+        return table | by_name("tie", "force", self.tie_forces) | by_name("tie", "moment", self.tie_moments)

@@ -1,4 +1,4 @@
-"""A motion under way, whatever the steps: outputs, balances, and the state that a checkpoint keeps."""
+"""A running time integration, explicit or implicit: outputs, balances, and the state of checkpoints."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -17,10 +17,10 @@ from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 
-# The balance of energy must hold to this share of the work done.
+# Error allowed in the energy balance, relative to the work done.
 IMBALANCE = 0.05
 
-# Steps that no one will wait for.
+# Maximum number of steps.
 _MOST = 1e12
 
 
@@ -36,56 +36,56 @@ class Settings:
 
 
 class Run(ABC):
-    """A motion under way.
+    """A running time integration.
 
     Attributes
     ----------
     index, taken
-        Intervals between outputs completed, and steps.
+        Numbers of intervals between outputs completed, and of steps.
     count
         Steps in an interval.
     rows
-        What was recorded so far, by the names of `isorod.dynamics.History`.
+        Outputs so far, by the names of `isorod.dynamics.History`.
     estimates
         Time and value of each estimate of the critical step.
     newton_iterations, cuts
-        Of implicit steps, so far: Newton iterations, and steps halved and tried again.
-    tell
-        Is called with the time reached, a few times a second where steps are short.
+        Of implicit steps, so far: Newton iterations, and steps halved and repeated.
+    report
+        Called with the time reached, a few times a second where steps are short.
     """
 
     integrator: ClassVar[str]
-    # Share of a step by which velocities lag behind displacements.
+    # Fraction of a step by which velocities lag behind displacements.
     lag: ClassVar[float]
     built: Sequence[str] = ("mass",)
 
     def __init__(self, system: System, settings: Settings) -> None:
         self.system, self.settings = system, settings
-        # Of the end time as it is written: twice the time with twice the outputs has the same steps, to the last bit.
+        # From the decimal end time: twice the time with twice the outputs has the same steps, to the last bit.
         self.interval = float(Fraction(repr(float(settings.end_time))) / settings.outputs)
         self.index, self.taken, self.count = 0, 0, 1
         self.newton_iterations = self.cuts = 0
         self.rows: dict[str, list[Any]] = {}
-        self.tell: Callable[[float], object] = lambda time: None
+        self.report: Callable[[float], object] = lambda time: None
         self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
         # Steps taken, activation, and area in contact at the last estimate.
         self._estimated = np.zeros(3)
-        # Energy at the start; momentum that stays when all impulses are taken off.
+        # Energy at the start; momentum less all impulses, a constant.
         self._energy = 0.0
         self._momentum = np.zeros(3)
         # Only functions that add up to one take part in the virtual work of a translation.
         self._carried = system.model.is_control_point.repeat(3).astype(float)
         own = np.zeros(2)
-        for share in system.ranks.shares:
-            body, table = share.body, share.body.space.tabulate(share.first, share.last)
+        for elements in system.ranks.element_ranges:
+            body, table = elements.body, elements.body.space.tabulate(elements.first, elements.last)
             for k, name in enumerate(("activation_work", "modulus")):
                 values = [getattr(law, name) for law in body.shear_laws]
                 own[k] += np.sum(body.at_points(table, values) * table.weights)
         work, size = system.ranks.sums(own)
-        # The most work that activation can do.
+        # The largest work of activation.
         self._available = float(work)
-        # Of a body at rest, rounding of its forces may be all there is.
+        # Energies below this may be rounding, as of a body at rest.
         self._noise = 1e-12 * float(size)
 
     @abstractmethod
@@ -94,12 +94,12 @@ class Run(ABC):
 
     @abstractmethod
     def end(self) -> None:
-        """Give back what would else wait for Python's collector of cycles; no step is taken after it."""
+        """Release what only the collector of cycles would; no step follows."""
 
     def advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
 
-        Ctrl-C on the way leaves the state of the last output.
+        Ctrl-C restores the state of the last output.
         """
         self._kept = {name: np.array(value) for name, value in self._now().items()}
         try:
@@ -110,25 +110,25 @@ class Run(ABC):
 
     @abstractmethod
     def _advance(self) -> float:
-        """Do what `advance` says."""
+        """Implement `advance`."""
 
     @abstractmethod
     def _choose(self, critical: float) -> None:
-        """Choose the time step, given the critical one, and make the state what the steps start from."""
+        """Choose the time step, given the critical one, and set the initial state of the steps."""
 
     @abstractmethod
     def _measure(self) -> dict[str, Any]:
-        """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
+        """Return the state by the names of `isorod.dynamics.History`, without changing it."""
 
     @property
     def time_error(self) -> float | None:
         """The error of the steps, relative to the largest displacement; None where it is not available."""
         return None
 
-    def met(self, index: int) -> Array:
-        """Return what contact takes at an output: the displacement, and that of facets behind it."""
-        found: Array = self.rows["displacement"][index]
-        return found
+    def contact_displacement(self, index: int) -> Array:
+        """Return the displacement at an output for contact, followed by that of facets."""
+        displacement: Array = self.rows["displacement"][index]
+        return displacement
 
     @property
     def outputs(self) -> int:
@@ -146,7 +146,7 @@ class Run(ABC):
         return self.interval / self.count
 
     def level(self, time: float) -> float:
-        """Return the share of the full activation at a time."""
+        """Return the fraction of the full activation at a time."""
         return activation(time, self.settings.ramp)
 
     def begin(self, displacement: Array, velocity: Array) -> None:
@@ -154,7 +154,7 @@ class Run(ABC):
         system, state = self.system, self.system.state
         state.displacement[system.order] = displacement
         state.velocity[system.order] = velocity
-        system.go_on(0.0)
+        system.update_states(0.0)
         critical = self._critical()
         if not critical > 0.0:
             raise InputError(f"initial state: an element is inverted; {self.system.worst(state.displacement)}")
@@ -162,18 +162,18 @@ class Run(ABC):
         self._choose(critical)
         self._momentum = self._free_momentum()
         seen = self._measure()
-        # What flows at once is before the motion.
+        # Dissipation at the initial state is not part of the motion.
         self._energy = total(seen) + seen["dissipated"]
         self._estimated[:] = 0.0, self.level(0.0), seen["contact_area"]
         self._balance(seen)
         self._record(seen)
 
     def _critical(self) -> float:
-        """Return the critical step at the start, with the mass there is, without activation and with all of it."""
+        """Return the critical step at the start with the present mass, the smaller without and with full activation."""
         return min(self.system.critical_step(self.system.state.displacement, level) for level in (0.0, 1.0))
 
     def _divide(self, longest: float) -> None:
-        """Cut the interval in equal steps, none longer than the given one."""
+        """Divide the interval into equal steps, none longer than the given one."""
         count = np.ceil(self.interval / longest - 1e-9)
         if not count * self.outputs < _MOST:
             own = "" if longest == self.settings.time_step else " (by the critical time step)"
@@ -183,15 +183,15 @@ class Run(ABC):
             )
         self.count = max(1, int(count))
 
-    def _said_step(self) -> str:
-        """Return the time step as it was given, and what was made of it."""
-        given = self.settings.time_step
-        if given is None or np.isclose(given, self.step, rtol=1e-6, atol=0.0):
+    def _step_text(self) -> str:
+        """Return the time step, requested and taken, as text."""
+        requested = self.settings.time_step
+        if requested is None or np.isclose(requested, self.step, rtol=1e-6, atol=0.0):
             return f"{self.step:.4g}"
-        return f"{given:.4g} ({self.step:.4g} taken, {self.count:,} to each of {self.outputs:,} outputs)"
+        return f"{requested:.4g} ({self.step:.4g} taken, {self.count:,} to each of {self.outputs:,} outputs)"
 
     def _seen(self, velocity: Array, held: Array, contact: Sequence[float]) -> dict[str, Any]:
-        """Return what outputs of both integrators say alike.
+        """Return the outputs that both integrators have in common.
 
         Parameters
         ----------
@@ -225,12 +225,12 @@ class Run(ABC):
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
-        """Keep an output.
+        """Append an output.
 
         Raises
         ------
         SolveError
-            If there is anything in it that is no number.
+            If a value is not finite.
         """
         for name, value in seen.items():
             if not np.isfinite(value).all():
@@ -238,33 +238,33 @@ class Run(ABC):
             self.rows.setdefault(name, []).append(value)
 
     def _balance(self, seen: dict[str, Any]) -> float:
-        """Add the balances to an output; return the error of the energy."""
-        given = ("muscle_work", "load_work", "dissipated")
-        scale = max(abs(work) for name in given for work in [self._energy, seen[name], *self.rows.get(name, [])])
+        """Add the errors of the balances to an output; return that of the energy."""
+        works = ("muscle_work", "load_work", "dissipated")
+        scale = max(abs(work) for name in works for work in [self._energy, seen[name], *self.rows.get(name, [])])
         error = total(seen) - self._energy - seen["muscle_work"] - seen["load_work"] + seen["dissipated"]
         amount = self._amount()
-        loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
+        momentum_error = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
-        seen["momentum_error"] = loose / amount if amount > 0.0 else 0.0
+        seen["momentum_error"] = momentum_error / amount if amount > 0.0 else 0.0
         return float(seen["energy_error"])
 
     def _amount(self) -> float:
-        """Return the sum of the sizes of momenta and impulses."""
+        """Return the sum of the magnitudes of momenta and impulses."""
         state = self.system.state
         impulses = np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:FOLLOWED]).sum()
         moving = np.abs(self._moving(state.velocity)).sum()
         return float(moving + impulses)
 
     def _by_support(self, held: Array) -> Array:
-        """Return the sums of what belongs to the held degrees of freedom, shape ``(supports, 3)``."""
+        """Return the sums of values at held degrees of freedom by support, shape ``(supports, 3)``."""
         return support_forces(self.system.model, held)
 
     def _moving(self, velocity: Array) -> Array:
-        """Return the momenta, of a state vector of velocities, that move with their rods, in the model's order."""
+        """Return the momenta of control points, from a state vector of velocities, in the model's order."""
         return self._carried * self.system.mass.momenta(velocity[self.system.order])
 
     def _free_momentum(self) -> Array:
-        """Return the momentum of the velocities' time less all impulses so far: a constant."""
+        """Return the momentum at the time of the velocities less all impulses so far: a constant."""
         state = self.system.state
         moved = state.displacement - self.lag * self.step * state.velocity
         moving = self._moving(state.velocity + self.settings.damping * moved)
@@ -272,7 +272,7 @@ class Run(ABC):
         return moving.reshape(-1, 3).sum(axis=0) - given
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
-        """Return what a checkpoint must have in common with this run."""
+        """Return the properties in which a checkpoint and this run must agree."""
         system = self.system
         digest = hashlib.sha256()
         digest.update(system.digest().encode())
@@ -299,7 +299,7 @@ class Run(ABC):
         }
 
     def state(self) -> dict[str, Array]:
-        """Return all that is needed to continue (see `restore`)."""
+        """Return the state from which to continue (see `restore`)."""
         return self._now() | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
 
     def _go_back(self) -> None:
@@ -309,7 +309,7 @@ class Run(ABC):
         self.restore({name: value.copy() for name, value in self._kept.items()} | rows)
 
     def _now(self) -> dict[str, Array]:
-        """Return the state but for what was recorded."""
+        """Return the state without the recorded outputs."""
         system, state = self.system, self.system.state
         return {
             "finished": np.array(self.index == self.outputs),
@@ -333,7 +333,7 @@ class Run(ABC):
         }
 
     def restore(self, kept: dict[str, Array]) -> None:
-        """Continue from what `state` returned, to another end time if it is not there yet.
+        """Continue from the result of `state`, to another end time if that is later.
 
         Raises
         ------
@@ -352,7 +352,7 @@ class Run(ABC):
             raise InputError(
                 f"has reached time {reached * interval:.6g}, past the end time {end:.6g}; take a later one"
             )
-        # Outputs to come are where they would be had the run not stopped.
+        # The next outputs are at the times of an uninterrupted run.
         self.interval = interval
         self.index, self.taken, self.count = (int(value) for value in kept["counts"])
         self.system.scale(float(kept["scaling"]))
@@ -361,7 +361,7 @@ class Run(ABC):
         self.system.starts[:] = kept["starts"]
         self.system.anchors[:] = kept["anchors"]
         self.system.highest[:] = kept["highest"]
-        self.system.know(kept["states"])
+        self.system.set_states(kept["states"])
         self.estimates = [(float(time), float(value)) for time, value in kept["estimates"]]
         self._estimated = kept["estimated"]
         self._energy = float(kept["energy"])
@@ -370,11 +370,11 @@ class Run(ABC):
 
 
 def total(seen: dict[str, Any]) -> float:
-    """Return the energy of an output, all kinds together."""
+    """Return the total energy of an output."""
     return float(seen["kinetic"] + seen["stored"] + seen["contact_energy"])
 
 
 def _clocks(model: Model) -> list[object]:
-    """Return how supports move by time."""
-    moved = [(one.turn.tolist(), one.path[-1].tolist(), one.clock) for one in model.motions if one.clock.moves]
-    return [*moved, *((one.values.tolist(), one.clock) for one in model.means.values() if one.clock.moves)]
+    """Return the motions of supports over time."""
+    moved = [(each.turn.tolist(), each.path[-1].tolist(), each.clock) for each in model.motions if each.clock.moves]
+    return [*moved, *((mean.values.tolist(), mean.clock) for mean in model.means.values() if mean.clock.moves)]

@@ -22,7 +22,7 @@ from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.statics.derivatives import Moving, numbers, refuse
-from isorod.statics.differences import BY, WIDE, Beside, Derivatives, Kinked, Measured, Steps, Unavailable
+from isorod.statics.differences import BY, WIDE, Derivatives, Kinked, Measured, PerturbedModels, Steps, Unavailable
 
 # Relative distance up to which frequencies count as multiple: discrete round rods split theirs by less.
 _SAME = 1e-5
@@ -54,7 +54,7 @@ def derivatives(
     if (values <= 0.0).any():
         raise InputError("derivatives: the state is unstable: its frequencies are none")
     with ExitStack() as stack:
-        beside = Beside(make, at, model)
+        beside = PerturbedModels(make, at, model)
         moving = None if solution.equilibrium is None else stack.enter_context(closing(Moving(solution.equilibrium)))
         comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
 
@@ -72,7 +72,7 @@ def derivatives(
             return moved
 
         factor = 0.0 if moving is None else 1.0
-        start = assembler_for(model, comm) if moving is None else moving.beside(model)
+        own = assembler_for(model, comm) if moving is None else moving.perturbed(model)
         pressed = None
         if moving is not None and model.contacts:
             from isorod.modal.touching import hold_beside

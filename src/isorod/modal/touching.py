@@ -79,7 +79,7 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
 def hold_beside(assembler: Assembler, x: PETSc.Vec, pressures: float | Array) -> Array:
     """Freeze the contact of a state near an equilibrium; return which points ``(Q,)`` are active.
 
-    Contact starts from the equilibrium's (`isorod.statics.derivatives.Moving.beside`), with multipliers changed by
+    Contact starts from the equilibrium's (`isorod.statics.derivatives.Moving.perturbed`), with multipliers changed by
     ``pressures``.
     """
     contact, moved = assembler.contact, assembler.touching(x, 1.0)

@@ -1,7 +1,7 @@
-"""Contact of models that take the load steps of an answer once more: it settles in each as it did there.
+"""Contact of models that repeat the load steps of a solution, settled in each step as it was there.
 
-What a load step begins with, and what it does to multipliers and points, is said by `isorod.statics.contact_policy`;
-how far they go follows from the model.
+`isorod.statics.contact_policy` gives the initial state of a load step and the kind of updates of multipliers and
+points; their amounts follow from the model.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,25 +18,25 @@ from isorod.statics.predictor import Before
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
 
-# Of the increment the part by which the path's slope is a difference, and whether the predictor bends: where contact
-# has changed at the last load factor, and where the path goes on.
+# Fraction of the increment over which the path's slope is differenced, and whether the predictor is cubic: where
+# contact has changed at the last load factor, and where the path continues.
 PREDICTORS = ((1.0, False), (DELTA, True), (DELTA, False))
 
 
 class Touching:
-    """Contact of a model on a path, if there is some.
+    """Contact of a model on a path, if any.
 
     Parameters
     ----------
     assembler
-        Of the model.
+        Assembler of the model.
     first
-        How contact settled in the first load step; nothing where there is none.
+        How contact settled in the first load step; empty without contact.
 
     Attributes
     ----------
     penalties : (passes,)
-        At first.
+        Initial penalties.
     """
 
     def __init__(self, assembler: Assembler, first: Sequence[Settling]) -> None:
@@ -58,7 +58,7 @@ class Touching:
         return self._contact.friction is not None
 
     def begin(self, x: PETSc.Vec, factor: float) -> None:
-        """Begin a load step at the equilibrium where the one before has ended."""
+        """Begin a load step at the last equilibrium."""
         contact = self._contact
         contact.place(factor)
         contact.accept(self._assembler.touching(x, factor))
@@ -73,14 +73,14 @@ class Touching:
         solved: Callable[[PETSc.Vec], PETSc.Vec],
         like: tuple[float, bool],
     ) -> Array:
-        """Return where the load step is foreseen to lead, as by `isorod.statics.newton`, ``(dofs,)``.
+        """Return the predicted end of the load step, as of `isorod.statics.newton`, ``(dofs,)``.
 
         Parameters
         ----------
         x, factor, step
-            Where it begins, and the change of the load factor.
+            Equilibrium where it begins, and the change of the load factor.
         solved
-            Returns the motion that a force makes.
+            Returns the displacement by a force.
         like
             One of `PREDICTORS`.
         """
@@ -88,21 +88,21 @@ class Touching:
         self._assembler.load_forces(x, factor, fraction * step, rate)
         rate = solved(rate)
         rate.scale(-1.0 / (fraction * step))
-        found = x + step * rate
+        end = x + step * rate
         if bends and self._before is not None:
-            found.axpy(1.0, self._before.bend(x, rate, step))
+            end.axpy(1.0, self._before.bend(x, rate, step))
         self._here = Before(step, x.copy(), rate)
-        return self._assembler.touching(found, factor + step)
+        return self._assembler.touching(end, factor + step)
 
     def go(self, ahead: Array, points: Sequence[list[tuple[int, int]]]) -> None:
-        """Take it, with where it is foreseen to lead ``(dofs,)``, and points of contact, one after the other."""
+        """Take the step, with its predicted end ``(dofs,)`` and the points of contact, initial and after changes."""
         self._before = self._here
         self._contact.predict(ahead)
         for each in points[1:]:
             self._contact.take(each)
 
     def harden(self, times: Array) -> None:
-        """Let penalties be so many times those at first."""
+        """Set penalties to multiples of the initial ones."""
         self._contact.packed.passes["penalty"][:] = times * self.penalties
 
     def update(self, x: PETSc.Vec, factor: float, in_cells: bool, part: float) -> None:

@@ -27,11 +27,11 @@ from isorod.statics import stability
 from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome, warn_of
 from isorod.statics.equilibrium import Equilibrium
-from isorod.statics.kept import Keeper, Kept
+from isorod.statics.kept import CheckpointOptions, CheckpointWriter
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 
-# Laws with memory take at most so many load steps from one kink of a table to the next where nobody asks for more.
+# Maximum number of load steps from one kink of a table to the next with laws with memory, unless more are requested.
 _MOST_STEPS = 256
 
 
@@ -52,88 +52,87 @@ def solve(
     resume: bool = False,
     like: Equilibrium | None = None,
 ) -> Equilibrium:
-    """Bring supports and loads to their full values, or follow their histories, and return the equilibrium.
+    """Increase supports and loads to their full values, or follow their histories, and return the equilibrium.
 
-    In a load step no support turns by more than a quarter of a turn, and no section of its body by half a turn, so that
-    whole turns are counted (`isorod.checks.turning`).  Each step starts with a predictor, linear from the last
-    equilibrium or, once there are two, the cubic through both with their tangents, then SNES
-    (`isorod.statics.convergence` says when it has converged).  A step in which SNES diverges, an element inverts
-    (``det F <= 0``) or loses most of its volume, a section turns too far, or bodies in contact go through each other,
-    is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added, and
-    points of it, as far as these are wanted (`isorod.statics.contact_policy`).  With friction, which depends on the
-    path, that is done in each step, and each goes on from where points stick and slip at the end of the one before.
+    In a load step no support rotates by more than a quarter of a turn, and no section of its body by half a turn, so
+    that full turns are counted (`isorod.checks.turning`).  Each step starts with a predictor, linear from the last
+    equilibrium or, once there are two, the cubic through both with their tangents; SNES follows, with the convergence
+    test of `isorod.statics.convergence`.  A step in which SNES diverges, an element inverts (``det F <= 0``) or loses
+    most of its volume, a section rotates too far, or bodies in contact pass through each other, is halved and repeated;
+    after quick steps the step size doubles.  At the end multipliers and points of contact are added as needed
+    (`isorod.statics.contact_policy`).  With friction, which depends on the path, that is done in each step, which
+    starts from the stick points at the end of the one before.
 
     Parameters
     ----------
     model
-        Bodies and supports; a rigid motion that these leave free must be held by contact in the end
+        Bodies and supports; a rigid motion that these leave free must be held by contact at the end
         (`isorod.statics.stabilisation`).
     load_steps
-        Number of equal steps to start with; over time, from each kink of a table to the next.  By default one, and for
-        laws with memory as many as ``steps_tolerance`` asks for.
+        Initial number of equal steps; over time, from each kink of a table to the next.  By default one, and for laws
+        with memory as many as ``steps_tolerance`` requires.
     petsc
         PETSc options for this solve alone, such as ``{"snes_rtol": 1e-10}`` (`isorod.petsc.options.in_force`).
     start
-        Displacement ``(dofs,)`` near that at the full load, such as that on another space
-        (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, or not seen to be
-        wound as often as supports turn, from rest.  With friction, which depends on the path, it is where the first
-        step looks for its equilibrium if ``load_steps`` is 1.  Over time it is not read: all of the way counts.
+        Initial guess of the displacement ``(dofs,)`` at the full load, such as that on another space
+        (`isorod.space.transfer`).  If this does not converge, or has not as many turns as the supports, the load path
+        starts from rest.  With friction, which depends on the path, it is the initial guess of the first step if
+        ``load_steps`` is 1.  Over time it is ignored, as results depend on the path.
     keep
         Keep the state of each load step (`Equilibrium.path`).
     stable
-        Go on from an equilibrium that is not stable to one that is, the way that the model would go.
+        Continue from an unstable equilibrium to a stable one, along the path that the model would take.
     progress
-        Show on standard error how far it is (`isorod.output.progress`).
+        Show the progress on standard error (`isorod.output.progress`).
     outputs
         Number of equilibria, evenly spaced in load factor or time, that are kept and make the curves
-        (`Equilibrium.path`); where not given those of the load steps taken, if they are kept.
+        (`Equilibrium.path`); by default those of the load steps, if these are kept.
     end_time
         Time to which histories are followed (`isorod.model.times.until`): load steps end at each kink of a table, and
         contact settles in each.
     steps_tolerance
-        Of laws with memory, where ``load_steps`` is not given, the relative error by few load steps
-        (`Equilibrium.steps_error`) from which on these are doubled, up to 256 times as many.
+        For laws with memory without ``load_steps``: the number of steps is doubled, up to 256, while the relative error
+        by it (`Equilibrium.steps_error`) is larger.
     checkpoint, every, resume
-        File to keep the last equilibrium in, at load steps at least this many seconds of wall time apart; whether to
-        continue from it.  A file that is there is not overwritten without.  Without contact, ties, mean supports and
-        finite element bodies; of laws with memory ``load_steps`` are to be given.
+        File for the last equilibrium, minimum wall time between two checkpoints in seconds, and whether to continue
+        from the file.  Without ``resume`` an existing file is not overwritten.  Not available with contact, ties, mean
+        supports and finite element bodies; laws with memory need ``load_steps``.
     like
-        The answer of a model beside: where the path counts (memory, friction) its load steps are taken, whatever
-        ``load_steps`` and ``steps_tolerance`` are, so that a difference of both is none of their errors.
+        Solution of another model: with memory or friction its load steps are taken, whatever ``load_steps`` and
+        ``steps_tolerance`` are, so that a difference of both solutions has no error by other steps.
 
     Raises
     ------
     InputError
-        If it is not a model, the number of steps none, an option is refused, a body whose law is of small strains is
-        turned by more than a quarter of a turn, or what is to be stable has no stability (`isorod.statics.stability`).
+        If an argument is invalid, a body of a small-strain law is rotated by more than a quarter of a turn, or
+        ``stable`` is set where stability is unknown (`isorod.statics.stability`).
     SolveError
-        If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
-        ``det F``, or the bodies; or penetration does not fall to what the contact asks for; or no stable equilibrium is
-        found.
+        If a rigid motion is free; if a step fails after ten halvings, with element, axis position and ``det F``, or the
+        bodies, in the message; if penetration does not fall to its limit; or if there is no stable equilibrium.
     """
     unmoved(model, "statics", timed=end_time is not None)
     if end_time is None:
         _refuse_timed(model)
     model = model if end_time is None else until(model, end_time)
     _warn_of_flowing_layers(model)
-    asked = 1 if load_steps is None else whole_number("load steps", load_steps, 1, 1_000_000)
+    steps = 1 if load_steps is None else whole_number("load steps", load_steps, 1, 1_000_000)
     if resume and checkpoint is None:
         raise InputError("resume: got no checkpoint, need the file that the run wrote")
     if checkpoint is not None and load_steps is None and model.remembers:
         raise InputError("checkpoint: give load steps, which else are doubled until their error is small")
-    kept = None if checkpoint is None else Kept(File(checkpoint), every, resume)
+    kept = None if checkpoint is None else CheckpointOptions(File(checkpoint), every, resume)
     stops: Sequence[float] = ()
-    if like is not None and (model.remembers or any(one.friction for one in model.contacts)):
-        asked, stops = 1, like.factors
+    if like is not None and (model.remembers or any(contact.friction for contact in model.contacts)):
+        steps, stops = 1, like.factors
     with in_force(petsc):
-        found = _solve(model, asked, comm, start, (keep, outputs), stable, progress, kept, stops)
+        reached = _solve(model, steps, comm, start, (keep, outputs), stable, progress, kept, stops)
         if load_steps is None and model.remembers and not stops:
-            return _in_enough_steps(found, (keep, outputs), stable, steps_tolerance)
-    return found
+            return _in_enough_steps(reached, (keep, outputs), stable, steps_tolerance)
+    return reached
 
 
 def _refuse_timed(model: Model) -> None:
-    """Raise `InputError` for laws whose stress depends on time where there is none."""
+    """Raise `InputError` for laws whose stress depends on time, in analyses without time."""
     for b, body in enumerate(model.bodies):
         law = next((law for law in body.laws if law.timed), None)
         if law is not None:
@@ -141,7 +140,7 @@ def _refuse_timed(model: Model) -> None:
 
 
 def _warn_of_flowing_layers(model: Model) -> None:
-    """Warn of means over layers of several laws that flow: they are weighed by moduli, as no stress then is."""
+    """Warn of mean supports over layers of several laws that flow: they are weighted by moduli, unlike the stress."""
     for support in model.supports:
         if not isinstance(support, MeanSupport) or support.ring:
             continue
@@ -155,23 +154,25 @@ def _warn_of_flowing_layers(model: Model) -> None:
             return
 
 
-def _in_more_steps(asked: int, kept: tuple[bool, int | None], stable: bool, found: Equilibrium) -> Equilibrium:
-    """Return the equilibrium that twice as many load steps as asked for reach; collective."""
-    comm = PETSc.COMM_SELF if found.ranks == 1 else PETSc.COMM_WORLD
+def _in_more_steps(steps: int, kept: tuple[bool, int | None], stable: bool, solution: Equilibrium) -> Equilibrium:
+    """Return the equilibrium with twice as many load steps; collective."""
+    comm = PETSc.COMM_SELF if solution.ranks == 1 else PETSc.COMM_WORLD
     with warnings.catch_warnings():
-        # They were said of the first.
+        # The first solution has raised them.
         warnings.simplefilter("ignore")
-        return _solve(found.model.after(()), 2 * asked, comm, None, kept, stable, False)
+        return _solve(solution.model.after(()), 2 * steps, comm, None, kept, stable, False)
 
 
-def _in_enough_steps(found: Equilibrium, kept: tuple[bool, int | None], stable: bool, tolerance: float) -> Equilibrium:
-    """Return the equilibrium of as many load steps as a tolerance asks for; collective."""
-    steps, seconds = 1, found.seconds
-    while steps < _MOST_STEPS and (steps == 1 or (found.steps_error or 0.0) > tolerance):
-        finer = _in_more_steps(steps, kept, stable, found)
+def _in_enough_steps(
+    solution: Equilibrium, kept: tuple[bool, int | None], stable: bool, tolerance: float
+) -> Equilibrium:
+    """Return the equilibrium with as many load steps as a tolerance requires; collective."""
+    steps, seconds = 1, solution.seconds
+    while steps < _MOST_STEPS and (steps == 1 or (solution.steps_error or 0.0) > tolerance):
+        finer = _in_more_steps(steps, kept, stable, solution)
         seconds = {name: value + finer.seconds[name] for name, value in seconds.items()}
-        found, steps = replace(finer, coarser=replace(found, coarser=None)), 2 * steps
-    return replace(found, seconds=seconds)
+        solution, steps = replace(finer, coarser=replace(solution, coarser=None)), 2 * steps
+    return replace(solution, seconds=seconds)
 
 
 def _solve(
@@ -182,10 +183,10 @@ def _solve(
     kept: tuple[bool, int | None],
     stable: bool,
     progress: bool,
-    saved: Kept | None = None,
+    saved: CheckpointOptions | None = None,
     stops: Sequence[float] = (),
 ) -> Equilibrium:
-    """Return what `solve` does, as the options in force say."""
+    """Return the result of `solve`, with the options in force."""
     start = perf_counter()
     refuse_small(model)
     loose = rigid_motions.left_to_contact(model)
@@ -197,21 +198,21 @@ def _solve(
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
     if assembler.contact is not None and start_at is not None:
-        # The matrix is made with room for what touches there.
+        # The matrix includes the entries of the contacts there.
         assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
-    solver, told, keeper = Newton(assembler, loose), Teller(), None
+    solver, display, writer = Newton(assembler, loose), Teller(), None
     if progress and assembler.comm.getRank() == 0:
-        solver.tell = told
+        solver.report = display
     try:
         if stable:
-            stability.refuse_untold(solver)
+            stability.refuse_unknown(solver)
         setup = perf_counter() - start
         assembler.seconds = 0.0
         path = Path(assembler, *kept)
         if saved is not None:
-            keeper = Keeper(solver, path, saved, (load_steps, kept))
-        found = None if path.outputs or model.times is not None or saved else begin(solver, start_at, path)
-        augmentations = climb(solver, load_steps, path, start_at, keeper, stops) if found is None else found
+            writer = CheckpointWriter(solver, path, saved, (load_steps, kept))
+        begun = None if path.outputs or model.times is not None or saved else begin(solver, start_at, path)
+        augmentations = climb(solver, load_steps, path, start_at, writer, stops) if begun is None else begun
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
@@ -228,7 +229,7 @@ def _solve(
         if turn is not None and turn.energy <= stored:
             turn = None
         if turn is not None:
-            # What is let go shows nothing of what it went through.
+            # After unloading the last state does not show these.
             small.warn_of_large(model, turn.displacement[None], [turn.solids])
             warn_of(assembler.contact, turn.contacts)
         if rules and not model.remembers:
@@ -269,11 +270,11 @@ def _solve(
         )
         return reached.with_largest(turn)
     except KeyboardInterrupt as stop:
-        if keeper is not None:
-            stop.add_note(keeper.keep())
+        if writer is not None:
+            stop.add_note(writer.keep())
         raise
     finally:
-        told.close()
-        if keeper is not None:
-            keeper.close()
+        display.close()
+        if writer is not None:
+            writer.close()
         solver.destroy()

@@ -1,4 +1,4 @@
-"""The way to an equilibrium at the full load: in steps from rest, from a state that is near, or on to a stable one."""
+"""The load path to an equilibrium at the full load: in steps from rest, from a nearby state, or on to a stable one."""
 
 import warnings
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from itertools import pairwise
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
-from isorod.statics.kept import Keeper, Reached
+from isorod.statics.kept import CheckpointWriter, Reached
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY
@@ -16,7 +16,7 @@ from isorod.statics.tuning import CONTROL
 
 
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
-    """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
+    """Iterate from a displacement to equilibrium; return the number of multiplier updates, None if it fails."""
     policy = solver.policy
     in_steps, remembers = policy is not None and policy.in_steps, solver.assembler.model.remembers
     if start is None or in_steps or remembers or not solver.begin(start):
@@ -28,7 +28,7 @@ def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
 
 
 def descend(solver: Newton, path: Path) -> int:
-    """Go on to a stable equilibrium at the full load; return how often multipliers were updated."""
+    """Go to a stable equilibrium at the full load; return the number of multiplier updates."""
     if not stability.negative_eigenvalues(solver):
         return 0
     from isorod.statics import descent
@@ -49,12 +49,12 @@ def climb(
     load_steps: int,
     path: Path,
     start: Array | None = None,
-    keeper: Keeper | None = None,
+    writer: CheckpointWriter | None = None,
     stops: Sequence[float] = (),
 ) -> int:
-    """Go to the full load, from where a checkpoint was left; return how often multipliers were updated; fill the path.
+    """Follow the load path to its end, from a checkpoint if any; fill ``path``; return how many multiplier updates.
 
-    Steps end at ``stops`` and the path's outputs.  With friction ``start``, a displacement near the end, is the first
+    Steps end at ``stops`` and the path's outputs.  With friction ``start``, a displacement near the end, is the initial
     guess of a path of one load step.
     """
     policy, model = solver.policy, solver.assembler.model
@@ -65,12 +65,11 @@ def climb(
     solver.left = path.left
 
     def first(factor: float) -> float:
-        """Return the step to begin with: a part of all the way or, over time, of that to where a table goes on."""
-        way = 1.0 if model.times is None else _way(stages, factor)
-        return way / load_steps
+        """Return the initial step: a fraction of the path or, over time, of that up to the next kink of a table."""
+        return (1.0 if model.times is None else _stage_length(stages, factor)) / load_steps
 
     reached = Reached(0.0, first(0.0), 0, 0, 0.0)
-    factor, step, augmentations, quick, loose = reached if keeper is None else keeper.begun(reached)
+    factor, step, augmentations, quick, loose = reached if writer is None else writer.begun(reached)
     while factor < 1.0:
         end = next(stop for stop in stops if stop > factor)
         longest = solver.steps.turning.longest_step(factor)
@@ -84,7 +83,7 @@ def climb(
                 solves, updates = solver.advance(factor, target), 0
         except Diverged as problem:
             if guessed:
-                # It looks from where it would have without.
+                # Again, without the guess.
                 continue
             if solver.steps.watched and not solver.steps.careful:
                 solver.steps.careful = True
@@ -113,10 +112,10 @@ def climb(
         elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0
             if in_steps or model.remembers:
-                # Whoever asks for more steps, since what comes depends on the path, gets them.
+                # Results depend on the path: steps are no longer than requested.
                 step = min(step, first(factor))
-        if keeper is not None:
-            keeper.note(Reached(factor, step, augmentations, quick, loose))
+        if writer is not None:
+            writer.note(Reached(factor, step, augmentations, quick, loose))
     if loose:
         warnings.warn(
             f"up to load factor {loose:.4g} rigid-body modes are constrained by artificial stiffness, not yet by "
@@ -126,15 +125,15 @@ def climb(
     return augmentations
 
 
-def _way(stages: Sequence[float], factor: float) -> float:
-    """Return how far it is between the stages before and after a load factor."""
+def _stage_length(stages: Sequence[float], factor: float) -> float:
+    """Return the distance between the stages before and after a load factor."""
     return next((end - begin for begin, end in pairwise([0.0, *stages]) if end > factor), 0.0)
 
 
 def _note(solver: Newton, path: Path, factor: float) -> bool:
-    """Note where a load step has ended; return whether contact holds bodies there.
+    """Record the end of a load step; return whether contact holds all bodies there.
 
-    On the way forces that hold them meanwhile bear a part of the load, some per cent: of what is noted they are none.
+    Before the full load a stabilisation bears some per cent of the load: the state is recorded without it if possible.
     """
     held = solver.stabilisation
     if held is not None and factor < 1.0 and held.left > NEARLY:

@@ -1,18 +1,17 @@
-"""Contact on the way to an equilibrium: when its penalties, multipliers and points change, asked by load steps.
+"""Contact along the load path: updates of its penalties, multipliers and points.
 
-- A load step fails: penalties that nobody typed fall, and the step is tried again; where bodies went through each other
-  since they had fallen, they rise (`ContactPolicy.failed`).
-- With friction they fall within the step alone, and those after it begin as low (`ContactPolicy.step`).
-- A state is reached: penalties rise again, points are added until patches are resolved, and multipliers until contact
-  is as tight as asked for (`ContactPolicy.settle`).
+- A load step fails: default penalties are reduced, and the step is repeated; where bodies passed through each other
+  with reduced ones, they are raised (`ContactPolicy.failed`).
+- With friction they are reduced within the step alone, and the next steps begin with the same (`ContactPolicy.step`).
+- A state is reached: penalties rise again, points are added until patches are resolved, and multipliers are updated
+  until contact is as tight as requested (`ContactPolicy.settle`).
 - Updates of multipliers stall: penalties rise above their defaults.
 
 Uzawa's updates make the pressures of a solution the multipliers of the next.  The first ones are those of the plain
-penalty; what is added to them is then the same all over a cell (`isorod.contact.cells`), which leaves the surfaces as
-free as they are able to move: multipliers of points, of which there are more, take away the gap of each and make of the
-pressure the fewer and higher peaks the more often they are updated.  Only where penetration stays too deep, since
-control points are far apart, or more is asked for than such surfaces can do, pressures at points follow, and where
-these stall a stiffer penalty.
+penalty; later increments are constant on each cell (`isorod.contact.cells`), which constrains the surfaces no more than
+their control points can follow: multipliers at points, of which there are more, close the gap at each, and with each
+update turn the pressure into fewer and higher peaks.  Only where penetration remains too large, since control points
+are far apart or the limit is small, multipliers at points are updated, and where these stall the penalty is raised.
 """
 
 import warnings
@@ -33,22 +32,21 @@ if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
     from isorod.contact.result import ContactResult
 
-# Displacements along a path are kept for derivatives up to so many numbers, 160 MB.
+# Limit of the displacements along a path that are kept for derivatives: numbers, 160 MB.
 _KEPT = 20_000_000
 
 
 class Stage(NamedTuple):
-    """An equilibrium on the way to the end of a load step in which contact settles, the end itself the last.
+    """An equilibrium in the load step in which contact settles; the last is the end of the step.
 
     Attributes
     ----------
     displacement : (dofs,)
-        Of rods.
+        Displacement of rods.
     penalties : (passes,)
-        With which it is one.
+        Penalties at this equilibrium.
     update
-        How multipliers were updated then: with which penalties, whether by cells, and which part of it; None in the
-        end.
+        The update of multipliers after it: penalties, whether by cells, and the fraction applied; None at the end.
     """
 
     displacement: Array
@@ -57,20 +55,20 @@ class Stage(NamedTuple):
 
 
 class Settling(NamedTuple):
-    """How contact settled in a load step, for who takes that once more.
+    """How contact settled in a load step, from which the step can be repeated.
 
     Attributes
     ----------
     factor
         Load factor at its end.
     ahead : (dofs,)
-        Where it was foreseen to lead (`isorod.contact.operator.ContactOperator.predict`).
+        Its predicted end (`isorod.contact.operator.ContactOperator.predict`).
     penalties : (passes,)
-        With which it was.
+        Penalties at its start.
     points
-        Points round an arc and along an element of each pass: when it began, and each time there were more.
+        Points round an arc and along an element of each pass: at its start, and after each addition.
     stages
-        Equilibria, one after the other.
+        Its equilibria in order.
     """
 
     factor: float
@@ -81,7 +79,7 @@ class Settling(NamedTuple):
 
 
 class Solver(Protocol):
-    """What finds equilibria, `isorod.statics.newton.Newton`."""
+    """The solver of equilibria, `isorod.statics.newton.Newton`."""
 
     assembler: Assembler
     steps: Steps
@@ -92,51 +90,50 @@ class Solver(Protocol):
         """Go from the equilibrium at one load factor to that at another."""
 
     def again(self, factor: float) -> bool:
-        """Seek the equilibrium at a load factor once more; return whether it is found."""
+        """Iterate to equilibrium at the same load factor again; return whether that converges."""
 
     def forget_path(self) -> None:
         """Begin a new path."""
 
 
 class ContactPolicy:
-    """Penalties, multipliers and points of the contacts of a model, on its way to an equilibrium.
+    """Penalties, multipliers and points of the contacts of a model along its load path.
 
     Parameters
     ----------
     solver
-        Finds equilibria.
+        Solver of equilibria.
     contact
-        Of its assembler.
+        Contact operator of its assembler.
 
     Attributes
     ----------
     in_steps
         Whether contact is settled in each load step: with friction, which depends on the path, and over time.
     settlings
-        How it settled in each of them, with friction: derivatives along the path are of these.  None where paths are
-        too long to be kept.
+        How it settled in each step with friction, for derivatives along the path; empty where this is too long.
     """
 
     def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
         self._solver, self._contact = solver, contact
         self.in_steps = contact.friction is not None or contact.model.times is not None
-        # What penalties are multiplied by where a step with friction begins.
+        # Factor on penalties at the start of a step with friction.
         self._begins = 1.0
         self.settlings, self._room = list[Settling](), _KEPT
         self._points, self._stages = list[list[tuple[int, int]]](), list[Stage]()
 
     @property
     def is_soft(self) -> bool:
-        """Whether penalties that nobody typed are lower than their defaults."""
+        """Whether default penalties are reduced."""
         return self._contact.stiffness < 0.5
 
     @property
     def may_soften(self) -> bool:
-        """Whether penalties that nobody typed may be lower than they are."""
+        """Whether default penalties may be reduced further."""
         return self._contact.stiffness > CONTROL.softest and self._contact.has_defaults
 
     def failed(self, problem: Diverged) -> bool:
-        """Change penalties after a load step that failed; return whether the same step is to be tried again."""
+        """Change penalties after a load step that failed; return whether to repeat the same step."""
         deep = isinstance(problem, TooDeep)
         if not self.in_steps and not deep and self.may_soften:
             self._contact.stiffen(CONTROL.softer)
@@ -146,15 +143,15 @@ class ContactPolicy:
         return False
 
     def step(self, factor: float, target: float) -> tuple[int, int]:
-        """Take a load step in which contact settles; return how many linear solves and updates of multipliers it took.
+        """Take a load step in which contact settles; return the numbers of linear solves and of multiplier updates.
 
-        Friction depends on the path, so penalties and multipliers are right at the end of each step.  Springs of
-        friction are as stiff as penalties: where these fall within a step, anchors stay where they were when it began.
+        Friction depends on the path, so penalties and multipliers are final at the end of each step.  The tangential
+        stiffness is the penalty: where this is reduced within a step, stick points remain those at its start.
 
         Raises
         ------
         Diverged
-            If there is no equilibrium, or none with penalties as high as their defaults; all is then as before.
+            If there is no equilibrium, or none with the default penalties; the state is then the one before.
         """
         solver, contact, softer = self._solver, self._contact, self._begins
         contact.place(factor)
@@ -162,7 +159,7 @@ class ContactPolicy:
         start, undo = solver.x.copy(), contact.keep()
         while True:
             if contact.model.times is not None:
-                # Where a patch unloads, the last ones would hold it apart.
+                # Where a patch unloads, the old ones would keep it open.
                 contact.packed.multipliers[:] = 0.0
             self._points, self._stages = [contact.points], []
             contact.stiffen(softer)
@@ -173,7 +170,7 @@ class ContactPolicy:
                 if self.is_soft:
                     raise Diverged("no equilibrium at the required penalty")
             except Diverged as problem:
-                # Shorter steps, whose points stick where they have touched, bring it nearer.
+                # In shorter steps points stick closer to where they came into contact.
                 start.copy(solver.x)
                 again = solver.steps.careful and self.may_soften and not isinstance(problem, TooDeep)
                 undo()
@@ -192,14 +189,14 @@ class ContactPolicy:
                 return solves, updates
 
     def settle(self, factor: float) -> int:
-        """Settle contact at a load factor; return how many updates of multipliers that took.
+        """Settle contact at a load factor; return the number of multiplier updates.
 
         Raises
         ------
         Diverged
             If there is no equilibrium with more points, or other multipliers.
         SolveError
-            If penetration does not fall to what is asked for.
+            If penetration does not fall to its limit.
         """
         self._harden(factor)
         for _ in range(CONTROL.additions):
@@ -213,16 +210,16 @@ class ContactPolicy:
         return self._tighten(factor)
 
     def settle_in_the_end(self) -> int:
-        """Settle contact at the full load, where it must not fail; return how often multipliers were updated."""
+        """Settle contact at the full load, where it must not fail; return the number of multiplier updates."""
         try:
             return self.settle(1.0)
         except Diverged as problem:
             raise SolveError(str(problem)) from None
 
     def _stay(self, factor: float) -> None:
-        """Find the equilibrium once more where contact has changed, or raise `Diverged` and leave the state as it was.
+        """Iterate to equilibrium after a change of contact, or raise `Diverged` and leave the state as it was.
 
-        A slender body that nothing but contact holds may fly off, and is held meanwhile.
+        A slender body held by contact alone may move away, and is stabilised meanwhile.
         """
         solver = self._solver
         try:
@@ -242,9 +239,9 @@ class ContactPolicy:
         return self._solver.assembler.touching(self._solver.x, factor)
 
     def _harden(self, factor: float) -> None:
-        """Raise penalties that fell on the way to what they were, or as far as there is an equilibrium.
+        """Raise reduced penalties to their defaults, or as far as there is an equilibrium.
 
-        Multipliers of a penalty that is too soft take the patch for what that made of it.
+        Multipliers of a penalty that is too soft would keep the pressures of too large a patch.
         """
         if not self.is_soft:
             return
@@ -263,13 +260,13 @@ class ContactPolicy:
         return self._solver.assembler.displacement(self._solver.x, factor).copy()
 
     def _deepest(self, factor: float) -> tuple[float, str]:
-        """Return the largest penetration over its limit, and in words."""
+        """Return the largest ratio of penetration to its limit, and a message on it."""
         return max(self._contact.excess(self._displacement(factor)), default=(0.0, ""))
 
     def _update(self, factor: float, in_cells: bool, penalties: Array) -> Diverged | None:
-        """Update multipliers and find the equilibrium; by half as much each time that fails, and then not at all.
+        """Update multipliers and iterate to equilibrium; halve the update if that fails; return the problem if all do.
 
-        ``penalties`` are those with which this one was found.
+        ``penalties`` are those of the present equilibrium.
         """
         contact, here = self._contact, self._end(factor)
         before = contact.packed.multipliers.copy()
@@ -289,13 +286,14 @@ class ContactPolicy:
         return problem
 
     def _tighten(self, factor: float) -> int:
-        """Update multipliers by cells until that does no more, then at points until penetration is below its limit.
+        """Update multipliers by cells until that stalls, then at points until penetration is below its limit.
 
-        A small patch may be less deep than the limit, and give way all the same.  Return how many updates there are.
+        Cells are updated below the limit too, where a small patch may still be too compliant.  Return the number of
+        updates.
         """
         count, raised, last, in_cells = 0, 0, np.inf, True
         while True:
-            (depth, said), penalties = self._deepest(factor), self._contact.settled().penalties
+            (depth, text), penalties = self._deepest(factor), self._contact.settled().penalties
             stalls = depth > CONTROL.stalled * last
             if in_cells and (stalls or depth <= 0.0 or count >= CONTROL.updates):
                 in_cells, stalls = False, False
@@ -304,7 +302,7 @@ class ContactPolicy:
                     return count
                 if count >= CONTROL.updates:
                     raise SolveError(
-                        f"{said} after {CONTROL.updates} augmented Lagrangian updates; increase the penalty"
+                        f"{text} after {CONTROL.updates} augmented Lagrangian updates; increase the penalty"
                     )
                 if stalls and raised < CONTROL.stiffenings:
                     self._contact.stiffen(CONTROL.stiffer)
@@ -318,14 +316,14 @@ class ContactPolicy:
 
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
-    """Return the outcome of each contact, and warn of what is not to be trusted."""
+    """Return the result of each contact, and warn where these are unreliable."""
     results = contact.results(displacement, check=True)
     warn_of(contact, results)
     return results
 
 
 def warn_of(contact: "ContactOperator | None", results: "Sequence[ContactResult]") -> None:
-    """Warn of what is not to be trusted of the outcome of contacts."""
+    """Warn where the results of contacts are unreliable."""
     if contact is None:
         return
     from isorod.contact.result import doubts

@@ -1,9 +1,9 @@
 """Equilibrium paths beyond limit points and bifurcations: pseudo-arclength continuation.
 
-State and load factor are unknowns together; each step ends on the plane at arc length ``s`` along the tangent of the
-path (Riks; Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is
-solved by two solves with one factorisation of the tangent stiffness, whose inertia is how many eigenvalues are
-negative: where the number changes, the path has a limit point or meets another.
+State and load factor are both unknown; each step ends on the plane at arc length ``s`` along the tangent of the path
+(Riks; Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is
+solved by two solves with one factorisation of the tangent stiffness, whose inertia gives the number of negative
+eigenvalues: where it changes, the path has a limit point or a bifurcation.
 """
 
 from dataclasses import dataclass
@@ -24,18 +24,18 @@ from isorod.petsc.banded import is_banded
 from isorod.petsc.direct import direct
 from isorod.statics.convergence import Convergence, squeezed, worst_place
 
-# Share of the carried forces that may stay out of balance, corrections of a step, and how often a step is halved.
+# Residual allowed, relative to the forces carried; maximum number of corrections of a step, and of its halvings.
 RTOL = 1e-9
 CORRECTIONS = 12
 HALVINGS = 12
 
-# The number of corrections that leaves the step as it is.
-WANTED = 5
+# Target number of corrections: with more the step is shortened, with fewer lengthened.
+TARGET = 5
 
-# Step of the load factor by which the residual is differentiated.
+# Step of the load factor by which the residual is differenced.
 _DELTA = 1e-6
 
-# Relative width of the bracket of a critical load factor in which its eigenvalue is taken for linear.
+# Relative width of the bracket of a critical load factor in which its eigenvalue is taken as linear.
 _BRACKET = 1e-4
 
 # Steps of inverse iteration, and the change of the eigenvalue at which it ends.
@@ -50,7 +50,7 @@ class Path:
     Attributes
     ----------
     model
-        What was solved.
+        The model.
     factors
         Load factors, shape ``(m,)``.
     displacements
@@ -156,7 +156,7 @@ def follow(
         rows.append(path.row())
         if not bounds[0] <= path.factor <= bounds[1]:
             break
-        step = min(longest, step * float(np.clip(WANTED / max(count, 1), 0.5, 2.0)))
+        step = min(longest, step * float(np.clip(TARGET / max(count, 1), 0.5, 2.0)))
     factors, displacements, negative = zip(*rows, strict=True)
     overlap.warn_in_the_end(model, displacements[-1], 0.0)
     return Path(model, np.array(factors), np.array(displacements), np.array(negative), path.corrections, cuts)
@@ -233,7 +233,7 @@ class _Path:
         self.weight = 1.0 / (model.unknowns * self.convergence.size**2)
         self.negative = -1
         self.corrections = 0
-        # Either of them tells the inertia.
+        # Both have the inertia.
         chosen = factorisation(self.assembler)
         self.ksp = direct(self.matrix, BAND if chosen.get("pc_type") == "python" else SPARSE)
         pc = self.ksp.getPC()
@@ -250,7 +250,7 @@ class _Path:
         return self.factor, self.assembler.displacement(self.x, self.factor), self.negative
 
     def factorise(self, x: PETSc.Vec, factor: float) -> None:
-        """Set and factorise the tangent, count negative eigenvalues, and differentiate by the load factor."""
+        """Set and factorise the tangent, count negative eigenvalues, and difference the residual by the load factor."""
         self.assembler.tangent(x, factor, self.matrix)
         self.assembler.load_forces(x, factor, _DELTA, self.slope)
         self.slope.scale(1.0 / _DELTA)
@@ -270,7 +270,7 @@ class _Path:
         return result
 
     def tangent(self, along: PETSc.Vec | None = None) -> None:
-        """Set the unit tangent at the point, in the sense of the last one; or along a given mode at a constant load."""
+        """Set the unit tangent at the point, in the sense of the last one; or along a given mode at constant load."""
         self.assembler.extrapolate()
         self.factorise(self.x, self.factor)
         if along is not None:

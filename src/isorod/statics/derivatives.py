@@ -1,9 +1,9 @@
-"""Derivatives of what is measured of an equilibrium by numbers of its model.
+"""Derivatives of results of an equilibrium by parameters of its model: direct differentiation.
 
-Of the residual ``R(u, p) = 0`` the equilibrium moves by ``du/dp = - K^-1 dR/dp``: one back-substitution of the factors
-of the tangent for each parameter, whatever is measured.  ``dR/dp`` is a difference of residuals at one displacement, of
-models beside (`isorod.statics.differences`); and ``dm/dp`` is that of what is measured there, and how that changes
-along ``du/dp`` in the model itself.  Forces of supports go with the rows of the tangent there, exactly.
+From the residual ``R(u, p) = 0`` follows ``du/dp = - K^-1 dR/dp``: one back-substitution with the tangent's factors for
+each parameter, however many results there are.  ``dR/dp`` is a finite difference of residuals at fixed displacement, of
+models with perturbed parameters (`isorod.statics.differences`).  The derivative of a result is its difference by these
+models at fixed displacement plus its change along ``du/dp``.  Reactions follow exactly from rows of the tangent.
 """
 
 import warnings
@@ -32,10 +32,10 @@ from isorod.statics.differences import (
     BY,
     NEAR,
     WIDE,
-    Beside,
     Derivatives,
     Kinked,
     Measured,
+    PerturbedModels,
     Steps,
     Unavailable,
     largest,
@@ -47,51 +47,51 @@ if TYPE_CHECKING:
     from isorod.contact.packed import Settled
     from isorod.contact.settled import Tight
 
-# Residuals whose slope jumps by more of it are those of a kink, or noise of what is built; a point of contact that
-# leaves is none.
+# Residuals whose slope jumps by more than this fraction of it have a kink, or noise of the models; the second allows
+# for a point of contact that opens.
 _ROUGH, _LEAVES = 1e-3, 1e-2
 
-# How stiffly cells of contact keep their mean gaps, in penalties: as updates of multipliers leave them, and altogether.
-# More than this share of a derivative between both is warned of.
+# Stiffness with which cells of contact keep their mean gaps, in penalties: as after updates of multipliers, and nearly
+# rigid.  If derivatives differ by more than this fraction between both, a warning is given.
 HELD, _UNSURE = (10.0, 1e4), 5e-3
 
-# Share of all displacements on which a tangent is held to residuals, and by how much motions by it may be off.
+# A tangent is compared to differences of residuals over this fraction of the displacements; the relative error allowed.
 _SHORT, _INEXACT = 1e-4, 1e-3
 
-# How far along it is measured, of all displacements, one after the other while that bends; nothing moves by less of
-# them for the whole parameter, or, where there are none, of the model's size.
+# Steps along the motion relative to all displacements, tried in this order while results are nonlinear there.  Motions
+# smaller than the second count as zero; the third, of the model's size, replaces displacements that are zero.
 _SHARES, _UNMOVED, _STILL = (1e-3, 1e-4, 1e-5, 1e-6), 1e-13, 1e-6
 
 
 def numbers(measured: Mapping[str, object]) -> Measured:
-    """Return those of what is measured that are numbers, as arrays."""
-    found = {}
+    """Return the results that are numbers, as arrays."""
+    arrays = {}
     for name, value in measured.items():
         if name == "places" or isinstance(value, str | dict):
             continue
         array = np.asarray(value)
         if array.dtype.kind in "fi":
-            found[name] = array.astype(float)
-    return found
+            arrays[name] = array.astype(float)
+    return arrays
 
 
 def refuse(model: Model) -> None:
-    """Raise `Unavailable` where the path of contact counts, and for finite element bodies."""
+    """Raise `Unavailable` where contact depends on the path, and for finite element bodies."""
     if model.solids:
         raise Unavailable("derivatives: not available with finite element bodies")
     if model.contacts and model.remembers:
         raise Unavailable("derivatives: not available with contact of laws with memory")
-    if any(one.friction for one in model.contacts):
+    if any(contact.friction for contact in model.contacts):
         raise Unavailable("derivatives: not available with friction where contact alone holds a body")
 
 
 def as_solved(make: Callable[[Mapping[str, float]], Model], times: Times | None) -> Callable[..., Model]:
-    """Return what makes models that follow their histories as long as that of an answer does."""
+    """Return a function that makes models whose histories end at the time of a solution."""
     return make if times is None else lambda values: until(make(values), times.end)
 
 
 def equilibrium(solution: Any, assembler: Assembler, x: PETSc.Vec, acting: Array) -> Any:
-    """Return what answers for a state of a model beside that of a solution, and for what is acting in it."""
+    """Return the results of a state of another model, with its acting forces, as those of a solution."""
     own, contact = carried(assembler, x, 1.0, acting), assembler.contact
     return replace(
         solution,
@@ -110,7 +110,7 @@ def equilibrium(solution: Any, assembler: Assembler, x: PETSc.Vec, acting: Array
 
 
 class Motion(NamedTuple):
-    """How an equilibrium moves by a parameter: unknowns, forces on supports as of `Assembler.acting`, multipliers."""
+    """Derivatives of an equilibrium by a parameter: unknowns, forces as of `Assembler.acting`, multipliers."""
 
     rate: PETSc.Vec
     change: Array
@@ -118,26 +118,26 @@ class Motion(NamedTuple):
 
 
 class Pushed(NamedTuple):
-    """What a parameter changes at one displacement: forces on unknowns, and how gaps grow by themselves."""
+    """Derivatives by a parameter at fixed displacement: forces on unknowns, and gaps."""
 
     force: PETSc.Vec
     grown: Array
 
 
 class Moving:
-    """An equilibrium with the factors of its tangent, which says how it moves.
+    """An equilibrium with the factors of its tangent, from which its derivatives follow.
 
     Parameters
     ----------
     solution
-        The `isorod.statics.Equilibrium`; once more brought into balance, as far as digits go.
+        The `isorod.statics.Equilibrium`; it is iterated once more, to round-off level.
     times
-        How stiffly cells of contact keep their mean gaps, in penalties.
+        Stiffness with which cells of contact keep their mean gaps, in penalties.
 
     Attributes
     ----------
     assembler, x, acting, tight
-        Its own, the state, forces on what supports hold (`Assembler.acting`), contact whose cells keep their mean gaps.
+        Its assembler, state, forces on held unknowns (`Assembler.acting`), contact whose cells keep their mean gaps.
     """
 
     def __init__(self, solution: Any, times: float = HELD[0]) -> None:
@@ -159,31 +159,31 @@ class Moving:
             self.assembler.residual(self.x, 1.0, self._rest)
             move, *wrong = refined(self._ksp, [self._rest, *off])
             self.x.axpy(-1.0, move)
-        if any(not one.norm() <= _INEXACT * self.x.norm() for one in wrong):
+        if any(not error.norm() <= _INEXACT * self.x.norm() for error in wrong):
             raise Unavailable("derivatives: not available with contact and pressures that follow to a free end")
         self.acting = self.assembler.acting(self.x, 1.0, self._rest)
         self._gaps = np.empty(0) if self.tight is None else self.tight.gaps(self.assembler.contact)
 
     def _inexact(self) -> PETSc.Vec:
-        """Return by how much the tangent is off along the displacement, as where pressures follow to a free end."""
-        found, change = (self.assembler.vector() for _ in range(2))
-        # What is pressed stays so in the tangent, and opens in residuals.
+        """Return the tangent's error along the displacement, as with follower pressures up to a free end."""
+        error, change = (self.assembler.vector() for _ in range(2))
+        # Contact that is closed stays so in the tangent, but opens in residuals.
         contact, self.assembler.contact = self.assembler.contact, None
         for step in (-_SHORT, _SHORT):
             self.assembler.residual((1.0 + step) * self.x, 1.0, change)
-            found.axpy(0.5 / step, change)
+            error.axpy(0.5 / step, change)
         self.assembler.tangent(self.x, 1.0, self._tangent)
         self._tangent.mult(self.x, change)
         self.assembler.contact = contact
-        return found - change
+        return error - change
 
     def _settle(self, solution: Any, times: float) -> None:
-        """Let contact be as the solution left it; cells whose gaps multipliers have closed keep these."""
+        """Restore contact as the solution left it; cells with multipliers keep their gaps."""
         from isorod.contact.settled import Tight, relative, restore
 
         contact, left = self.assembler.contact, solution.settled
         if left is None or contact is None:
-            raise Unavailable("derivatives: how contact was settled is not known; solve the model anew")
+            raise Unavailable("derivatives: how contact settled is not known; solve the model again")
         self._left = relative(contact, left, solution.contacts)
         restore(contact, self._left)
         moved = self.assembler.touching(self.x, 1.0)
@@ -191,7 +191,7 @@ class Moving:
             self.tight = Tight(contact, contact.results(moved), moved, self.comm, times)
             self.assembler.contact = self.tight  # type: ignore[assignment]
 
-    def beside(self, model: Model) -> Assembler:
+    def perturbed(self, model: Model) -> Assembler:
         """Return the assembler of a model, whose contact is as the solution left it."""
         assembler = assembler_for(model, self.comm)
         if self._left is not None and assembler.contact is not None:
@@ -202,29 +202,29 @@ class Moving:
 
     def close(self) -> None:
         """Give back matrix and factors."""
-        for one in (self._ksp, self._tangent):
-            one.destroy()
+        self._ksp.destroy()
+        self._tangent.destroy()
 
     def motion(self, steps: Steps, models: Sequence[Model]) -> tuple["Motion", list[tuple[Assembler, Array]]]:
-        """Return how it moves as models go on, and of each its assembler and what is acting where it is."""
-        pushed, several = self.pushed(steps, models)
-        return self.motions([pushed])[0], several
+        """Return the motion from perturbed models, and of each its assembler and the acting forces at the state."""
+        pushed, acting = self.pushed(steps, models)
+        return self.motions([pushed])[0], acting
 
     def pushed(self, steps: Steps, models: Sequence[Model]) -> tuple["Pushed", list[tuple[Assembler, Array]]]:
-        """Return what pushes it as models go on, and of each its assembler and what is acting where it is.
+        """Return the force from perturbed models, and of each its assembler and the acting forces at the state.
 
         Raises
         ------
         Kinked
             If forces have no derivative.
         """
-        several, rows, gaps = [], [], []
+        acting, rows, gaps = [], [], []
         for model in models:
-            assembler, row = self.beside(model), self.assembler.vector()
+            assembler, row = self.perturbed(model), self.assembler.vector()
             if _gap(assembler) > 2.0 * _gap(self.assembler):
                 raise Kinked("surfaces that are tied part, or overlap")
             contact = assembler.contact
-            several.append((assembler, assembler.acting(self.x, 1.0, row)))
+            acting.append((assembler, assembler.acting(self.x, 1.0, row)))
             if self.tight is not None and contact is not None:
                 gaps.append(self.tight.gaps(contact))
             row.axpy(-1.0, self._rest)
@@ -239,29 +239,29 @@ class Moving:
         if self.tight is not None:
             self.assembler.spread(self.tight.held(grown), jump)
             force.axpy(1.0, jump)
-        return Pushed(force, grown), several
+        return Pushed(force, grown), acting
 
-    def motions(self, several: Sequence["Pushed"]) -> list["Motion"]:
-        """Return how it moves by what pushes it: all of them together, which is most of what each costs alone."""
-        rates = refined(self._ksp, [one.force for one in several])
+    def motions(self, pushed: Sequence["Pushed"]) -> list["Motion"]:
+        """Return the motions by several forces together, which cost little more than one."""
+        rates = refined(self._ksp, [push.force for push in pushed])
         for rate in rates:
             rate.scale(-1.0)
         changes, contact = self.assembler.acting_along(self.x, 1.0, rates), self.assembler.contact
         if contact is None:
             return [Motion(rate, change, self._gaps) for rate, change in zip(rates, changes, strict=True)]
-        found = []
-        for (_, grown), rate, change in zip(several, rates, changes, strict=True):
+        motions = []
+        for (_, grown), rate, change in zip(pushed, rates, changes, strict=True):
             move = self.assembler.displacement(rate, 1.0) - self.assembler.prescribed(1.0)
             forces, pressures = contact.product(move), np.zeros(contact.packed.areas.size)
             if self.tight is not None:
                 forces += self.tight.held(grown)
                 pressures = self.tight.pressures(grown, move)
             forces = forces if self.assembler.coupling else forces[self.assembler.model.bound]
-            found.append(Motion(rate, change + forces, pressures))
-        return found
+            motions.append(Motion(rate, change + forces, pressures))
+        return motions
 
     def ahead(self, step: float, motion: "Motion") -> tuple[PETSc.Vec, Array]:
-        """Let multipliers go a step on, or back, and return the state there, and what is acting in it."""
+        """Change multipliers by a step of a motion, and return the state there, and the forces acting in it."""
         if self.assembler.contact is not None:
             self.assembler.contact.packed.multipliers[:] += step * motion.pressures
         return self.x + step * motion.rate, self.acting + step * motion.change
@@ -273,7 +273,7 @@ def derivatives(
     at: Mapping[str, float],
     measure: Callable[[Any], Mapping[str, object]],
 ) -> Derivatives:
-    """Return the derivatives of what is measured of an equilibrium by parameters of its model.
+    """Return the derivatives of results of an equilibrium by parameters of its model.
 
     Parameters
     ----------
@@ -282,9 +282,9 @@ def derivatives(
     make
         Returns the model of parameters by their names.
     at
-        The parameters that it has.
+        Its parameters.
     measure
-        Returns numbers, or arrays of them, by their names.
+        Returns the results: numbers, or arrays of them, by their names.
 
     Raises
     ------
@@ -294,11 +294,11 @@ def derivatives(
         If a parameter is zero.
     """
     with ExitStack() as stack:
-        several = [stack.enter_context(closing(Moving(solution)))]
-        if several[0].tight:
-            several.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
-        beside = Beside(as_solved(make, solution.model.times), at, solution.model)
-        moving, unsure = several[0], (0.0, "")
+        equilibria = [stack.enter_context(closing(Moving(solution)))]
+        if equilibria[0].tight:
+            equilibria.append(stack.enter_context(closing(Moving(solution, HELD[1]))))
+        beside = PerturbedModels(as_solved(make, solution.model.times), at, solution.model)
+        moving, unsure = equilibria[0], (0.0, "")
 
         def ask(assembler: Assembler, x: PETSc.Vec, acting: Array) -> Measured:
             return numbers(measure(equilibrium(solution, assembler, x, acting)))
@@ -306,25 +306,25 @@ def derivatives(
         values, measured = near(ask, moving.assembler, moving.x, moving.acting)
 
         def begin(steps: Steps, models: Sequence[Model]) -> tuple[Steps, list[tuple[Pushed, Measured]]]:
-            return steps, [_held(one, steps, models, values, measured) for one in several]
+            return steps, [_held(each, steps, models, values, measured) for each in equilibria]
 
         def end(steps: Steps, moves: Sequence[tuple[Motion, Measured]]) -> Measured:
             nonlocal unsure
-            found, *others = (_of(one, steps, *own, values, measured) for one, own in zip(several, moves, strict=True))
-            for name, other in ((name, one[name]) for one in others for name in values):
-                whole = max(largest(found[name]), largest(values[name]) / steps.size) or 1.0
-                off = largest(other - found[name]) / whole
-                unsure = max(unsure, (off, name))
-            return found
+            pairs = zip(equilibria, moves, strict=True)
+            rates, *others = (_of(each, steps, *own, values, measured) for each, own in pairs)
+            for name, other in ((name, stiff[name]) for stiff in others for name in values):
+                size = max(largest(rates[name]), largest(values[name]) / steps.size) or 1.0
+                unsure = max(unsure, (largest(other - rates[name]) / size, name))
+            return rates
 
         def go_on(begun: Sequence[tuple[Steps, list[tuple[Pushed, Measured]]]]) -> list[Callable[[], Measured]]:
-            moves = [one.motions([held[k][0] for _, held in begun]) for k, one in enumerate(several)]
+            moves = [each.motions([held[k][0] for _, held in begun]) for k, each in enumerate(equilibria)]
             return [
                 partial(end, steps, [(own[k], rates) for own, (_, rates) in zip(moves, held, strict=True)])
                 for k, (steps, held) in enumerate(begun)
             ]
 
-        # Further off other points touch.  Where what is held bends too much so far off, as a cone by turns: nearer.
+        # With larger steps other points touch.  Where results are too nonlinear over the largest, a smaller follows.
         found = beside.derivatives(values, begin, [NEAR] if solution.model.contacts else [NEAR, WIDE, BY], go_on)
     if unsure[0] > _UNSURE:
         warnings.warn(
@@ -342,9 +342,9 @@ def _held(
     values: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> tuple[Pushed, Measured]:
-    """Return what pushes one model, and the derivatives of what is measured where it is held."""
-    pushed, several = moving.pushed(steps, models)
-    return pushed, steps.slopes([measured(one, moving.x, acting) for one, acting in several], values)
+    """Return the force from perturbed models, and the derivatives of results at fixed displacement."""
+    pushed, acting = moving.pushed(steps, models)
+    return pushed, steps.slopes([measured(assembler, moving.x, forces) for assembler, forces in acting], values)
 
 
 def _of(
@@ -355,7 +355,7 @@ def _of(
     values: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> Measured:
-    """Return the derivatives of what is measured."""
+    """Return the derivatives of results."""
     moved = _along(moving, motion, steps.size, values, held, measured)
     return {name: held[name] + moved[name] for name in values}
 
@@ -368,33 +368,33 @@ def _along(
     held: Measured,
     measured: Callable[[Assembler, PETSc.Vec, Array], Measured],
 ) -> Measured:
-    """Return the derivatives of what is measured of one model as it moves, beside those where it is ``held``."""
+    """Return the derivatives of results along a motion, with those ``held`` at fixed displacement for scale."""
     norm = motion.rate.norm()
-    whole = moving.x.norm() or _STILL * moving.solution.model.size
-    if norm * size < _UNMOVED * whole:
+    extent = moving.x.norm() or _STILL * moving.solution.model.size
+    if norm * size < _UNMOVED * extent:
         return {name: np.zeros_like(value) for name, value in values.items()}
     why = ""
-    for share in _SHARES:
-        steps, several = Steps((-2, -1, 1, 2), share * whole / norm, size), []
-        for one in steps.steps:
-            several.append(measured(moving.assembler, *moving.ahead(one, motion)))
-            moving.ahead(-one, motion)
+    for fraction in _SHARES:
+        steps, perturbed = Steps((-2, -1, 1, 2), fraction * extent / norm, size), []
+        for step in steps.steps:
+            perturbed.append(measured(moving.assembler, *moving.ahead(step, motion)))
+            moving.ahead(-step, motion)
         try:
-            found = steps.slopes(several, values, held)
+            rates = steps.slopes(perturbed, values, held)
         except Kinked as problem:
             why = str(problem)
             continue
-        coarse = {name: (several[2][name] - several[1][name]) / (2.0 * steps.step) for name in values}
+        coarse = {name: (perturbed[2][name] - perturbed[1][name]) / (2.0 * steps.step) for name in values}
         off = [
-            largest(coarse[one] - found[one]) / scale(found[one] + held[one], value, size)
-            for one, value in values.items()
+            largest(coarse[name] - rates[name]) / scale(rates[name] + held[name], value, size)
+            for name, value in values.items()
         ]
         if max(off, default=0.0) <= APART:
-            return found
-        why = "what is measured does not change evenly as it moves"
+            return rates
+        why = "results are nonlinear even over the smallest steps"
     raise Kinked(why)
 
 
 def _gap(assembler: Assembler) -> float:
-    """Return how far the surfaces of ties are apart at rest."""
-    return max((one.gap for one in assembler.coupling.constraints.ties), default=0.0) if assembler.coupling else 0.0
+    """Return the largest distance of tied surfaces at rest."""
+    return max((tie.gap for tie in assembler.coupling.constraints.ties), default=0.0) if assembler.coupling else 0.0

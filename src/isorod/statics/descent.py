@@ -1,9 +1,9 @@
-"""From an equilibrium that is not stable to one that is: the way that the model would go, without its inertia.
+"""From an unstable equilibrium to a stable one, along the path that the model would take without inertia.
 
-A small push along the lowest eigenvector of ``K v = l D v``, ``D`` the diagonal of the tangent ``K``, takes the model
-off its saddle.  Steps of the proximal point method (`isorod.statics.proximal`) then go down the energy: with a fraction
-of ``2 |l|`` the first of them double the push, and each has an equilibrium near.  The fraction falls where the tangent
-with the rest of it is definite too, and the forces vanish.  Where that is a saddle too, all begins again.
+A small perturbation along the lowest eigenvector of ``K v = l D v``, ``D`` the diagonal of the tangent ``K``, takes the
+model off its saddle.  Steps of the proximal point method (`isorod.statics.proximal`) then descend in energy: with a
+fraction of ``2 |l|`` the first of them double the perturbation, and each has an equilibrium near.  The fraction falls
+where the tangent with a smaller one is definite too, until the forces vanish.  From another saddle this is repeated.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from isorod.statics import stability
 from isorod.statics.newton import Newton
 from isorod.statics.proximal import FEWER, LEAST, LEFT, MORE, Proximal
 
-# The push over the least radius of a section.
+# The perturbation over the smallest radius of a section.
 _ASIDE = 0.05
 
-# Inverse iterations for the lowest eigenvector; how far a shift below it may be off.
+# Inverse iterations for the lowest eigenvector; factor by which the shift below it grows until it is definite.
 _ITERATIONS = 30
 _COARSE = 10.0
 
@@ -27,13 +27,13 @@ _COARSE = 10.0
 _WAVES = np.array([[1.7, 2.3, 1.3], [2.1, 1.1, 1.9], [1.3, 1.7, 2.9]])
 _PHASES = np.array([1.0, 0.4, 0.7])
 
-# Steps from a saddle, and saddles, at most.
+# Maximum number of steps from a saddle, and of saddles.
 _STEPS = 100
 _SADDLES = 10
 
 
 def descend(solver: Newton) -> None:
-    """Lead a solver from its equilibrium at the full load, if that is not stable, to one that is.
+    """Take a solver from an unstable equilibrium at the full load to a stable one.
 
     Raises
     ------
@@ -72,11 +72,11 @@ def _lowest(solver: Newton, weight: PETSc.Vec) -> tuple[float, PETSc.Vec]:
 
 
 def _waves(assembler: Assembler) -> PETSc.Vec:
-    """Return a smooth motion without symmetry, about the same on all spaces: it says which of two ways to buckle."""
+    """Return a smooth motion without symmetry, similar on all spaces, which selects the side to buckle to."""
     model, moved = assembler.model, np.zeros(assembler.model.dofs)
     for b, body in enumerate(model.bodies):
-        carriers = body.space.is_control_point
-        model.nodal(moved, b)[carriers] = np.sin(body.space.positions[carriers] @ _WAVES.T / model.size + _PHASES)
+        control = body.space.is_control_point
+        model.nodal(moved, b)[control] = np.sin(body.space.positions[control] @ _WAVES.T / model.size + _PHASES)
     return assembler.state(moved)
 
 
@@ -102,5 +102,5 @@ def _leave(solver: Newton) -> None:
             forces.fraction = MORE * fraction
         if forces.is_away(solver.x):
             raise SolveError(forces.why(solver.x))
-    # What is left then is small, but a bar that turns freely about its axis has no stiffness to measure it by.
+    # The remainder is small, but a bar that rotates freely about its axis has no stiffness that would bound it.
     forces.step(solver.again, solver.x)

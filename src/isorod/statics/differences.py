@@ -1,6 +1,6 @@
-"""Derivatives of what is measured by numbers of a model, from differences of models that are built beside it.
+"""Derivatives of results by parameters of a model, from finite differences of models with perturbed parameters.
 
-These are on the same discretisation (`isorod.choices`).
+These have the same discretisation (`isorod.choices`).
 """
 
 import warnings
@@ -17,28 +17,28 @@ from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.output.largest import TIED
 
-# What is measured, by its name: numbers or arrays of them.
+# Results by their names: numbers or arrays of them.
 Measured = dict[str, Array]
 
-# Models beside are what a derivative costs: two at this share of the parameter do.  At one displacement forces are
-# rounded alike, and less than 1e-9 of a derivative is lost.
+# Building perturbed models is most of the cost of a derivative: two, at this relative step of it, are enough.
+# At the same displacement forces are rounded alike, and errors are below 1e-9 of the derivative.
 NEAR = 1e-6
 
-# Where a point of friction happens to begin to touch elsewhere between these, two that are farther off.
+# A larger step, where between those a point of friction happens to come into contact.
 ASIDE = 1e-5
 
-# Four are of fourth order: for modes, which ask for more digits; and further off where rounding is not alike, as of
-# what is fitted, and of matrices.
+# Differences of fourth order by four models: for modes, which need more digits; and with the larger step where rounding
+# differs, as of fitted values and of matrices.
 BY, WIDE = 1e-4, 1e-3
 
-# On both sides; or on one, where the number may not be larger, or smaller.
+# Central, or one-sided where the parameter is at a bound.
 _TWO, _FOUR = ((-1, 1), (-1, -2), (1, 2)), ((-2, -1, 1, 2), (-1, -2, -3, -4), (1, 2, 3, 4))
 _PLACES = {NEAR: _TWO, ASIDE: _TWO, BY: _FOUR, WIDE: _FOUR}
 
-# A slope that jumps by more than this share of it is none.
+# There is no derivative where the slope jumps by more than this fraction of it.
 APART = 1e-2
 
-# Less than so much of the value for the whole parameter counts as none.
+# Derivatives below this fraction of value over parameter count as zero.
 _NOTHING = 1e-3
 
 
@@ -46,30 +46,31 @@ _JUMPS = "the slope of {} jumps, as where the largest of several changes its pla
 
 
 class Unavailable(InputError):
-    """Derivatives at an answer alone are not available: it depends on a path that is not taken again, or the like."""
+    """Derivatives at a solution alone are not available, for instance as it depends on a path that is not repeated."""
 
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Derivatives of what is measured by parameters.
+    """Derivatives of results by parameters.
 
     Attributes
     ----------
     parameters
-        Their values, by name.
+        Values of the parameters, by name.
     values
-        What is measured, by name.
+        Results, by name.
     by
-        Derivatives, ``by[parameter][measured]`` of the shape of what is measured.
+        Derivatives, ``by[parameter][result]`` of the shape of the result.
     none
-        Parameters by which there is no derivative, and why.
+        Parameters without a derivative, and the reason.
     errors
-        Of parameters by which they are differences of whole answers (`isorod.design.differences`), the estimated error
-        of each that is measured, as a share of it; without any where it was not asked for.
+        For parameters whose derivatives are finite differences of solutions (`isorod.design.differences`), the relative
+        error estimates by result; empty where these were not requested.
     why
-        Why these are differences; empty where none are.
+        The reason for finite differences; empty where there are none.
     means
-        Of parameters by which there is none as places that tie for a largest value part, the mean of theirs.
+        For parameters without a derivative because places of equal largest value have different ones, the mean of
+        these.
     """
 
     parameters: Mapping[str, float]
@@ -81,15 +82,15 @@ class Derivatives:
     means: Mapping[str, Measured] = field(default_factory=dict)
 
     def of_peaks(self) -> "Derivatives":
-        """Return them without those of places that tie for a largest value, which has one where theirs agree."""
+        """Return them without those of places with an equal largest value, which has one where these agree."""
         by, means, none = dict[str, Measured](), dict[str, Measured](), dict(self.none)
         for name, rates in self.by.items():
             own, size = _without_ties(rates), abs(self.parameters[name])
-            tied = {one: rates[one + TIED] for one in own if one + TIED in rates}
+            tied = {result: rates[result + TIED] for result in own if result + TIED in rates}
             parted = {
-                one: several.mean(axis=-1)
-                for one, several in tied.items()
-                if largest(np.ptp(several, axis=-1)) > APART * scale(several, self.values[one], size)
+                result: slopes.mean(axis=-1)
+                for result, slopes in tied.items()
+                if largest(np.ptp(slopes, axis=-1)) > APART * scale(slopes, self.values[result], size)
             }
             if parted:
                 none[name], means[name] = _JUMPS.format(next(iter(parted))), own | parted
@@ -98,41 +99,41 @@ class Derivatives:
         return replace(self, values=_without_ties(self.values), by=by, none=none, means=means)
 
     def averaged(self) -> "Derivatives":
-        """Return them with means where places that tie part, which will do in a search for a limit or a minimum."""
+        """Return them with means where places of equal value differ, which suffice to search a bound or a minimum."""
         none = {name: why for name, why in self.none.items() if name not in self.means}
         return replace(self, by={**self.by, **self.means}, none=none, means={})
 
-    def told(self) -> "Derivatives":
+    def checked(self) -> "Derivatives":
         """Return them; raises `InputError` where there is none by one of the parameters."""
         for name, why in self.none.items():
             raise InputError(f"derivative by {name}: there is none here: {why}")
         return self
 
     def record(self) -> dict[str, dict[str, Any]]:
-        """Return them as a record keeps them: of what is measured, by each parameter, with the value that it has."""
+        """Return the entries of a record: for each result and parameter, with the value of the parameter."""
         at, errors = self.parameters, self.errors
 
-        def one(parameter: str, name: str) -> dict[str, Any]:
-            found = {"at": at[parameter], "derivative": self.by[parameter][name].tolist()}
-            return found | ({"error_estimate": errors[parameter][name]} if parameter in errors else {})
+        def derivative(parameter: str, name: str) -> dict[str, Any]:
+            entry = {"at": at[parameter], "derivative": self.by[parameter][name].tolist()}
+            return entry | ({"error_estimate": errors[parameter][name]} if parameter in errors else {})
 
-        return {name: {parameter: one(parameter, name) for parameter in self.by} for name in self.values}
+        return {name: {parameter: derivative(parameter, name) for parameter in self.by} for name in self.values}
 
 
 class Kinked(Exception):
-    """There is no derivative, or it is not seen so near: says why."""
+    """There is no derivative, or none at this step size; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps from a number, and of what is there the derivative by it.
+    """Steps of a parameter, and the finite difference formulas on them.
 
     Attributes
     ----------
     offsets, step
-        Steps in units of one.
+        The steps in multiples of ``step``, and this.
     size
-        How much the number may change as a whole, to which a derivative that hardly is one is compared.
+        Size of the parameter, which sets the scale of derivatives near zero.
     """
 
     offsets: Sequence[int]
@@ -142,61 +143,61 @@ class Steps:
     @property
     def steps(self) -> list[float]:
         """The steps."""
-        return [one * self.step for one in self.offsets]
+        return [offset * self.step for offset in self.offsets]
 
     @property
     def weights(self) -> Array:
-        """Weights of the derivative, of values at the steps less that at none."""
+        """Weights of the derivative, for values at the steps less that at zero."""
         return self._weights(1) / self.step
 
     def _weights(self, order: int) -> Array:
         powers = np.vander(self.offsets, len(self.offsets) + 1, increasing=True)[:, 1:].T
-        found: Array = np.linalg.solve(powers, order * np.eye(len(self.offsets))[order - 1])
-        return found
+        weights: Array = np.linalg.solve(powers, order * np.eye(len(self.offsets))[order - 1])
+        return weights
 
     @property
     def jumps(self) -> Array:
-        """Weights of the jump of the slope, of the same: of two steps what bends counts too, but that is little."""
+        """Weights of the jump of the slope, for the same; with two steps curvature counts too, but is small."""
         if self.offsets == (-2, -1, 1, 2):
             # Second differences grow with the step at a kink, with its square elsewhere.
             return np.array([-1.0, 4.0, 4.0, -1.0]) / (2.0 * self.step)
         return self._weights(2) / self.step if len(self.offsets) == 2 else np.zeros(len(self.offsets))
 
-    def slopes(self, several: Sequence[Measured], values: Measured, others: Measured | None = None) -> Measured:
-        """Return the derivatives of what is measured.
+    def slopes(self, perturbed: Sequence[Measured], values: Measured, held: Measured | None = None) -> Measured:
+        """Return the derivatives of results, from those at the steps and those at zero.
 
         Raises
         ------
         Kinked
-            Where a slope jumps by more than a share of all that there is, that of ``others`` too.
+            Where a slope jumps by more than a fraction of it, including the derivatives ``held``.
         """
-        found = {}
+        derivatives = {}
         for name, value in values.items():
-            rows = np.array([one[name] for one in several]) - value
-            found[name] = np.einsum("i,i...->...", self.weights, rows)
+            rows = np.array([results[name] for results in perturbed]) - value
+            derivatives[name] = np.einsum("i,i...->...", self.weights, rows)
             jump = largest(np.einsum("i,i...->...", self.jumps, rows))
-            whole = found[name] if others is None else found[name] + others[name]
-            if not jump <= APART * scale(whole, value, self.size):
+            slope = derivatives[name] if held is None else derivatives[name] + held[name]
+            if not jump <= APART * scale(slope, value, self.size):
                 raise Kinked(_JUMPS.format(name.removesuffix(TIED)))
-        return found
+        return derivatives
 
 
-class Beside:
-    """Models beside one: of other parameters, on the same discretisation.
+class PerturbedModels:
+    """Models with perturbed parameters, on the discretisation of a given one.
 
     Parameters
     ----------
     make
         Returns the model of parameters by their names.
     at
-        Those of the one.
+        The parameters of the given model.
     like
-        A model whose unknowns theirs must be.
+        The given model, whose unknowns they must have.
 
     Raises
     ------
     InputError
-        If a parameter has no size, or the model that is made is another one.
+        If a parameter is zero, or ``make`` does not return the given model.
     """
 
     def __init__(self, make: Callable[[Mapping[str, float]], Model], at: Mapping[str, float], like: Model) -> None:
@@ -207,21 +208,21 @@ class Beside:
         with silently(), choices.kept() as self._choices:
             self._refuse(make(self.at), "parameters")
 
-    def models(self, name: str, share: float) -> tuple[Steps, list[Model]]:
-        """Return models at steps of a share of a parameter, on one side of it where there are none on the other.
+    def models(self, name: str, fraction: float) -> tuple[Steps, list[Model]]:
+        """Return models at steps of a fraction of a parameter, one-sided where there are none on the other side.
 
         Raises
         ------
         Kinked
-            If there are none.
+            If there are none on either side.
         """
         size, why = abs(self.at[name]), ""
-        for offsets in _PLACES[share]:
-            steps = Steps(offsets, share * size, size)
+        for offsets in _PLACES[fraction]:
+            steps = Steps(offsets, fraction * size, size)
             try:
-                return steps, [self.model(name, one) for one in steps.steps]
+                return steps, [self.model(name, step) for step in steps.steps]
             except InputError as problem:
-                why = why or f"models beside it cannot be had: {problem}"
+                why = why or f"there is no model with a slightly different value: {problem}"
         raise Kinked(why)
 
     def model(self, name: str, step: float) -> Model:
@@ -233,13 +234,13 @@ class Beside:
 
     def _refuse(self, model: Model, name: str) -> None:
         if not np.array_equal(model.free, self._like.free):
-            raise InputError(f"{name}: the discretisation changes with it, or is not that of the answer")
+            raise InputError(f"{name}: the discretisation changes with it, or is not that of the solution")
 
     def derivatives(
         self,
         values: Measured,
         begin: Callable[[Steps, Sequence[Model]], Any],
-        shares: Sequence[float],
+        fractions: Sequence[float],
         go_on: Callable[[Sequence[Any]], Sequence[Callable[[], Measured]]],
     ) -> Derivatives:
         """Return derivatives by all parameters.
@@ -247,36 +248,38 @@ class Beside:
         Parameters
         ----------
         values
-            What is measured.
+            The results.
         begin
-            Returns what is needed of models at steps from a parameter, which are then let go, or raises `Kinked`.
-        shares
-            How far off these are, one after the other until there is no kink.
+            Returns the data needed of the models at steps from a parameter, which are then released, or raises
+            `Kinked`.
+        fractions
+            Relative steps, tried in this order until there is no kink.
         go_on
-            Returns, of what is needed by several parameters, what returns the derivatives by each, or raises `Kinked`.
+            Takes these data of several parameters, and returns for each a function that returns the derivatives by it,
+            or raises `Kinked`.
         """
-        found, none, left = {}, dict[str, str](), list(self.at)
-        for share in shares:
+        by, none, left = {}, dict[str, str](), list(self.at)
+        for fraction in fractions:
             begun = {}
             with silently():
                 for name in left:
                     try:
-                        begun[name] = begin(*self.models(name, share))
+                        begun[name] = begin(*self.models(name, fraction))
                     except Kinked as problem:
                         none[name] = str(problem)
                 for name, end in zip(begun, go_on(list(begun.values())), strict=True):
                     try:
-                        found[name] = end()
+                        by[name] = end()
                     except Kinked as problem:
                         none[name] = str(problem)
-            left = [name for name in left if name not in found]
+            left = [name for name in left if name not in by]
         # In the order of the parameters.
-        by = {name: found[name] for name in self.at if name in found}
+        by = {name: by[name] for name in self.at if name in by}
         return Derivatives(self.at, values, by, {name: none[name] for name in left}).of_peaks()
 
 
 def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[..., Measured]]:
-    """Return what is measured somewhere, and what asks for it near there, with the choices made there."""
+    """Return the results of a state, and a function for those near it, with the choices made there."""
     with silently(), choices.kept() as made:
         values = ask(*at)
 
@@ -285,30 +288,30 @@ def near(ask: Callable[..., Measured], *at: Any) -> tuple[Measured, Callable[...
             with choices.repeated(made, near=True):
                 return ask(*there)
         except InputError as problem:
-            raise Kinked(f"what is measured cannot be had beside it: {problem}") from problem
+            raise Kinked(f"results are not available at a slightly different value: {problem}") from problem
 
-    # Beside them there are places that tie; what cannot be had again cannot by any parameter.
+    # The function adds places of equal value.  What fails here does so for each parameter, where it is reported.
     with suppress(Kinked):
         values = asked(*at)
     return values, asked
 
 
-def _without_ties(found: Measured) -> Measured:
-    """Return what is measured without the values of places that tie."""
-    return {name: one for name, one in found.items() if not name.endswith(TIED)}
+def _without_ties(measured: Measured) -> Measured:
+    """Return the results without the values of places of equal value."""
+    return {name: value for name, value in measured.items() if not name.endswith(TIED)}
 
 
 def scale(rate: Array, value: Array, size: float) -> float:
-    """Return the size of a derivative by a parameter, to which what it misses is compared."""
+    """Return the size of a derivative by a parameter, relative to which its errors are."""
     return max(largest(rate), _NOTHING * largest(value) / size) or 1.0
 
 
 def largest(values: Array) -> float:
-    """Return the largest size of some values, without bound where one is none."""
-    found = np.abs(values).max(initial=0.0)
-    return float(found) if np.isfinite(found) else np.inf
+    """Return the largest magnitude of some values, infinite where one is not a number."""
+    size = np.abs(values).max(initial=0.0)
+    return float(size) if np.isfinite(size) else np.inf
 
 
 def silently() -> warnings.catch_warnings:
-    """Say nothing: it was said of the model itself."""
+    """Suppress warnings, which the model itself has raised."""
     return warnings.catch_warnings(action="ignore")

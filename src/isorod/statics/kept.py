@@ -1,4 +1,4 @@
-"""What statics keeps in a checkpoint: where the load steps are, from which they go on to the last bit."""
+"""Checkpoints of statics, from which load steps continue identically to the last bit."""
 
 import hashlib
 from pathlib import Path as File
@@ -22,9 +22,9 @@ from isorod.statics.predictor import Before
 
 
 class Reached(NamedTuple):
-    """Where load steps are: load factor, length of the next, updates of multipliers, and quick steps in a row.
+    """State of the load steps: load factor, length of the next, updates of multipliers, and quick steps in a row.
 
-    ``loose`` is the last load factor at which contact did not hold all.
+    ``loose`` is the last load factor at which contact did not hold all bodies.
     """
 
     factor: float
@@ -34,33 +34,33 @@ class Reached(NamedTuple):
     loose: float
 
 
-class Kept(NamedTuple):
-    """The file, seconds of wall time between two states that are kept at least, and whether to go on from there."""
+class CheckpointOptions(NamedTuple):
+    """The file, minimum wall time between two checkpoints in seconds, and whether to continue from it."""
 
     file: File
     every: float
     resume: bool
 
 
-class Keeper:
-    """Keeps where load steps are.
+class CheckpointWriter:
+    """Writes checkpoints of load steps.
 
     Parameters
     ----------
     solver, path
-        What takes them, and what becomes of them.
+        Solver and path of the load steps.
     kept
-        Where and how often.
-    told
-        What else a run must have in common to continue.
+        File and interval.
+    settings
+        Settings that a continued run must share.
 
     Raises
     ------
     InputError
-        If the model has what is not kept.
+        If checkpoints do not support the model.
     """
 
-    def __init__(self, solver: Newton, path: Path, kept: Kept, told: tuple[Any, ...]) -> None:
+    def __init__(self, solver: Newton, path: Path, kept: CheckpointOptions, settings: tuple[Any, ...]) -> None:
         model = solver.assembler.model
         if model.contacts or model.coupled:
             raise InputError(
@@ -70,22 +70,22 @@ class Keeper:
             raise InputError(f"time between checkpoints: got {kept.every:g}, need seconds, not negative")
         self._solver, self._path, self._kept = solver, path, kept
         self._comm = solver.assembler.comm.tompi4py()
-        self._file = checkpoint.Kept(kept.file, lambda: _identity(model, told), self._comm)
+        self._file = checkpoint.Kept(kept.file, lambda: _identity(model, settings), self._comm)
         self._state: dict[str, Array] = {}
         self._saved = perf_counter()
 
     def begun(self, start: Reached) -> Reached:
-        """Return where load steps begin: at the start, or where the file says."""
-        found = self._file.begin(self._kept.resume)
-        if found is not None:
-            self._state = found | {"finished": np.array(False)}
-            return self._restore(found)
+        """Return the state to begin at: the start, or that of the file."""
+        stored = self._file.begin(self._kept.resume)
+        if stored is not None:
+            self._state = stored | {"finished": np.array(False)}
+            return self._restore(stored)
         self._state = self._now(start)
         self._file.write(self._state)
         return start
 
     def note(self, reached: Reached) -> None:
-        """Keep an equilibrium, if it is time for it; at the full load that before it, and that all is done."""
+        """Write an equilibrium, if it is time; at the full load the one before it, marked as finished."""
         if reached.factor == 1.0:
             self._file.write(self._state | {"finished": np.array(True)})
             return
@@ -95,57 +95,57 @@ class Keeper:
             self._saved = perf_counter()
 
     def keep(self) -> str:
-        """Keep the last equilibrium of a run that is interrupted; return where it is, in words."""
+        """Write the last equilibrium of an interrupted run; return a note on it."""
         reached = self._solver.assembler.model.when(float(self._state["reached"][0]))
         return self._file.keep(lambda: self._state, reached)
 
     def close(self) -> None:
-        """Let other runs have the file."""
+        """Release the file."""
         self._file.close()
 
     def _now(self, reached: Reached) -> dict[str, Array]:
         solver, path, assembler = self._solver, self._path, self._solver.assembler
-        found = {
+        state = {
             "finished": np.array(False),
             "reached": np.array(reached),
             "counts": np.array([solver.iterations, solver.linear_iterations, solver.cuts, solver.solves]),
             "norms": np.array(solver.norms),
             "most": np.array(path.most),
             "x": assembler.all_unknowns(solver.x),
-            "past_factors": np.array([one.factor for one in path.past]),
-            "past": np.array([one.displacement for one in path.past]),
+            "past_factors": np.array([past.factor for past in path.past]),
+            "past": np.array([past.displacement for past in path.past]),
             "steps": np.array(len(path.steps)),
         }
         if solver.history is not None:
-            found |= {"before_step": np.array(solver.history.step)}
-            found |= {f"before_{name}": assembler.all_unknowns(getattr(solver.history, name)) for name in ("x", "rate")}
-        for k, one in enumerate(path.steps):
-            found |= {f"step_{k}_{name}": value for name, value in _flat(one._asdict()).items()}
+            state |= {"before_step": np.array(solver.history.step)}
+            state |= {f"before_{name}": assembler.all_unknowns(getattr(solver.history, name)) for name in ("x", "rate")}
+        for k, step in enumerate(path.steps):
+            state |= {f"step_{k}_{name}": value for name, value in _flat(step._asdict()).items()}
         if path.largest is not None:
             turn = path.largest._asdict()
             own = turn.pop("carried")._asdict()
-            found |= {f"turn_{name}": value for name, value in _flat(turn | own).items()}
-        return found
+            state |= {f"turn_{name}": value for name, value in _flat(turn | own).items()}
+        return state
 
-    def _restore(self, found: dict[str, Array]) -> Reached:
+    def _restore(self, stored: dict[str, Array]) -> Reached:
         solver, path, assembler = self._solver, self._path, self._solver.assembler
-        solver.iterations, solver.linear_iterations, solver.cuts, solver.solves = map(int, found["counts"])
-        solver.norms, path.most = found["norms"].tolist(), float(found["most"])
-        self._vector(found["x"]).copy(solver.x)
-        if "before_step" in found:
+        solver.iterations, solver.linear_iterations, solver.cuts, solver.solves = map(int, stored["counts"])
+        solver.norms, path.most = stored["norms"].tolist(), float(stored["most"])
+        self._vector(stored["x"]).copy(solver.x)
+        if "before_step" in stored:
             solver.history = Before(
-                float(found["before_step"]), *(self._vector(found[f"before_{name}"]) for name in ("x", "rate"))
+                float(stored["before_step"]), *(self._vector(stored[f"before_{name}"]) for name in ("x", "rate"))
             )
-        for factor, displacement in zip(found["past_factors"].tolist(), found["past"], strict=True):
+        for factor, displacement in zip(stored["past_factors"].tolist(), stored["past"], strict=True):
             path.past.append(Past(factor, displacement))
             assembler.advance(assembler.state(displacement), factor)
-        for k in range(int(found["steps"])):
-            path.steps.append(Step(**self._whole(found, f"step_{k}_")))
-        if "turn_factor" in found:
-            turn = self._whole(found, "turn_")
+        for k in range(int(stored["steps"])):
+            path.steps.append(Step(**self._unflattened(stored, f"step_{k}_")))
+        if "turn_factor" in stored:
+            turn = self._unflattened(stored, "turn_")
             own = {name: turn.pop(name) for name in Carried._fields}
             path.largest = Turn(carried=Carried(**own), contacts=(), **turn)
-        factor, step, augmentations, quick, loose = found["reached"].tolist()
+        factor, step, augmentations, quick, loose = stored["reached"].tolist()
         return Reached(factor, step, int(augmentations), int(quick), loose)
 
     def _vector(self, unknowns: Array) -> PETSc.Vec:
@@ -153,24 +153,27 @@ class Keeper:
         x.array_w[:] = unknowns[slice(*x.getOwnershipRange())]
         return x
 
-    def _whole(self, found: dict[str, Array], start: str) -> dict[str, Any]:
-        """Return what `_flat` has made of a step."""
-        own: dict[str, Any] = {name.removeprefix(start): one for name, one in found.items() if name.startswith(start)}
-        own = {name: float(one) if one.ndim == 0 else one for name, one in own.items()}
+    def _unflattened(self, stored: dict[str, Array], start: str) -> dict[str, Any]:
+        """Return the entries of a step that `_flat` returned."""
+        own: dict[str, Any] = {
+            name.removeprefix(start): float(value) if value.ndim == 0 else value
+            for name, value in stored.items()
+            if name.startswith(start)
+        }
         if "pressures" in own:
             own["pressures"] = self._solver.assembler.model.split_pressures(own["pressures"])
         return own | ({"solids": ()} if start == "turn_" else {}) | ({} if "pressures" in own else {"pressures": ()})
 
 
 def _flat(values: dict[str, Any]) -> dict[str, Array]:
-    """Return the arrays and numbers of a step by their names; pressures of all bodies in one."""
-    found = {name: np.array(one) for name, one in values.items() if isinstance(one, float | np.ndarray)}
-    pressures = [one.ravel() for one in values["pressures"] if one is not None]
-    return found | ({"pressures": np.concatenate(pressures)} if pressures else {})
+    """Return the arrays and numbers of a step by their names; pressures of all bodies in one array."""
+    arrays = {name: np.array(value) for name, value in values.items() if isinstance(value, float | np.ndarray)}
+    pressures = [part.ravel() for part in values["pressures"] if part is not None]
+    return arrays | ({"pressures": np.concatenate(pressures)} if pressures else {})
 
 
-def _identity(model: Model, told: tuple[Any, ...]) -> dict[str, Any]:
-    """Return what a checkpoint must have in common with a run."""
+def _identity(model: Model, settings: tuple[Any, ...]) -> dict[str, Any]:
+    """Return the properties in which checkpoint and run must agree."""
     from isorod.dynamics.explicit.mesh import digests, pack
 
     digest = hashlib.sha256(b"".join(digests(pack(model, moves=False))))
@@ -178,11 +181,11 @@ def _identity(model: Model, told: tuple[Any, ...]) -> dict[str, Any]:
     digest.update(repr((model.loads, model.spin, is_mixed(model))).encode())
     arrays: list[Any] = [model.held, model.free, model.external, np.array(model.stages)]
     arrays += [law.lame for body in model.bodies for law in body.laws]
-    for one in model.motions:
-        arrays += [one.turn, one.path]
-        digest.update(repr(one.clock).encode())
+    for motion in model.motions:
+        arrays += [motion.turn, motion.path]
+        digest.update(repr(motion.clock).encode())
     if model.times is not None:
         arrays += [model.times.path, model.times.times]
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
-    return {"version": __version__, "analysis": "statics", "settings": repr(told), "model": digest.hexdigest()}
+    return {"version": __version__, "analysis": "statics", "settings": repr(settings), "model": digest.hexdigest()}

@@ -1,4 +1,4 @@
-"""Length of a Newton step by the work of the out-of-balance force along it."""
+"""Length of a Newton step by the work of the residual along it."""
 
 from collections.abc import Callable
 
@@ -9,23 +9,22 @@ from isorod.statics.tuning import CONTROL
 
 
 def step_length(work: Callable[[float], float], start: float) -> float:
-    """Return the fraction of a step at whose end no work is left along it, roughly.
+    """Return the fraction of a step at which the residual's work along it is about zero.
 
-    Where points come into contact, or slip, the force is no smooth function of the state and full Newton steps go back
-    and forth.  Its work along a step is continuous.  It falls from the start as long as the tangent is definite; where
-    it has changed sign at the end, points that push back lie between.  The bracket closes by chords and, where
-    these do not halve it, halving.
+    Where points come into contact, or slip, the residual is not smooth and full Newton steps oscillate.  Its work along
+    a step is continuous, and falls from the start while the tangent is definite; where it has changed sign at the end,
+    points that push back lie between.  The bracket is closed by chords and, where these do not halve it, by halving.
 
     Parameters
     ----------
     work
         ``work(fraction)`` is the work at a fraction of the step, which need not be finite.
     start
-        That at none of it, where a descent direction makes it positive.
+        The work at zero, positive for a descent direction.
     """
     low, high, at_low, at_high = 0.0, 1.0, start, work(1.0)
     if not start > 0.0:
-        # The tangent is not definite, and the step may be right all the same.
+        # The tangent is not definite, but the step may be right.
         while high > CONTROL.short and not np.isfinite(at_high):
             high *= 0.5
             at_high = work(high)
@@ -35,39 +34,39 @@ def step_length(work: Callable[[float], float], start: float) -> float:
     halve = not np.isfinite(at_high)
     for _ in range(CONTROL.evaluations):
         fraction = 0.5 * (low + high) if halve else low + (high - low) * at_low / (at_low - at_high)
-        found = work(fraction)
-        if abs(found) <= CONTROL.left * start:
+        at_fraction = work(fraction)
+        if abs(at_fraction) <= CONTROL.left * start:
             return fraction
         width = high - low
-        if found > 0.0:
-            low, at_low = fraction, found
+        if at_fraction > 0.0:
+            low, at_low = fraction, at_fraction
         else:
-            high, at_high = fraction, found
-        # A chord of which one end is far off hardly moves the other.
+            high, at_high = fraction, at_fraction
+        # A chord to a distant end hardly moves the other one.
         halve = not np.isfinite(at_high) or (not halve and high - low > 0.5 * width)
     return low
 
 
 class LineSearch:
-    """Lets SNES, with its basic line search, take steps of such a length (`step_length`).
+    """Shortens the steps of SNES with its basic line search to `step_length`.
 
     Parameters
     ----------
     snes, residual
-        The solver, and what fills a vector with the out-of-balance force of a state.
+        The solver, and a function that fills a vector with the residual of a state.
     signs
-        Of each unknown 1, or -1 where equilibrium is the functional's maximum by it, as by the pressures of the mixed
-        formulation: what falls along a step to a saddle is the work with these signs, and the tangent with them is
-        definite.  None: 1 everywhere.
+        1 for each unknown, or -1 where equilibrium is the functional's maximum by it, as by the pressures of the mixed
+        formulation: with these signs the work falls along a step to the saddle, and the tangent is definite.  None: 1
+        everywhere.
     free
-        Returns the fraction of the increment between two states on which bodies do not go through each other.
+        Returns the fraction of the increment between two states without bodies passing through each other.
 
     Attributes
     ----------
     short
-        How many steps were hardly any, since this was last set.
+        Number of very short steps since this was last set.
     fraction
-        How much of the last step was taken.
+        Fraction of the last step that was taken.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class LineSearch:
         snes.setLineSearchPreCheck(self._shorten)
 
     def _shorten(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
-        """Scale the step ``y`` that is to be taken from ``x``; return whether that changes it."""
+        """Scale the step ``y`` from ``x``; return whether that changes it."""
         start = self._snes.getFunction()[0]
         force, trial, direction = start.duplicate(), x.duplicate(), y.copy()
         if self._signs is not None:
@@ -101,6 +100,6 @@ class LineSearch:
         self.short += fraction < CONTROL.short
         self.fraction = fraction * free
         y.scale(fraction)
-        for one in (force, trial, direction):
-            one.destroy()
+        for vector in (force, trial, direction):
+            vector.destroy()
         return self.fraction < 1.0

@@ -1,4 +1,4 @@
-"""SNES on an assembler, at one load factor after the other."""
+"""SNES on an assembler, for one load step after the other."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,51 +28,51 @@ from isorod.statics.steps import Diverged, Steps
 if TYPE_CHECKING:
     from isorod.statics.proximal import Proximal
 
-# Share of a load step by which the residual is differentiated where supports turn.
+# Fraction of a load step over which the residual is differenced for the path's slope.
 DELTA = 1e-6
 
-# What a user's option overrides.
+# Defaults, which a user's options override.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points slip, more.
+# More iterations with contact, where steps are shortened (`isorod.statics.line_search`), and with friction.
 TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
 
-# Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
+# Number of steps of nearly no length after which a solution stops while lower penalties can be tried.
 _STUCK = 3
 
 # While contact settles, the elements' part of the tangent is kept as long as each iteration leaves less than this
-# fraction of the force out of balance.
+# fraction of the residual.
 _LAGS = 0.2
 
-# With contact, the path is taken for smooth after a step of at most so many linear solves.
+# With contact, the path counts as smooth after a step of at most so many linear solves.
 _SMOOTH = 8
 
 
 class Newton:
-    """SNES on an assembler, at one load factor after the other.
+    """SNES on an assembler, for one load step after the other.
 
     Attributes
     ----------
     x
         The last equilibrium.
     iterations, linear_iterations
-        Linear solves so far, and what they took.
+        Linear solves so far, and their iterations.
     norms
-        Of the out-of-balance force in the last step: before the predictor, then at each iteration.
+        Norms of the residual in the last step: before the predictor, then at each iteration.
     stabilisation
-        What holds bodies that contact is yet to hold, or None.
+        Artificial stiffness of bodies held by contact alone, or None.
     policy
-        Says when penalties, multipliers and points of contact change; None without contact.
+        Updates of penalties, multipliers and points of contact; None without contact.
     steps
-        What is asked of load steps.
+        Limits of load steps.
     cuts
-        Load steps that were cut so far.
-    tell
-        Called in each iteration with what says how far it is.
+        Number of load steps cut so far.
+    report
+        Called in each iteration with a function that returns the progress as text.
     guess
-        State that the next load step begins at in the place of its predictor, or None.
+        Initial guess of the next load step in place of its predictor, or None.
     left
-        Called with state and load factor where a step begins, also again.
+        Called with state and load factor at the start of each step, also of a repeated one.
     history, solves
         The equilibrium before the last, or None, and linear solves of the last step.
     """
@@ -84,7 +84,7 @@ class Newton:
         self.linear_iterations = 0
         self.norms: list[float] = []
         self.cuts = 0
-        self.tell: Callable[[Callable[[], str]], None] = lambda line: None
+        self.report: Callable[[Callable[[], str]], None] = lambda line: None
         self.guess: PETSc.Vec | None = None
         self.left: Callable[[PETSc.Vec, float], None] = lambda x, factor: None
         self._trial = assembler.vector()
@@ -127,7 +127,7 @@ class Newton:
 
             assembler.tangent(self.x, 0.0, self._matrix)
             self.stabilisation = stabilisation.Stabilisation(assembler, self._matrix, loose)
-            # What nothing holds yet flies as far as it is pushed.
+            # Bodies that are not held yet may pass through others in one step.
             self.steps.careful = self.steps.watched
 
     def _signs(self) -> PETSc.Vec | None:
@@ -141,18 +141,18 @@ class Newton:
     def destroy(self) -> None:
         """Give back matrix, factors and work vectors.
 
-        SNES or the line search and this object, each holding the other, would keep them for long.
+        SNES and the line search hold references to this object, which would keep them for long.
         """
         self._line_search = self.policy = None
-        for one in (self.snes, self._matrix, self._trial, self._force, self._change):
-            one.destroy()
+        for item in (self.snes, self._matrix, self._trial, self._force, self._change):
+            item.destroy()
 
     def _monitor(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
         self.norms.append(norm)
-        self.tell(lambda: self._line(iteration, norm))
+        self.report(lambda: self._line(iteration, norm))
 
     def _line(self, iteration: int, norm: float) -> str:
-        """Return how far it is, in words."""
+        """Return the progress as text."""
         contact = self.assembler.contact
         touching = "" if contact is None else f", {contact.touching:,} points in contact"
         cuts = f", {self.cuts} steps cut" if self.cuts else ""
@@ -160,13 +160,13 @@ class Newton:
         return f"{reached}, iteration {iteration}, residual force {norm:.2g}{touching}{cuts}"
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
-        """Return SNES's reason to stop; where lower penalties are left to try, hardly moving is one."""
+        """Return SNES's reason to stop; among them are very short steps, while lower penalties can be tried."""
         search, policy = self._line_search, self.policy
         if search is not None and search.short >= _STUCK and policy is not None and policy.may_soften:
             return PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         state, change, force = norms
         if search is not None and search.fraction < 1.0:
-            # A step that was made short says nothing of how far the equilibrium is.
+            # The correction is that of the full step.
             change = change / search.fraction if search.fraction > 0.0 else np.inf
         return self._convergence.test(snes, iteration, (state, change, force))
 
@@ -186,7 +186,7 @@ class Newton:
             self._fill(x, self._factor, out, own and self._settles and converges)
 
     def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
-        """Fill ``out`` with the tangent, its elements' part maybe of an iteration before."""
+        """Fill ``out`` with the tangent; if ``lags``, its elements' part may be that of an earlier iteration."""
         self.assembler.tangent(x, factor, out, lags)
         forget_factors(out, self.snes.getKSP())
         if self.stabilisation is not None:
@@ -198,18 +198,18 @@ class Newton:
         Raises
         ------
         Diverged
-            If SNES diverges, an element loses most of its volume, a body with a support that turns turns too far to be
-            followed, or bodies in contact go through each other; the state is then the one before.
+            If SNES diverges, an element loses most of its volume, a rotating support turns a body too far, or bodies in
+            contact pass through each other; the state is then the one before.
         SolveError
             If the linear solver fails.
         """
         self._stage.push()
-        # What is held close to where it was comes back to nothing else.
+        # With stabilisation there is no other equilibrium near.
         self._convergence.guarded = self.stabilisation is None
         try:
             before = self.assembler.jacobians(self.x, factor)
             with defaults(COUNT_NEGATIVE | room(self.assembler.comm) | unscaled(self.assembler)):
-                # At one load factor contact has changed alone.
+                # At constant load factor only contact has changed.
                 self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
@@ -222,7 +222,7 @@ class Newton:
         finally:
             self._stage.pop()
         self.solves = solves
-        # At one load factor only contact has changed, and the path with it.
+        # At constant load factor contact has changed, and with it the path.
         self.history = Before(target - factor, self.x.copy(), rate) if target > factor else None
         self._trial.copy(self.x)
         return solves
@@ -230,58 +230,58 @@ class Newton:
     def begin(self, displacement: Array) -> bool:
         """Look for the equilibrium at the full load near a displacement ``(dofs,)``; return whether there is one.
 
-        If not, all is as before.
+        If not, the state is that of rest.
         """
         near = self.assembler.state(displacement)
         near.copy(self.x)
         near.destroy()
-        found = self.assembler.smallest_jacobian(self.x, 1.0)[0] > 0.0
-        if found:
+        converged = self.assembler.smallest_jacobian(self.x, 1.0)[0] > 0.0
+        if converged:
             if self.stabilisation is not None:
                 self.stabilisation.begin(self.x)
             try:
                 self.advance(1.0, 1.0)
             except Diverged:
-                found = False
-        if found and self.steps.turning.watches:
-            found = self.steps.turning.follows(self.assembler.displacement(self.x, 1.0))
-        if not found:
+                converged = False
+        if converged and self.steps.turning.watches:
+            converged = self.steps.turning.follows(self.assembler.displacement(self.x, 1.0))
+        if not converged:
             self.x.zeroEntries()
             if self.stabilisation is not None:
                 self.stabilisation.begin(self.x)
-        return found
+        return converged
 
     def forget_path(self) -> None:
-        """Take the path for one that does not go on as it came."""
+        """Begin a new path: the next predictor is linear."""
         self.history = None
 
     def resistance(self, direction: PETSc.Vec) -> PETSc.Vec:
-        """Return by how much the out-of-balance force grows over a short increment from the last equilibrium."""
+        """Return the change of the residual over a short increment from the last equilibrium."""
         change = direction.duplicate()
         self._residual(self.x + direction, change)
         change.axpy(-1.0, self.snes.getFunction()[0])
         return change
 
     def own_tangent(self) -> PETSc.Mat:
-        """Return the tangent at the last equilibrium, of the stress there."""
+        """Return the tangent at the last equilibrium, with the stress there."""
         self.assembler.extrapolate()
         self._fill(self.x, self._factor, self._matrix)
         return self._matrix
 
     def settle(self) -> "Proximal | None":
-        """Let what holds bodies until contact does vanish, at the full load, and return it (`vanish`)."""
+        """Reduce the stabilisation to zero at the full load, and return it (`Proximal.vanish`)."""
         if self.stabilisation is not None:
             self.stabilisation.vanish(self.again, self.x)
         return self.stabilisation
 
     @contextmanager
     def let_go(self, factor: float) -> Iterator[None]:
-        """Let what holds bodies vanish, nearly, for a look at the state at a load factor; then all is as before.
+        """Reduce the stabilisation nearly to zero to evaluate the state at a load factor; then restore all.
 
         Raises
         ------
         SolveError
-            If contact does not hold them there.
+            If contact does not hold the bodies there.
         """
         held, contact = self.stabilisation, self.assembler.contact
         assert held is not None and contact is not None
@@ -296,7 +296,7 @@ class Newton:
                 back()
 
     def again(self, factor: float = 1.0) -> bool:
-        """Seek the equilibrium at a load factor once more; return whether it is found."""
+        """Iterate to equilibrium at the same load factor again; return whether that converges."""
         try:
             self.advance(factor, factor)
         except Diverged:
@@ -304,13 +304,13 @@ class Newton:
         return True
 
     def _predict(self, factor: float, step: float) -> tuple[float | None, PETSc.Vec]:
-        """Set the trial state of a step; return the norm of the force that drives it, if any, and the path's slope."""
+        """Set the trial state of a step; return the norm of its load increment, if any, and the path's slope."""
         assembler = self.assembler
         if self.history is None:
             self.left(self.x, factor)
         assembler.extrapolate()
         if not step and self._filled:
-            # What has changed at one load factor is contact, which Newton's iterations see.
+            # Only contact has changed, which Newton's iterations take into account.
             self.x.copy(self._trial)
             return self._convergence.carried_force, assembler.vector()
         self._filled = True
@@ -320,11 +320,11 @@ class Newton:
             self.x.copy(self._trial)
             return None, assembler.vector()
         force, rate = self._slope(factor, step)
-        # Where a path goes on, so does flow; once laws have left, the tangent at its surface is that of unloading.
+        # The tangent is that of continued flow: once the laws have accepted the state, it is that of unloading.
         self.left(self.x, factor)
         self._trial.waxpy(step, rate, self.x)
         if self._bend(rate, step):
-            # The extrapolated stress belongs to a straight step.
+            # The extrapolated stress is that of a linear predictor.
             assembler.extrapolate()
         if assembler.contact is not None and step:
             assembler.contact.predict(assembler.touching(self._trial, factor + step))
@@ -334,10 +334,10 @@ class Newton:
         return force, rate
 
     def _slope(self, factor: float, step: float) -> tuple[float, PETSc.Vec]:
-        """Return the norm of the force that drives a step, and the path's slope where it begins."""
+        """Return the norm of a step's load increment, and the path's slope at its start."""
         ahead = self._ahead
         if ahead is None or ahead.factor != factor:
-            # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
+            # A cubic predictor needs the path's slope; the first step takes the secant of rotating supports.
             fraction = 1.0 if self.history is None else DELTA
             self.assembler.load_forces(self.x, factor, fraction * step, self._force)
             self._force.scale(1.0 / fraction)
@@ -349,7 +349,7 @@ class Newton:
         return ahead.force * step, ahead.rate
 
     def _solve_linear(self, factor: float) -> None:
-        """Set the change of state that the force makes."""
+        """Set the change of state by the force."""
         ksp = self.snes.getKSP()
         ksp.setOperators(self._matrix)
         ksp.solve(self._force, self._change)
@@ -366,7 +366,7 @@ class Newton:
             )
 
     def _bend(self, rate: PETSc.Vec, step: float) -> bool:
-        """Make the predictor follow the curve of the path, if it can be told."""
+        """Make the predictor cubic, if the path is smooth; return whether it is."""
         if self.history is None or (self.assembler.contact is not None and self.solves > _SMOOTH):
             return False
         gap = self.history.bend(self.x, rate, step)
@@ -375,7 +375,7 @@ class Newton:
         return bends
 
     def _correct(self, scale: float | None) -> int:
-        """Bring the trial state into balance; return the number of linear solves, the predictor's included."""
+        """Iterate the trial state to equilibrium; return the number of linear solves, the predictor's included."""
         snes = self.snes
         self.norms = [] if scale is None else [scale]
         if self._line_search is not None:
@@ -391,7 +391,7 @@ class Newton:
             why = f"SNES diverged (reason {reason})"
             if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 why = f"the linear solver does not converge (KSP reason {snes.getKSP().getConvergedReason()})"
-                # MUMPS, once it has failed, does not try again.
+                # MUMPS does not recover from a failure.
                 snes.getKSP().getPC().reset()
             raise Diverged(worst_place(self.assembler, self._trial, self._factor, why))
         return int(iterations) + 1

@@ -1,4 +1,4 @@
-"""The load steps on the way to an equilibrium, and what is kept of them."""
+"""The load steps of an equilibrium, and their recorded results."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,19 +15,19 @@ from isorod.model.past import Past
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
 
-# Outputs this near to a kink of a table are at it.
+# Outputs this close to a kink of a table are moved to it.
 _SAME = 1e-9
 
 
 class Step(NamedTuple):
-    """Where a load step ended.
+    """The end of a load step.
 
-    Its load factor, the forces of the supports on the model ``(supports, 3)``, the sum of the normal forces of
-    obstacles that move, the supports' moments, and force and moment of the obstacle of each contact
+    Its load factor, the forces of the supports on the model ``(supports, 3)``, the sum of the normal forces of moving
+    obstacles, the supports' moments, and force and moment of the obstacle of each contact
     (`isorod.contact.operator.ContactOperator.obstacle_loads`).  Without friction, and where supports hold all bodies,
-    multipliers are added at the full load alone, and what is before it is as the penalty says; over time they are in
-    each step.  Displacement, pressures and solids, as of an `isorod.statics.Equilibrium`, are there where they are
-    to be kept.
+    multipliers are updated at the full load alone, and steps before it are by the penalty method; over time they are
+    updated in each step.  Displacement, pressures and solids, as of an `isorod.statics.Equilibrium`, are given where
+    states are kept.
     """
 
     factor: float
@@ -41,7 +41,7 @@ class Step(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """An equilibrium where a table goes on otherwise: its load factor, stored energy, and what an answer has of it."""
+    """An equilibrium at a kink of a table: its load factor, stored energy, and results."""
 
     factor: float
     energy: float
@@ -58,22 +58,22 @@ class Path:
     Parameters
     ----------
     assembler
-        Of the model.
+        Assembler of the model.
     keep
-        Keep the state of each step, or of those that end at outputs, if there are any, or at kinks of tables.
+        Keep the state of each step or, if there are outputs, of those at outputs and kinks of tables.
     outputs
-        How many there are, at load factors, or times, evenly spaced.
+        Number of outputs, evenly spaced in load factor or time.
 
     Attributes
     ----------
     outputs
-        Their load factors.
+        Load factors of the outputs.
     most
         Over time the largest force, or moment over the model's size, of a support so far.
     past
-        Equilibria that laws with memory have gone on from.
+        Equilibria at the starts of steps, for laws with memory.
     largest
-        The equilibrium of the most stored energy among those at kinks of tables so far.
+        The equilibrium of largest stored energy at kinks of tables so far.
     """
 
     def __init__(self, assembler: Assembler, keep: bool, outputs: int | None = None) -> None:
@@ -83,7 +83,7 @@ class Path:
         self.outputs = [(k + 1) / count for k in range(count)]
         self._kept = set(self.outputs)
         if self._times is not None:
-            places = [self._times.place(self._times.end * share) for share in self.outputs]
+            places = [self._times.place(self._times.end * fraction) for fraction in self.outputs]
             stages = np.array(assembler.model.stages)
             near = stages[np.abs(np.subtract.outer(places, stages)).argmin(axis=1)] if places else stages[:0]
             self.outputs = np.where(np.abs(near - places) <= _SAME, near, places).tolist()
@@ -93,13 +93,13 @@ class Path:
         self.largest: Turn | None = None
 
     def left(self, x: PETSc.Vec, factor: float) -> None:
-        """Let laws with memory go on from an equilibrium, once: the step from there may be tried again."""
+        """Let laws with memory accept the equilibrium at the start of a step, once: the step may be repeated."""
         if self._assembler.model.remembers and factor > (self.past[-1].factor if self.past else 0.0):
             self.past.append(Past(factor, self._assembler.displacement(x, factor).copy()))
             self._assembler.advance(x, factor)
 
     def reached(self, x: PETSc.Vec, factor: float) -> None:
-        """Note where a step has ended; without contact and times, where nobody asks, the load factor alone."""
+        """Record the end of a step; without contact and times only the load factor, unless states are kept."""
         assembler = self._assembler
         step = Step(factor, np.empty((0, 3)))
         keep = self._keep and (not self.outputs or factor in self._kept)
@@ -119,7 +119,7 @@ class Path:
         self.steps.append(step)
 
     def _compare(self, x: PETSc.Vec, factor: float, own: Carried) -> None:
-        """Keep a state at a kink of tables if it stores more than those before."""
+        """Keep a state at a kink of a table if it stores more energy than those before."""
         assembler = self._assembler
         if factor == 1.0 or factor not in assembler.model.stages:
             return

@@ -1,4 +1,4 @@
-"""What preconditioners that options name are told of a model: rigid motions, and which unknowns are whose."""
+"""Data of a model for preconditioners: rigid motions, and the unknowns of rods and solids."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ _MULTIGRID = ("gamg", "ml", "hypre")
 def prepare(assembler: Assembler, matrix: PETSc.Mat, pc: PETSc.PC) -> None:
     """Give multigrid the rigid motions of a model, and ``fieldsplit`` its fields, ``rods`` and ``solids``.
 
-    That of the solids has their rigid motions for a multigrid of its own.
+    The field ``solids`` has their rigid motions for its own multigrid.
     """
     if pc.getType() in _MULTIGRID:
         matrix.setNearNullSpace(near_null_space(assembler))
@@ -34,9 +34,9 @@ def _rigid_motions(assembler: Assembler, coupling: "Coupling", field: PETSc.IS) 
     vectors, nothing = [], np.zeros(assembler.model.dofs)
     for k, solid in enumerate(assembler.model.solids):
         for motion in motions_of(solid.positions, np.ones(len(solid.positions), dtype=bool)).T:
-            others = [np.zeros(3 * len(one.positions)) for one in assembler.model.solids]
-            others[k] = motion
-            everywhere = assembler.state(nothing, (), others)
+            motions = [np.zeros(3 * len(other.positions)) for other in assembler.model.solids]
+            motions[k] = motion
+            everywhere = assembler.state(nothing, (), motions)
             part = everywhere.getSubVector(field)
             vectors.append(part.copy())
             everywhere.restoreSubVector(field, part)

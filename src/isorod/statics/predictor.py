@@ -1,4 +1,4 @@
-"""What is known of the path where a load step begins, and how the step's predictor follows it."""
+"""The path's slope at the start of a load step, and the cubic predictor."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ from petsc4py import PETSc
 
 
 class Ahead(NamedTuple):
-    """The path's slope at a load factor, and the norm of the force that drives it, a load factor of 1."""
+    """The path's slope at a load factor, and the norm of its load increment, both per load factor."""
 
     factor: float
     rate: PETSc.Vec
@@ -14,14 +14,14 @@ class Ahead(NamedTuple):
 
 
 class Before(NamedTuple):
-    """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
+    """The equilibrium before the last: the increment from its load factor, its state, and the path's slope there."""
 
     step: float
     x: PETSc.Vec
     rate: PETSc.Vec
 
     def bend(self, x: PETSc.Vec, rate: PETSc.Vec, step: float) -> PETSc.Vec:
-        """Return what the cubic through two equilibria with their tangents leaves a straight step by.
+        """Return the difference to a linear step of the cubic through two equilibria with their tangents.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
-"""Forces that hold bodies on their way to an equilibrium, and vanish there: the proximal point method.
+"""Artificial forces that vanish at equilibrium: the proximal point method.
 
-To the forces of a model are added ``-a D (x - x0)``, ``D`` a diagonal of its stiffness.  The equilibrium with them is
-sought again and again with ``x0`` where it was found last (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898),
-until nothing is left of them: what remains is the equilibrium without them.  The larger ``a``, the shorter steps are.
+To the forces of a model are added ``-a D (x - x0)``, ``D`` a diagonal of its stiffness.  Equilibria with them are
+computed repeatedly, with the last one as ``x0`` (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898), until the
+forces are negligible: the last is the equilibrium without them.  The larger ``a``, the shorter are the steps.
 """
 
 from collections.abc import Callable
@@ -14,43 +14,43 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 
-# By what the fraction is multiplied after a solution, and after none; below the least one rounding tells no motion.
+# Factors on the fraction after success and after failure; below the smallest fraction motions are rounding.
 FEWER, MORE = 0.1, 4.0
 LEAST = 1e-10
 
-# What may be left, relative to the forces that supports and loads carry, and the most solutions it may take.
+# Residual forces allowed, relative to those that supports and loads carry, and the maximum number of solutions.
 LEFT = 1e-6
 ROUNDS = 60
 
-# The same of what is told of load steps on the way.
+# The same for the results of intermediate load steps.
 NEARLY, FEW = 1e-3, 8
 
-# How many times as firmly a body is held first that flies off where contact changes.
+# Factor on the initial fraction for a body that moves away where contact changes.
 _FIRMER = 1e5
 
-# A body that has gone so many times the model's size is held by nothing.
+# A displacement of this multiple of the model's size means that nothing holds a body.
 _AWAY = 10.0
 
 
 class Proximal:
-    """Forces ``-a D (x - x0)`` that hold bodies where they were last, and vanish.
+    """Forces ``-a D (x - x0)`` that hold bodies at their last state, and vanish.
 
     Parameters
     ----------
     assembler
-        Of the model.
+        Assembler of the model.
     stiffness
-        The diagonal ``D``, zero for what is not held.
+        The diagonal ``D``, zero for unknowns that are not held.
     fraction
         The factor ``a``.
 
     Attributes
     ----------
     left
-        Bound of the resultant that these forces balance in the last state, with what Newton's iterations leave,
-        relative to the forces that supports and loads carry.
+        Bound of the resultant of these forces in the last state and of the residual of Newton's iterations, relative to
+        the forces that supports and loads carry.
     rounds
-        Solutions at the full load in which they were let vanish.
+        Number of solutions at the full load in which they were reduced.
     """
 
     def __init__(self, assembler: Assembler, stiffness: PETSc.Vec, fraction: float) -> None:
@@ -64,15 +64,15 @@ class Proximal:
         self.rounds = 0
 
     def begin(self, x: PETSc.Vec) -> None:
-        """Let a state be the one in which these forces are none."""
+        """Set the state ``x0``, in which these forces are zero."""
         x.copy(self._start)
 
     def is_away(self, x: PETSc.Vec) -> bool:
-        """Return whether a body has gone so far that nothing holds it."""
+        """Return whether a body has moved so far that nothing holds it."""
         return bool(np.abs(self._displacement(x)).max() > _AWAY * self._model.size)
 
     def add_forces(self, x: PETSc.Vec, out: PETSc.Vec, carried: float) -> None:
-        """Add what is to vanish to the out-of-balance forces; ``carried`` is the norm of what supports and loads do."""
+        """Add the forces to a residual; ``carried`` is the norm of those that supports and loads carry."""
         self._forces.waxpy(-1.0, self._start, x)
         self._forces.pointwiseMult(self._forces, self._stiffness)
         self._forces.scale(self.fraction)
@@ -82,22 +82,22 @@ class Proximal:
         out.axpy(1.0, self._forces)
 
     def add_stiffness(self, out: PETSc.Mat) -> None:
-        """Add its derivative to the tangent."""
+        """Add the derivative of the forces to the tangent."""
         diagonal = self._stiffness.copy()
         diagonal.scale(self.fraction)
         out.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
 
     def step(self, again: Callable[[], bool], x: PETSc.Vec) -> bool:
-        """Seek the equilibrium with these forces, which are none where it was last; return whether it is found."""
+        """Iterate to equilibrium with these forces from the last one as ``x0``; return whether that converges."""
         self.rounds += 1
         self.begin(x)
-        found = again()
-        if not found:
+        converged = again()
+        if not converged:
             self.left = np.inf
-        return found
+        return converged
 
     def keep(self) -> Callable[[], None]:
-        """Return what takes these forces back to what they are now."""
+        """Return a function that restores the present forces."""
         start, fraction, left, rounds = self._start.copy(), self.fraction, self.left, self.rounds
 
         def back() -> None:
@@ -107,21 +107,21 @@ class Proximal:
         return back
 
     def vanish(self, again: Callable[[], bool], x: PETSc.Vec, left: float = LEFT, rounds: int = ROUNDS) -> None:
-        """Let the forces vanish.
+        """Reduce the forces to zero.
 
         Parameters
         ----------
         again
-            Seeks the equilibrium at the same load once more; returns whether it was found.
+            Iterates to equilibrium at the same load again; returns whether that converges.
         x
-            Where the last equilibrium is.
+            The solver's last equilibrium.
         left, rounds
-            What may be left, and how many solutions there may be.
+            Relative residual forces allowed, and maximum number of solutions.
 
         Raises
         ------
         SolveError
-            If they do not: nothing holds a body.
+            If they do not vanish: nothing holds a body.
         """
         while self.left > left:
             if self.rounds >= rounds:
@@ -129,16 +129,16 @@ class Proximal:
             fraction = self.fraction
             self.fraction = max(FEWER * fraction, LEAST)
             if not self.step(again, x):
-                # It flew too far in one solution: steps are made shorter than they were.
+                # The step was too long.
                 self.fraction = MORE * fraction
             elif not self._forces.norm() > 0.0:
-                # It stays where it is: what is left is rounding.
+                # The body is at rest: the remainder is rounding.
                 return
             elif self.is_away(x):
                 raise SolveError(self.why(x))
 
     def hold(self, again: Callable[[], bool], x: PETSc.Vec) -> None:
-        """Let the forces vanish, nearly, anew: firm ones at first, which hold bodies where they are.
+        """Reduce the forces nearly to zero again, from large ones that hold bodies in place.
 
         Parameters and errors are those of `vanish`.
         """

@@ -1,9 +1,9 @@
-"""Bodies that only contact holds: a stabilisation that vanishes.
+"""Stabilisation of bodies that only contact holds, reduced to zero at the full load.
 
-Where supports leave a rigid motion free, the stiffness is singular until contact resists.  Such a body is held by
-forces ``-a D (x - x0)`` (`isorod.statics.proximal`), ``D`` the diagonal of the stiffness at rest.  Load steps climb
-with ``x0`` at rest, so that the increment shrinks with the step.  At the full load these forces vanish, with a
-smaller ``a`` in each step.
+Where supports leave a rigid-body mode free, the stiffness is singular until contact resists.  Such a body is held by
+forces ``-a D (x - x0)`` (`isorod.statics.proximal`), ``D`` the diagonal of the stiffness at rest.  In load steps ``x0``
+is the state of rest, so that the increment shrinks with the step.  At the full load the forces are reduced to zero,
+with a smaller ``a`` in each step.
 """
 
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ from isorod.petsc.direct import direct
 from isorod.petsc.softest import noise, soften
 from isorod.statics.proximal import LEAST, Proximal
 
-# The fraction ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
-# softer, this part of what its softest deformation resists with (found by so many inverse iterations).
-_SHARE = 1e-4
+# The fraction ``a`` of load steps: about the bending stiffness of a slender rod of twenty radii and, where a body is
+# softer, this part of the stiffness of its softest deformation (by so many inverse iterations).
+_FRACTION = 1e-4
 _SOFT = 0.01
 _ITERATIONS = 4
 
@@ -29,28 +29,28 @@ _PREFIX = "stabilisation_"
 
 
 class Stabilisation(Proximal):
-    """The forces that hold bodies until contact does."""
+    """Artificial stiffness of bodies until contact holds them."""
 
     def __init__(self, assembler: Assembler, matrix: PETSc.Mat, loose: Sequence[tuple[int, Array]]) -> None:
         model = assembler.model
         bodies = np.unique([body for body, _ in loose])
         mine = np.zeros(model.dofs)
         for body in bodies:
-            # Rigid motions are of control points alone; many others together can be near to nothing.
+            # Control points alone: the other functions may be nearly dependent.
             model.nodal(mine, int(body))[model.bodies[body].space.is_control_point] = 1.0
         self._loose = loose
         stiffness = matrix.getDiagonal()
         stiffness.pointwiseMult(stiffness, assembler.state(mine))
         super().__init__(assembler, stiffness, LEAST)
         self.left = 0.0
-        self.fraction = max(LEAST, min(_SHARE, _SOFT * self._softness(assembler, matrix)))
+        self.fraction = max(LEAST, min(_FRACTION, _SOFT * self._softness(assembler, matrix)))
 
     def _softness(self, assembler: Assembler, matrix: PETSc.Mat) -> float:
-        """Return about the least fraction of ``D`` with which what is loose resists a deformation: that of a spring."""
+        """Return roughly the smallest ratio of stiffness to ``D`` of deformations of the loose bodies."""
         weight, rigid = self._stiffness, list[PETSc.Vec]()
 
         def purge(shape: PETSc.Vec) -> None:
-            """Take the rigid motions out of a shape."""
+            """Remove the rigid motions from a shape."""
             for motion in rigid:
                 shape.axpy(-motion.dot(weight * shape), motion)
 
@@ -63,20 +63,20 @@ class Stabilisation(Proximal):
         kind = SPARSE | {"pc_type": "cholesky" if assembler.symmetric else "lu"}
         ksp = direct(shifted, {f"{_PREFIX}{name}": value for name, value in kind.items()}, _PREFIX)
         softness, _ = soften(ksp, weight, noise(assembler.vector()), _ITERATIONS, purge)
-        for one in (ksp, shifted):
-            one.destroy()
+        for item in (ksp, shifted):
+            item.destroy()
         return softness - LEAST
 
     def why(self, x: PETSc.Vec) -> str:
-        """Return which free motion goes on."""
+        """Return a message with the free motion."""
         moved = self._displacement(x)
-        found = []
+        moving = []
         for body in sorted({body for body, _ in self._loose}):
             own = [motion for other, motion in self._loose if other == body]
             parts = [float(np.sum(motion * self._model.nodal(moved, body))) for motion in own]
-            whole = sum(part * motion for part, motion in zip(parts, own, strict=True))
-            found.append((float(np.linalg.norm(parts)), body, whole))
-        _, body, motion = max(found, key=lambda one: one[0])
+            total = sum(part * motion for part, motion in zip(parts, own, strict=True))
+            moving.append((float(np.linalg.norm(parts)), body, total))
+        _, body, motion = max(moving, key=lambda entry: entry[0])
         how = rigid_motions.describe(self._model.bodies[body].space, np.asarray(motion))
         return (
             f"supports and contact: body {body} is free to {how} (rigid-body mode), no active contact at the end; "

@@ -1,4 +1,4 @@
-"""What a load step must not do, and what fraction of an increment bodies may go."""
+"""Limits of load steps: distortion, rotation, and bodies that pass through each other."""
 
 from typing import TYPE_CHECKING
 
@@ -18,20 +18,20 @@ class Diverged(Exception):
 
 
 class TooDeep(Diverged):
-    """A load step converged, but bodies went through each other, or nearly."""
+    """A load step converged, but bodies passed through each other, or nearly did."""
 
 
 class Steps:
-    """Looks at the steps of a model from one load factor to the next.
+    """Checks the steps of a model from one load factor to the next.
 
     Attributes
     ----------
     turning
-        What supports that turn ask of steps and states.
+        Limits of rotating supports on steps and states.
     watched
-        Whether Newton's steps ask how much of them is free.
+        Whether Newton's steps are checked by `free`.
     careful
-        Whether they are made so short that bodies do not go through each other on the way.
+        Whether they are so short that bodies never pass through each other.
     """
 
     def __init__(self, assembler: Assembler) -> None:
@@ -45,7 +45,7 @@ class Steps:
             self._passing = passing.Tunnelling(assembler.model)
 
     def free(self, start: PETSc.Vec, end: PETSc.Vec, before: float, factor: float) -> float:
-        """Return the fraction of an increment on which no bodies go through each other: all where nobody is careful."""
+        """Return the fraction of an increment without bodies passing through each other: 1 where not ``careful``."""
         if self._passing is None or not self.careful:
             return 1.0
         state = self._assembler.touching
@@ -58,16 +58,16 @@ class Steps:
             raise Diverged(problem)
 
     def refuse(self, start: PETSc.Vec, before: float, end: PETSc.Vec, factor: float) -> None:
-        """Raise `Diverged` if a body that supports turn went too far to be followed, or bodies in contact passed."""
+        """Raise `Diverged` if rotating supports turned a body too far, or bodies passed through each other."""
         watches, contact = self.turning.watches, self._assembler.contact
         if not watches and self._passing is None:
             return
         states = self._assembler.touching(start, before), self._assembler.touching(end, factor)
-        problem = self.turning.lost(*(one[: self._assembler.model.dofs] for one in states)) if watches else None
+        problem = self.turning.lost(*(state[: self._assembler.model.dofs] for state in states)) if watches else None
         if problem is not None:
             raise Diverged(problem)
         if self._passing is not None and contact is not None:
-            # Whoever is careful has looked at each piece of the way, which need not be straight.
+            # In careful steps each iteration was checked; their sum need not be straight.
             passed = None if self.careful else self._passing.passed(*states, (before, factor))
             problem = self._passing.deep(contact.packed) or passed
             if problem is not None:

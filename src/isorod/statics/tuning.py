@@ -1,9 +1,9 @@
 """Numbers that control load steps, contact on the load path, and the line search.
 
-What half and twice a value change is beside it, in linear solves of four cases: `rope`, the scene (85, one load step,
-largest pressure 99.0); `pair7` and `pair20`, random pairs of rods (46 and 128; `pair` of `tests/pushed.py`); and
+Comments give the effect of half and twice a value, in linear solves of four cases: `rope`, the scene (85, one load
+step, largest pressure 99.0); `pair7` and `pair20`, random pairs of rods (46 and 128; `pair` of `tests/pushed.py`); and
 `crossed`, two bars pressed into each other by half a radius (38; `tests/test_contact_statics.py`).  Results agree to
-four digits but where another is beside it.
+four digits unless another one is given.
 """
 
 from dataclasses import dataclass
@@ -11,32 +11,32 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class StepControl:
-    """By how much and how often load steps, penalties and multipliers change.
+    """Control of changes of load steps, penalties and multipliers.
 
     Attributes
     ----------
     halvings
-        How often a load step is halved at most: a limit, at which the analysis ends.
+        Maximum number of halvings of a load step, after which the analysis ends.
     quick, quick_touching
-        A step doubles after one of at most so many linear solves, without contact and with.
+        Maximum number of linear solves of a quick step, without contact and with; the next step is twice as long.
     wary
-        With contact, it takes as many such steps more as were cut, at most so many.
+        With contact, as many more quick steps are needed for that as steps were cut, at most so many.
     softer, softest
-        Factor on penalties after a load step that failed, and the part of their defaults below which they do not fall.
+        Factor on penalties after a load step that failed, and smallest fraction of their defaults.
     stiffer, stiffenings
-        Factor on penalties where updates of multipliers stall, or, at most, where penalties rise again, and how often
-        they rise above their defaults at most.
+        Factor on penalties where updates of multipliers stall, and largest one where reduced penalties rise again;
+        maximum number of rises above their defaults.
     stalled
-        Part of the penetration that updates leave where they stall.
+        Fraction of the penetration left by an update above which updates stall.
     updates, update_halvings
-        Updates of the multipliers at most, a limit; how often one that fails is halved.
+        Maximum number of multiplier updates, and of halvings of one that fails.
     additions
-        How often points are added at most.
+        Maximum number of additions of points.
     kept, left
-        A full Newton step stays where it brings the work of the residual along it down to this part; else the zero is
-        bracketed until so little is left.
+        A full Newton step is accepted where the work of the residual along it falls to this fraction; otherwise the
+        zero is bracketed to this fraction.
     evaluations, short
-        Residuals of a line search at most, a limit; the part of a step that is hardly one.
+        Maximum number of residuals of a line search; fraction of a step that counts as very short.
     """
 
     # A limit.

@@ -1,7 +1,7 @@
-"""Cholesky factors within the profile (skyline) of a matrix, and what a compiled time step solves with them.
+"""Cholesky factors within the profile (skyline) of a matrix, and compiled solves with them.
 
 Of a matrix ``[[A, B^T], [B, C]]`` the rows of ``A`` may be factorised alone, ``A = L L^T``; those of ``B`` become ``W =
-B L^-T``, and what is left for the others to solve with is ``C - W W^T``.
+B L^-T``, and the Schur complement ``C - W W^T`` is returned.
 """
 
 from typing import NamedTuple
@@ -208,7 +208,7 @@ def reduce(factors: Factors, momenta: Array, reduced: Array) -> None:
             top = factors.systems[s, 1]
             for i in range(top, top + factors.systems[s, 0] + factors.systems[s, 2]):
                 x[i] = momenta[order[_0, i]]
-            # Where there are no edges to tell others of, `substitute` does both, and reads the factor once from memory.
+            # Without edges to exchange, `substitute` does both, and reads the factor once from memory.
             if factors.systems[s, 2] > _0:
                 _reduce_one(factors, s, x)
             continue

@@ -1,4 +1,4 @@
-"""Contact in explicit steps: what the compiled steps take; loaded by models that have contacts."""
+"""Contact in the arrays of compiled explicit steps; loaded by models that have contacts."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -26,23 +26,23 @@ class StepContact(NamedTuple):
     packed, friction
         Contact of lateral surfaces, and its friction.
     reference
-        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``; those of facets
-        of finite element bodies behind them, which move in implicit steps alone.
+        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``, followed by
+        those of facets of finite element bodies, which move in implicit steps alone.
     order
-        Where each degree of freedom is in a state vector, ``(dofs,)``; those of facets behind the others.
+        Place of each degree of freedom in a state vector, ``(dofs,)``, followed by those of facets.
     positions, forces
-        Work space of all nodes that contact knows (`isorod.contact.packed`), ``(., 3)``.
+        Work space of all nodes of contact (`isorod.contact.packed`), ``(., 3)``.
     limits
-        How deep points of each pass may be before they come out at the far side (`isorod.contact.passing`).
+        Largest penetration of each pass before points come out at the far side (`isorod.contact.passing`).
     carries
-        1 for the nodes whose functions add up to one, else 0: their forces make the resultant, ``(nodes,)``.
+        1 for control points, else 0: the resultant is the sum of their forces, ``(nodes,)``.
     shared
-        The model's nodes that carry surfaces.
+        The model's nodes of contact surfaces, exchanged between ranks.
     mine
-        Which nodes are this rank's, ``(nodes,)``.
+        Whether this rank owns a node, ``(nodes,)``.
     call, own, all
-        What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
-        the shared nodes' displacements or forces and `NUMBERS` behind, of this rank and the sums.
+        Exchange between ranks: the call (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
+        the ``shared`` nodes' displacements or forces followed by `NUMBERS`, of this rank and the sums.
     """
 
     packed: Packed
@@ -60,8 +60,8 @@ class StepContact(NamedTuple):
     all: Array
 
 
-# Numbers behind the forces: those of `isorod.dynamics.explicit.exchange_kernel`, then energy, force and area, and
-# whether a point is too deep.
+# Numbers that follow the forces: those of `isorod.dynamics.explicit.exchange_kernel`, then energy, force and area, and
+# whether a penetration is too large.
 CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
 _STRUCTURES = (PACKED, FRICTION)
@@ -73,7 +73,7 @@ STEP_CONTACT = types.NamedTuple(
 def pack(
     model: Model, order: Index, ranks: Ranks | None = None, points: Sequence[tuple[int, int]] | None = None
 ) -> StepContact:
-    """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks.
+    """Return the contacts of a model, split over ranks, with degrees of freedom in this order in state vectors.
 
     ``points`` are as for `isorod.contact.tables.pack`.
     """
@@ -81,12 +81,12 @@ def pack(
     refuse_in_motion(model.contacts)
     nodes, places = facets.nodes_of(model)
     reference = np.concatenate([*(body.space.positions for body in model.bodies), places])
-    # The first rank has the forces on facets.
+    # The first rank owns the facets.
     mine = np.append(ranks.owned[::3], np.full(nodes.size, ranks.rank == 0))
     packed = dealt.Ranks(ranks.communicator).split(tables.pack(model, points, in_motion=True))
     control_points, lifts = packed.control_points, packed.lifts
     shared = [control_points[control_points < len(reference)]]
-    shared += [one["first_node"] + np.arange(one["layers"] * one["functions"]) for one in lifts]
+    shared += [each["first_node"] + np.arange(each["layers"] * each["functions"]) for each in lifts]
     known = np.unique(np.concatenate(shared))
     size = 3 * known.size + NUMBERS
     return StepContact(

@@ -46,14 +46,14 @@ from isorod.dynamics.explicit.step_kernel import (
     push,
 )
 
-# What `subtract` returns, a plain tuple, see `isorod.compiling.njit`.
+# Type of the result of `subtract`, a plain tuple, see `isorod.compiling.njit`.
 STEP_PRESSING = types.UniTuple(f8, 8)
 StepPressing = tuple[float, float, float, float, float, float, float, float]
 
 
 @njit(b1(STEP_CONTACT, f8), **STRICT)
 def too_deep(contact: StepContact, deepest: float) -> bool:
-    """Return whether a point of the last forces, of which the deepest gap is given, is deeper than it may be."""
+    """Return whether a penetration at the last forces, whose smallest gap is given, exceeds its limit."""
     packed, limits = contact.packed, contact.limits
     if -deepest <= limits.min():
         return False
@@ -68,7 +68,7 @@ def too_deep(contact: StepContact, deepest: float) -> bool:
 
 @njit(void(STEP_CONTACT, F1), **STRICT)
 def meet(contact: StepContact, displacement: Array) -> None:
-    """Fill in a displacement, a state vector, what other ranks know of surfaces."""
+    """Fill in a displacement, a state vector, the surface nodes of other ranks."""
     order, shared, own = contact.order, contact.shared, contact.own
     if contact.call[0] == 0:
         return
@@ -85,7 +85,7 @@ def meet(contact: StepContact, displacement: Array) -> None:
 
 @njit(void(STEP_CONTACT, f8, f8, f8, f8), **STRICT)
 def add_up(contact: StepContact, energy: float, force: float, area: float, deepest: float) -> None:
-    """Add up the ``forces`` of all ranks' points, and the numbers behind them."""
+    """Sum the ``forces`` of all ranks' points, and the numbers that follow them."""
     shared, pushed, own, added = contact.shared, contact.forces, contact.own, contact.all
     first = own.size - NUMBERS
     own[first + CONTACT_ENERGY], own[first + FORCE], own[first + AREA] = energy, force, area
@@ -135,12 +135,12 @@ def subtract(contact: StepContact, displacement: Array, keep: bool, forces: Arra
     Returns
     -------
     energy, force, area, deepest
-        As of `isorod.contact.force_kernel.add_forces`; the first with the energy of the springs of friction.  The
-        deepest is that of this rank's points.
+        As of `isorod.contact.force_kernel.add_forces`; the energy includes frictional springs.  ``deepest`` is that of
+        this rank's points.
     x, y, z
         Sum of all forces that rigid obstacles exert on this rank's nodes.
     dissipated
-        What friction has dissipated at this rank's points since the last step.
+        Dissipation by friction at this rank's points since the last step.
     """
     order, positions, pushed = contact.order, contact.positions, contact.forces
     for d in range(order.size):
@@ -171,7 +171,7 @@ def finish(
     contact: StepContact,
     pressing: StepPressing,
 ) -> int:
-    """Move on by one step under forces of which those of contact are told; return the outcome."""
+    """Finish a step, given the result of `subtract`; return the outcome."""
     energy, _, _, _, x, y, z, dissipated = pressing
     numbers = contact.all[contact.all.size - NUMBERS :]
     outcome = outcome_of(course, numbers)
@@ -203,7 +203,7 @@ def advance(
     last: int,
     contact: StepContact,
 ) -> tuple[int, int]:
-    """Take steps ``first`` to ``last - 1`` with contact; return how many of all were taken, and the outcome.
+    """Take steps ``first`` to ``last - 1`` with contact; return the number of steps taken, and the outcome.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def advance(
         pressing = subtract(contact, state.displacement, True, state.forces)
         if contact.packed.tracks.size:
             obstacle_loads(contact.packed, contact.friction, loads)
-            # Half of the way to the next step and half of that from the last one: the trapezoidal rule.
+            # Half of the motion to the next step and half of that from the last one: the trapezoidal rule.
             work = obstacle_work(contact.packed, loads, time - course.step, time + course.step)
             state.sums[FOLLOWED] += 0.5 * work
         outcome = finish(mesh, state, course, mass, contact, pressing)

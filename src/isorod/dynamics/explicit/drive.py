@@ -1,10 +1,11 @@
-"""What acts on explicit steps from outside: loads, springs to ground, and supports that move, by time.
+"""External actions on explicit steps: loads, springs to ground, and moving supports, over time.
 
-Where supports move what they hold at ``v_h``, the momenta of steps are those of what is free alone, ``p = M_ff v_f``:
+Where supports move held degrees of freedom at ``v_h``, momenta are those of the free ones alone, ``p = M_ff v_f``:
 
     (p+ - p-) / dt + c (p+ + p-) / 2 = F - f - M_fh ((v_h+ - v_h-) / dt + c (v_h+ + v_h-) / 2),
 
-and ``v_h`` half a step ahead is the way from this step to the next over its length: places of supports are exact.
+and ``v_h`` half a step ahead is the displacement increment to the next step over its length: positions of supports are
+exact.
 """
 
 from typing import Any
@@ -20,20 +21,20 @@ from isorod.errors import InputError
 
 
 class Drive:
-    """Loads, springs, mean motions that are held, and supports that move, in explicit steps.
+    """Loads, springs, held mean motions, and moving supports, in explicit steps.
 
     Attributes
     ----------
     time, step
-        At which forces are asked for, and the time step: they are their means half a step about it, so that between
-        velocities loads have their whole impulse, whatever their history.
+        Time of the forces, and time step: forces are means over half a step before and after, so that steps have the
+        exact impulse of loads, for any history.
     since
-        When velocities were last staggered: from there on they have it.
+        Time at which velocities were last staggered; means do not begin earlier.
 
     Raises
     ------
     InputError
-        If there is what explicit steps do not know, or what several ranks do not.
+        If explicit steps do not support a load or a support, at all or on several ranks.
     """
 
     def __init__(self, system: Any) -> None:
@@ -41,36 +42,36 @@ class Drive:
         self.time = self.since = 0.0
         self.step = 1.0
         self._moves = model.moves
-        for k, one in model.means.items():
-            if one.clock.moves:
+        for k, mean in model.means.items():
+            if mean.clock.moves:
                 raise InputError(f"support {k}: explicit steps move no mean motions; use integrator 'implicit'")
         if system.ranks.size > 1 and (model.following or model.means or self._moves):
             raise InputError(
-                "loads: on several ranks explicit steps know no moments, pressures that follow, mean supports, springs "
-                "and supports that move; use one rank, or integrator 'implicit'"
+                "loads: explicit steps on several ranks do not support moments, follower pressures, mean supports, "
+                "springs and moving supports; use one rank, or integrator 'implicit'"
             )
-        self._springs = [averages.mean_of(model, one) for one in model.means.values() if one.stiffness is not None]
-        self._held = [k for k, one in model.means.items() if one.stiffness is None]
+        self._springs = [averages.mean_of(model, mean) for mean in model.means.values() if mean.stiffness is not None]
+        self._held = [k for k, mean in model.means.items() if mean.stiffness is None]
         self._constraints = Constraints(model) if model.means else None
-        self._carriers = model.is_control_point.repeat(3)
+        self._control_points = model.is_control_point.repeat(3)
         self._following = [
-            (share.which, FollowerLoads(share, [one for one in model.following if one.body == share.which]))
-            for share in (system.ranks.shares if model.following else ())
+            (elements.which, FollowerLoads(elements, [load for load in model.following if load.body == elements.which]))
+            for elements in (system.ranks.element_ranges if model.following else ())
         ]
         self._before = self._impulse = self._loads = self._outside = np.empty(0)
 
     def _loaded(self, displacement: Array) -> Array:
-        """Return the forces of loads, of a displacement in the model's order, as it is."""
+        """Return the forces of loads at a displacement, both in the model's order."""
         span = max(self.time - 0.5 * self.step, self.since), self.time + 0.5 * self.step
         model = self._system.model
-        found = model.loaded(*span).copy()
+        loads = model.loaded(*span).copy()
         for b, pressing in self._following:
             pressing.at(*span)
             space, first = model.bodies[b].space, model.first_node[b]
             nodes = space.element_nodes.reshape(space.axis.elements, -1, space.layer_nodes)
             pushed = pressing.forces(model.nodal(displacement, b)[nodes])
-            np.add.at(found.reshape(-1, 3), first + nodes, pushed)
-        return found
+            np.add.at(loads.reshape(-1, 3), first + nodes, pushed)
+        return loads
 
     def forces(self, displacement: Array) -> Array:
         """Return the forces of loads and springs at a displacement, both state vectors."""
@@ -80,12 +81,12 @@ class Drive:
         """Return the forces of loads alone, and with springs."""
         system = self._system
         moved, loads, both = displacement[system.order], np.zeros_like(displacement), np.zeros_like(displacement)
-        found = self._loaded(moved)
-        loads[system.order] = found
-        for one in self._springs:
-            assert one.stiffness is not None
-            found = found + one.pushed(-one.stiffness * one.moved(moved), moved.size // 3).ravel()
-        both[system.order] = found
+        total = self._loaded(moved)
+        loads[system.order] = total
+        for spring in self._springs:
+            assert spring.stiffness is not None
+            total = total + spring.pushed(-spring.stiffness * spring.moved(moved), moved.size // 3).ravel()
+        both[system.order] = total
         return loads, both
 
     def loads(self, displacement: Array) -> Array:
@@ -95,16 +96,16 @@ class Drive:
     def stored(self, displacement: Array) -> float:
         """Return the energy of springs."""
         moved = displacement[self._system.order]
-        springs = ((one.stiffness, one.moved(moved)) for one in self._springs)
-        return sum(0.5 * float(stiffness @ way**2) for stiffness, way in springs if stiffness is not None)
+        springs = ((spring.stiffness, spring.moved(moved)) for spring in self._springs)
+        return sum(0.5 * float(stiffness @ travel**2) for stiffness, travel in springs if stiffness is not None)
 
     def next(self, time: float, step: float) -> Array:
-        """Return how fast supports move what they hold until the next step."""
+        """Return the velocities of held degrees of freedom until the next step."""
         model = self._system.model
         return (model.placed(time + step) - model.placed(time))[model.held] / step
 
     def inertia(self, before: Array, after: Array, course: Course) -> Array:
-        """Return the forces that the mass of what is held has on what is free, given its velocities."""
+        """Return the inertial forces of held on free degrees of freedom, given their velocities."""
         held, system = self._system.state.held, self._system
         grown = np.zeros(system.model.dofs)
         grown[held] = (after - before) / course.step + 0.5 * course.damping * (after + before)
@@ -113,7 +114,7 @@ class Drive:
         return forces
 
     def begin(self, time: float, course: Course) -> None:
-        """Set what acts in the step from a time on."""
+        """Set the actions in the step that begins at a time."""
         system, state = self._system, self._system.state
         self.time, self.step = time, course.step
         self._loads, self._outside = self._split(state.displacement)
@@ -123,7 +124,7 @@ class Drive:
             after = self.next(time, course.step)
             state.loads[:] -= self.inertia(state.velocity[state.held], after, course)
             state.velocity[state.held] = after
-        # Each rank has its own of what is added up.
+        # Ranks' contributions are summed: each has the forces on its own degrees of freedom.
         mine = np.zeros(state.loads.size)
         mine[system.ranks.mine] = state.loads[system.ranks.mine]
         state.loads[:] = mine
@@ -135,7 +136,7 @@ class Drive:
         state.sums[FOLLOWED] += dt * float(self._loads[mine] @ mean[mine])
         pushed = np.zeros_like(mean)
         pushed[mine] = self._outside[mine]
-        state.sums[PUSHED:FOLLOWED] += dt * (self._carriers * pushed[system.order]).reshape(-1, 3).sum(axis=0)
+        state.sums[PUSHED:FOLLOWED] += dt * (self._control_points * pushed[system.order]).reshape(-1, 3).sum(axis=0)
         if not (self._moves or self._held):
             return
         resisted = system.momenta((state.velocity - self._before) / dt + course.damping * mean)
@@ -145,20 +146,20 @@ class Drive:
             if course.damping > 0.0:
                 held = np.zeros_like(mean)
                 held[state.held] = mean[state.held]
-                beside = system.momenta(held)
-                # The kernel knows that of what is free alone.
-                lost = 2.0 * float(mean @ beside) - float(held @ beside)
+                held_momenta = system.momenta(held)
+                # The kernel counts that of free degrees of freedom alone.
+                lost = 2.0 * float(mean @ held_momenta) - float(held @ held_momenta)
                 state.sums[DISSIPATED] += dt * course.damping * lost
         if self._held:
             inside = state.forces + resisted
             if self._moves:
                 inside -= self.inertia(self._before[state.held], state.velocity[state.held], course)
-            found = self.averages(inside, state.displacement)
-            held_alone = {k: found[k] for k in self._held}
+            exerted_by_means = self.averages(inside, state.displacement)
+            held_alone = {k: exerted_by_means[k] for k in self._held}
             state.sums[PUSHED:FOLLOWED] += dt * averages.forces_of(system.model, held_alone).sum(axis=0)
 
     def averages(self, forces: Array, displacement: Array) -> dict[int, Array]:
-        """Return what mean supports exert, of internal and inertial less external forces, as state vectors."""
+        """Return the forces of mean supports, from internal and inertial less external forces, as state vectors."""
         if self._constraints is None:
             return {}
         order = self._system.order

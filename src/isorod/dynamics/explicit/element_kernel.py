@@ -1,9 +1,9 @@
 """The compiled element loops of explicit dynamics: internal forces and energies.
 
-Everything is made for short steps on one thread.  Quadrature points are taken in blocks of ``POINTS``; what belongs to
-the points of a block lies side by side in a row, so that each loop over a block is a few vector instructions.  The sums
-are factorised as in `isorod.assembly.element_kernel`, and nothing is stored for more than one block.  Indices are
-unsigned and block lengths constants: only then does the compiler see that rows do not overlap.
+The loops are optimised for short steps on one thread.  Quadrature points are taken in blocks of ``POINTS``, with values
+at the points of a block contiguous in a row, so that each loop over a block is a few vector instructions.  The sums are
+factorised as in `isorod.assembly.element_kernel`, and nothing is stored for more than one block.  Indices are unsigned
+and block lengths constants: only then can the compiler see that rows do not overlap.
 
 A state vector holds layer by layer the x, then the y, then the z components of all nodes of the layer.
 """
@@ -42,7 +42,7 @@ def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: A
     # multiplications.
     while i + _4 <= n:
         for d in range(_3):
-            # Behind the coefficients are their derivatives along the axis, which go with the functions themselves.
+            # The coefficients are followed by their derivatives along the axis, which multiply the functions.
             p = i if d < _2 else _3 * n + i
             q, r = p + n, p + _2 * n
             x0, x1, x2, x3 = coefficients[p], coefficients[p + _1], coefficients[p + _2], coefficients[p + _3]
@@ -95,7 +95,7 @@ def _take_fibres(fibres: Array, begin: int, size: int, work: Array) -> None:
 
 @njit(void(F1, _u, F1), **FAST)
 def _pull_back(geometry: Array, g: int, work: Array) -> None:
-    """Replace ``P`` by that times the volume on disk x axis."""
+    """Replace ``P`` by ``P`` times the volume, pulled back to disk x axis."""
     for k in range(_W):
         pull_back_point(geometry, g + k, work, k)
 
@@ -161,7 +161,7 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
 
 @njit(void(MESH, _u, _u, F1, F1), **FAST)
 def _coefficients(mesh: Mesh, e: int, t: int, u: Array, coefficients: Array) -> None:
-    """Fill in the section coefficients of ``u`` at a point along the axis and, behind them, their derivatives."""
+    """Fill in the section coefficients of ``u`` at a point along the axis, followed by their derivatives."""
     element = mesh.elements[e]
     n3 = _3 * element.functions
     row = element.axial + _2 * t * element.along
@@ -177,7 +177,7 @@ def _coefficients(mesh: Mesh, e: int, t: int, u: Array, coefficients: Array) -> 
 
 @njit(void(MESH, _u, _u, F1, F1), **FAST)
 def _add_forces(mesh: Mesh, e: int, t: int, resultants: Array, forces: Array) -> None:
-    """Add what the resultants of a point along the axis make of forces."""
+    """Add the forces by the resultants at a point along the axis."""
     element = mesh.elements[e]
     n3 = _3 * element.functions
     row = element.axial + _2 * t * element.along
@@ -190,7 +190,7 @@ def _add_forces(mesh: Mesh, e: int, t: int, resultants: Array, forces: Array) ->
 
 @njit(void(MESH, f8), **FAST)
 def elapse(mesh: Mesh, time: float) -> None:
-    """Let a time have gone by since the states of laws with memory."""
+    """Set the time since the states of laws with memory."""
     for e in range(np.uint64(mesh.elements.shape[0])):
         if mesh.elements[e].clock:
             mesh.constants[mesh.elements[e].constants + mesh.elements[e].clock] = time
@@ -198,7 +198,7 @@ def elapse(mesh: Mesh, time: float) -> None:
 
 @njit(types.UniTuple(f8, 4)(MESH, F1, f8, b1, b1, F1), **FAST)
 def internal_forces(
-    mesh: Mesh, u: Array, activation: float, wanted: bool, goes_on: bool, forces: Array
+    mesh: Mesh, u: Array, activation: float, energies: bool, update: bool, forces: Array
 ) -> tuple[float, float, float, float]:
     """Fill ``forces`` with the internal forces of a displacement; those of inverted elements are not usable.
 
@@ -207,20 +207,20 @@ def internal_forces(
     u, forces
         State vectors, shape ``(dofs,)``.
     activation
-        Share of the laws' own.
-    wanted
-        Whether energies are; of laws with memory that go on they are left out.
-    goes_on
-        Whether laws with memory go on to the state there.
+        Fraction of the laws' activation.
+    energies
+        Whether to compute energies; not those of laws with memory that are updated.
+    update
+        Whether to update the states of laws with memory.
 
     Returns
     -------
     inverted
         Number of points with ``det F <= 0`` (or NaN).
     stored, active
-        Energy without activation, and what full activation adds to it.
+        Energy without activation, and that added by full activation.
     lost
-        What laws with memory have dissipated.
+        Dissipation of laws with memory.
     """
     largest = np.uint64(0)
     for e in range(np.uint64(mesh.elements.shape[0])):
@@ -234,8 +234,8 @@ def internal_forces(
     for e in range(np.uint64(mesh.elements.shape[0])):
         element = mesh.elements[e]
         n, blocks, directions = element.functions, element.blocks, element.directions * _W
-        goes = goes_on and element.update > 0
-        block = element.update if goes else element.block
+        updates = update and element.update > 0
+        block = element.update if updates else element.block
         constants = mesh.constants[element.constants : element.constants + element.count]
         for t in range(element.points):
             _coefficients(mesh, e, t, u, coefficients)
@@ -249,11 +249,11 @@ def internal_forces(
                 f = element.fibres + (t * blocks + b) * directions
                 if directions:
                     _take_fibres(mesh.fibres, f, directions, work)
-                call_block(block, (work, constants, activation, wanted))
-                if goes:
+                call_block(block, (work, constants, activation, energies))
+                if updates:
                     for k in range(directions):
                         mesh.fibres[f + k] = work[_R[FIBRE] + k]
-                elif wanted:
+                elif energies:
                     for k in range(_W):
                         stored += mesh.geometry[g + _R[9] + k] * work[_R[ENERGY] + k]
                         active += mesh.geometry[g + _R[9] + k] * work[_R[ACTIVE] + k]

@@ -1,7 +1,7 @@
-"""Compiled: what ranks tell each other in a step, and the mass that they divide by together.
+"""Compiled: exchange between ranks in a step, and division by the mass (static condensation).
 
-Each eliminates the nodes inside its part, as `isorod.dynamics.explicit.cholesky` has it.  What is left of all parts is
-added up, one sum a step, and every rank solves for the nodes on all edges.
+Each rank eliminates the nodes inside its part (`isorod.dynamics.explicit.cholesky`).  The remainders on edges are
+summed over ranks, once a step, and every rank solves for the nodes on all edges.
 """
 
 from typing import NamedTuple
@@ -17,22 +17,21 @@ from isorod.material.points import caller
 
 _call = caller(i4(u8, u8, i4, u8, u8, u8))
 
-# Numbers that are added up behind those of the edges: points that are inverted, and twice the kinetic energy after the
-# last step.
+# Numbers summed together with the edges, at the end: inverted points, and twice the kinetic energy after the last step.
 INVERTED_POINTS, ENERGY, NUMBERS = 0, 1, 2
 
 
 class TieFactors(NamedTuple):
-    """What ties take off a velocity (`isorod.dynamics.explicit.ties`), of none unless it is told.
+    """Constraint of velocities by ties (`isorod.dynamics.explicit.ties`).
 
     Attributes
     ----------
     first, columns, values
         Rows of ``G`` in compressed form, of this rank's degrees of freedom: places in a state vector.
     places, starts, which, spread
-        Where a velocity changes on this rank, ``(n,)``, and by how much of each entry of ``G v``, in compressed form.
+        Places where a velocity changes on this rank, ``(n,)``, and the matrix of ``G v`` there, in compressed form.
     own, all
-        ``G v``: what this rank has of it, and the sums, ``(ties,)``.
+        ``G v``: this rank's part, and the sums, ``(ties,)``.
     """
 
     first: NDArray[np.uint64]
@@ -47,13 +46,13 @@ class TieFactors(NamedTuple):
 
     @classmethod
     def none(cls) -> "TieFactors":
-        """Return those of no ties."""
-        whole, nothing = np.zeros(1, dtype=np.uint64), np.empty(0)
-        return cls(whole, whole[:0], nothing, whole[:0], whole, whole[:0], nothing, nothing, nothing)
+        """Return the factors without ties."""
+        integers, reals = np.zeros(1, dtype=np.uint64), np.empty(0)
+        return cls(integers, integers[:0], reals, integers[:0], integers, integers[:0], reals, reals, reals)
 
 
 class MassFactors(NamedTuple):
-    """Factors of the mass, and what ranks exchange to divide by it.
+    """Factors of the mass, and the data that ranks exchange to divide by it.
 
     Attributes
     ----------
@@ -65,13 +64,13 @@ class MassFactors(NamedTuple):
     edges
         Factors of the rows on edges, for state vectors ``(3 G,)``.
     rows, places
-        Which of this rank's rows are on edges, and which of the ``G`` they are.
+        This rank's rows on edges, and their places among the ``G``.
     reduced, left
         Work space: this rank's rows, shape ``(3, R)``, and those of the edges, shape ``(3, G)``.
     own, all
-        Three components of the ``G`` rows and ``NUMBERS`` behind: what this rank gives, and the sums.
+        Three components of the ``G`` rows followed by ``NUMBERS``: this rank's, and the sums.
     ties
-        What ties take off.
+        Constraint of velocities by ties.
     """
 
     inside: Factors
@@ -92,7 +91,7 @@ MASS_FACTORS = types.NamedTuple([FACTORS, U1, FACTORS, U1, U1, F2, F2, F1, F1, T
 
 @njit(void(U1, F1, F1), **STRICT)
 def all_sums(call: NDArray[np.uint64], own: Array, sums: Array) -> None:
-    """Fill ``sums`` with those over all ranks of ``own``."""
+    """Fill ``sums`` with the sums of ``own`` over all ranks."""
     if call[0] == 0:
         sums[:] = own
         return
@@ -101,7 +100,7 @@ def all_sums(call: NDArray[np.uint64], own: Array, sums: Array) -> None:
 
 @njit(void(MASS_FACTORS, F1), **FAST)
 def eliminate(mass: MassFactors, momenta: Array) -> None:
-    """Eliminate what is inside this rank's part, of its momenta, a state vector, and say what is left to add up."""
+    """Eliminate the inside of this rank's part from its momenta, a state vector, and fill ``own`` with the edges."""
     reduce(mass.inside, momenta, mass.reduced)
     rows, places, edges = mass.rows, mass.places, 3 * mass.left.shape[1]
     mass.own[:edges] = 0.0
@@ -112,7 +111,7 @@ def eliminate(mass: MassFactors, momenta: Array) -> None:
 
 @njit(void(TIE_FACTORS, U1, F1), **FAST)
 def tie(ties: TieFactors, call: NDArray[np.uint64], velocity: Array) -> None:
-    """Take off a velocity, a state vector, what ties do not let be."""
+    """Project a velocity, a state vector, onto those that ties allow."""
     for k in range(ties.own.size):
         apart = 0.0
         for j in range(ties.first[k], ties.first[k + 1]):
@@ -128,7 +127,7 @@ def tie(ties: TieFactors, call: NDArray[np.uint64], velocity: Array) -> None:
 
 @njit(void(MASS_FACTORS, F1), **FAST)
 def divide(mass: MassFactors, velocity: Array) -> None:
-    """Fill this rank's part of a velocity, a state vector, from what `eliminate` left and was added up."""
+    """Fill this rank's part of a velocity, a state vector, from the sums of the edges after `eliminate`."""
     rows, places = mass.rows, mass.places
     if mass.left.size:
         reduce(mass.edges, mass.all, mass.left)

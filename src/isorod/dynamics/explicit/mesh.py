@@ -1,4 +1,4 @@
-"""The mesh as explicit steps see it: elements' points and constants, packed."""
+"""The mesh of explicit steps: points and constants of the elements, packed into arrays."""
 
 from hashlib import sha256
 from typing import Any, NamedTuple
@@ -18,10 +18,11 @@ from isorod.model.model import Model
 # Rows of a block's geometry: the inverse Jacobian (9) and the volume.
 GEOMETRY = 10
 
-# Of an element, or of one of its rings where a rod is in layers: section functions, blocks in the section, points and
-# functions along the axis; where its rows begin in ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many
-# of these a block has; its law's constants, their number; the addresses of its law's function of a block and, with a
-# memory, of that which goes on (`isorod.material.points`); which constant is the time since the state.
+# Record of an element, or of one of its rings where a rod is layered: numbers of section functions, of blocks in the
+# section, of points and functions along the axis; first rows in ``sections``, ``axial``, ``geometry`` and ``fibres``,
+# and number of fibre rows of a block; its law's constants, their number; the addresses of its law's function of a block
+# and, with memory, of that which updates states (`isorod.material.points`); index of the constant that is the time
+# since the state.
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
@@ -35,14 +36,14 @@ ELEMENT = np.dtype(
 
 
 class Mesh(NamedTuple):
-    """The elements of all bodies, or a rank's, as plain arrays; made by `isorod.dynamics.explicit.mesh.pack`.
+    """The elements of all bodies, or of a rank, as plain arrays; made by `isorod.dynamics.explicit.mesh.pack`.
 
     Attributes
     ----------
     elements
         ``ELEMENT`` records, shape ``(E,)``.
     layers
-        Where each layer of an element begins in a state vector, shape ``(E, l)``.
+        Start of each layer of an element in a state vector, shape ``(E, l)``.
     sections
         For each body, ring, block and section function: ``dS/dxi_1, dS/dxi_2, S`` at the points.
     axial
@@ -53,9 +54,9 @@ class Mesh(NamedTuple):
         Likewise the components of the fibres' unit vectors, or the state of laws with memory, as many rows as the body
         has.
     constants, stiff
-        Those of all elements' laws, and of these where nothing flows.
+        Constants of all elements' laws, and of these without flow.
     spans
-        Where in a state vector what belongs to these elements begins and ends, shape ``(s, 2)``.
+        Begin and end of the entries of these elements in a state vector, shape ``(s, 2)``.
     """
 
     elements: NDArray[Any]
@@ -73,7 +74,7 @@ MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F
 
 
 def order(model: Model) -> Index:
-    """Return where each degree of freedom is in a state vector (`element_kernel`), shape ``(dofs,)``."""
+    """Return the place of each degree of freedom in a state vector (`element_kernel`), shape ``(dofs,)``."""
     positions = []
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         size = body.space.layer_nodes
@@ -85,9 +86,9 @@ def order(model: Model) -> Index:
 def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
     """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures.
 
-    Laws that no motion takes have no stiffest state, which is told where it ``moves``.
+    Without ``moves`` the arrays have no stiffest state, which laws for statics alone do not define.
     """
-    elements, layers = [], []
+    records, layers = [], []
     sections: list[Array] = []
     axial: list[Array] = []
     geometry: list[Array] = []
@@ -96,14 +97,14 @@ def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
     stiff: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
     ranks = Ranks(model, order(model)) if ranks is None else ranks
-    for share in ranks.shares:
-        body, space = share.body, share.body.space
-        table = space.tabulate(share.first, share.last)
+    for elements in ranks.element_ranges:
+        body, space = elements.body, elements.body.space
+        table = space.tabulate(elements.first, elements.last)
         points, functions = table.axial.shape[1:]
         each, along = np.arange(table.elements), _size(axial)
         axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
         layer = np.zeros((table.elements, longest), dtype=np.uint64)
-        layer[:, :functions] = 3 * (share.first_node + space.layer_nodes * share.layers)
+        layer[:, :functions] = 3 * (elements.first_node + space.layer_nodes * elements.layers)
         directions, inside = body.known(table), ring_of(space.rod.rings, table.xi)
         rings = len(space.rod.rings) - 1
         for ring in range(rings):
@@ -118,13 +119,13 @@ def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
             rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
             rows["directions"] = body.width
             rows["fibres"] = _size(fibres) + each * (points * blocks * body.width * POINTS)
-            for e, law in enumerate(body.shear_laws[rings * share.first + ring : rings * share.last : rings]):
+            for e, law in enumerate(body.shear_laws[rings * elements.first + ring : rings * elements.last : rings]):
                 rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
                 rows["block"][e], rows["clock"][e] = law.compiled.block, max(law.clock, 0)
                 rows["update"][e] = law.compiled.update if law.remembers else 0
                 constants.append(law.constants)
                 stiff.append(law.frozen.constants if moves and has_memory(law) else law.constants)
-            elements.append(rows)
+            records.append(rows)
             layers.append(layer)
             sections.append(_blocks(part.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
             inverses = part.inverse.reshape(*part.weights.shape, 9)
@@ -132,7 +133,7 @@ def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
             fibres.append(_rows(directions[:, :, own]))
     return Mesh(
         # A rank may have no elements.
-        elements=np.concatenate([np.zeros(0, ELEMENT), *elements]),
+        elements=np.concatenate([np.zeros(0, ELEMENT), *records]),
         layers=np.concatenate([np.zeros((0, longest), dtype=np.uint64), *layers]),
         sections=np.concatenate([np.empty(0), *sections]),
         axial=np.concatenate([np.empty(0), *axial]),
@@ -145,8 +146,8 @@ def pack(model: Model, ranks: Ranks | None = None, moves: bool = True) -> Mesh:
 
 
 def digests(mesh: Mesh) -> list[bytes]:
-    """Return what tells each element from others but for its law, whose `identity` does."""
-    found = []
+    """Return a digest of each element but for its law, which `identity` covers."""
+    results = []
     for row, layers in zip(mesh.elements, mesh.layers, strict=True):
         along, points, blocks = (int(row[name]) for name in ("along", "points", "blocks"))
         sizes = {
@@ -158,8 +159,8 @@ def digests(mesh: Mesh) -> list[bytes]:
         digest = sha256(layers.tobytes())
         for name, (values, size) in sizes.items():
             digest.update(values[int(row[name]) :][:size].tobytes())
-        found.append(digest.digest())
-    return found
+        results.append(digest.digest())
+    return results
 
 
 def _size(parts: list[Array]) -> int:
@@ -167,12 +168,12 @@ def _size(parts: list[Array]) -> int:
 
 
 def _rows(values: Array) -> Array:
-    """Return values ``(E, t, q, m)`` at points as rows of blocks, one behind the other."""
+    """Return values ``(E, t, q, m)`` at points as rows of blocks, concatenated."""
     return _blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel()
 
 
 def _blocks(values: Array) -> Array:
-    """Return the last axis cut in blocks, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
+    """Return the last axis cut into blocks, the last one padded with zeros, shape ``(..., blocks, POINTS)``."""
     short = -values.shape[-1] % POINTS
     values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
     return values.reshape(*values.shape[:-1], values.shape[-1] // POINTS, POINTS)

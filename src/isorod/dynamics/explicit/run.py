@@ -1,4 +1,4 @@
-"""Explicit steps of a motion: the time step and its stability."""
+"""Explicit time integration: the time step and its stability."""
 
 from time import perf_counter
 from typing import Any
@@ -23,15 +23,14 @@ from isorod.dynamics.explicit.system import System
 from isorod.dynamics.run import IMBALANCE, Settings, total
 from isorod.errors import InputError, SolveError
 
-# The step taken where none is given, and what an unstable one is advised to be, in critical steps.
+# Default time step, and that advised for an unstable one, in critical steps.
 _SAFE = 0.9
 
-# The critical step is estimated again at an output after this many steps, or when activation has grown or contact
-# begun.
+# The critical step is estimated again at an output after this many steps, or when activation or contact has grown.
 _STEPS = 50
 
-# An interval has blown up at this many times the energy there can be, or where the balance is off by this share of the
-# work done; it is taken again with a step shorter by this factor, so many times.
+# An interval is unstable above this multiple of the energy available; it is repeated with a step shorter by this
+# factor, at most so many times.
 _GROWTH = 10.0
 _OUTCOMES = {
     INVERTED: "an element inverts",
@@ -41,21 +40,22 @@ _OUTCOMES = {
 _SHORTER = 0.8
 _RETRIES = 15
 
-# How far elements' mean deformation gradients may be from those that the added mass was taken at before it is taken
-# anew; looked is after as many steps as take them about as far, these at least.
+# Change of elements' mean deformation gradients at which the added mass is updated; this is checked after about as many
+# steps as they need for it, at least so many.
 STRAYS = 0.15
 _FIRST_LOOK = 4
 
-# How far they may be from those of the last estimate of the critical step, and how much larger the area in contact.
+# Changes since the last estimate of the critical step that require a new one: of mean deformation gradients, and of the
+# area in contact.
 _CHANGED = 0.02
 _WIDER = 1.1
 
-# Seconds that compiled steps keep Python, and with it Ctrl-C, waiting.
+# Seconds of compiled steps between returns to Python, which then sees Ctrl-C.
 _BLOCK = 0.2
 
 
 class Run(run.Run):
-    """A motion under way in explicit steps."""
+    """A running explicit time integration."""
 
     integrator = "explicit"
     lag = 0.5
@@ -63,9 +63,9 @@ class Run(run.Run):
     def __init__(self, system: System, settings: Settings) -> None:
         super().__init__(system, settings)
         self._carried *= system.model.free >= 0
-        if system.model.ties or any(one.stiffness is None for one in system.model.means.values()):
+        if system.model.ties or any(mean.stiffness is None for mean in system.model.means.values()):
             system.tie()
-        # Steps that take as long as a block, as far as is known.
+        # Estimated number of steps in a block.
         self._block = 1
         # Displacement at the last estimate, in the model's order.
         self._estimated_at = np.zeros(system.model.dofs)
@@ -73,13 +73,13 @@ class Run(run.Run):
     def begin(self, displacement: Array, velocity: Array) -> None:
         """Place the bodies, choose the time step, and take the first output."""
         if self.system.ties is not None:
-            displacement, velocity = (self.system.ties.tied(one) for one in (displacement, velocity))
+            displacement, velocity = (self.system.ties.tied(vector) for vector in (displacement, velocity))
         self._estimated_at = displacement.copy()
         self.system.mass.place(displacement)
         super().begin(displacement, velocity)
 
     def _now(self) -> dict[str, Array]:
-        """Return the state but for what was recorded."""
+        """Return the state without the recorded outputs."""
         since = 0.0 if self.system.drive is None else self.system.drive.since
         own = {"placed": self.system.mass.at, "estimated_at": self._estimated_at, "since": np.array(since)}
         return super()._now() | own
@@ -97,10 +97,10 @@ class Run(run.Run):
         return {"time integration": "central differences"}
 
     def end(self) -> None:
-        """See `isorod.dynamics.run.Run`; explicit steps hold nothing of the kind."""
+        """See `isorod.dynamics.run.Run`; explicit steps have nothing to release."""
 
     def _choose(self, critical: float) -> None:
-        """Choose the time step and the mass it takes, and make the state what the scheme starts from."""
+        """Choose the time step and the mass it needs, and set the initial state of the scheme."""
         self._divide(_SAFE * critical if self.settings.time_step is None else self.settings.time_step)
         if self.settings.time_step is not None and self.step > critical:
             self._add_mass(critical)
@@ -112,7 +112,7 @@ class Run(run.Run):
         scaling = mass.scaling_for(self.step, critical)
         self.system.scale(scaling)
         critical = self._critical()
-        # Stress and active fibres may ask for more.
+        # Stress and active fibres may require more.
         while self.step > critical and scaling < mass.largest_scaling:
             scaling = min(2.0 * scaling, mass.largest_scaling)
             self.system.scale(scaling)
@@ -120,26 +120,28 @@ class Run(run.Run):
         self.estimates[-1] = (0.0, critical)
         if self.step > critical:
             raise InputError(
-                f"time step {self._said_step()}: unstable, the critical time step is {critical:.4g} with the largest "
+                f"time step {self._step_text()}: unstable, the critical time step is {critical:.4g} with the largest "
                 f"mass scaling; use at most {_SAFE * critical:.3g}"
             )
 
     def _advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
 
-        An interval that blows up is taken again with a shorter step, unless the step is the user's.
+        An unstable interval is repeated with a shorter step, unless the step is the user's.
         """
         last = self.system.state.displacement.copy()
         seconds = 0.0
         for retries in range(_RETRIES + 1):
             limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
-            if self.system.drive is not None or any(one.motion is not None for one in self.system.model.contacts):
-                # What loads, supports and obstacles will do is not known before; the balance of energy tells it.
+            if self.system.drive is not None or any(
+                contact.motion is not None for contact in self.system.model.contacts
+            ):
+                # The work of loads, supports and obstacles is unknown; the energy balance is checked instead.
                 limit = np.inf
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
             taken, outcome, spent = self._take(course)
             seconds += spent
-            self.system.go_on(self.step)
+            self.system.update_states(self.step)
             if outcome == DEEP:
                 raise SolveError(
                     f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: penetration "
@@ -164,13 +166,13 @@ class Run(run.Run):
         self.taken += taken
         self._record(seen)
         if self.system.ties is not None:
-            # What ties have passed on would stand in the momenta of both sides, more and more of it.
+            # Forces that ties transfer would accumulate in the momenta of both sides.
             self.system.settle()
         self._watch(seen)
         return seconds
 
     def _take(self, course: Course) -> tuple[int, int, float]:
-        """Take the steps of an interval; return how many were taken, the outcome, and the wall time."""
+        """Take the steps of an interval; return the number taken, the outcome, and the wall time."""
         taken, steps, outcome, seconds = 0, _FIRST_LOOK, DONE, 0.0
         while outcome == DONE and taken < self.count:
             start = perf_counter()
@@ -193,13 +195,13 @@ class Run(run.Run):
                 seconds += spent
                 block = max(1, int(_BLOCK * (last - first) / max(spent, 1e-9)))
                 self._block = self.system.ranks.first(block)
-                self.tell(self.time + taken * self.step)
+                self.report(self.time + taken * self.step)
         return taken, outcome, seconds
 
     def _follow(self, time: float, most: int) -> int:
-        """Take the added mass anew where bodies have changed; return after how many steps to look again.
+        """Update the added mass where bodies have deformed; return the number of steps until the next check.
 
-        At most twice as many as last time, ``most``: bodies gain speed.
+        It is at most twice the last one, ``most``, as bodies accelerate.
         """
         mass, state, order = self.system.mass, self.system.state, self.system.order
         if not mass.follows:
@@ -207,11 +209,11 @@ class Run(run.Run):
         if mass.change(state.displacement[order] - mass.at) > STRAYS:
             self._place(time)
         fastest = self.step * mass.change(state.velocity[order])
-        # Of what is not finite the next step says what is wrong.
+        # If this is not finite the next step raises an error.
         return int(np.clip(STRAYS / fastest, _FIRST_LOOK, 2 * most)) if fastest > 0.0 else 2 * most
 
     def _place(self, time: float) -> None:
-        """Take the added mass from the present state; velocities stay, and with them momenta but for those added."""
+        """Set the added mass to that of the present state; velocities stay, momenta change by those of added mass."""
         system, state = self.system, self.system.state
         energy, before = self._moving_energy(time), self._free_momentum()
         system.place(state.displacement)
@@ -225,7 +227,7 @@ class Run(run.Run):
         return 0.5 * float(self.system.momenta(self.system.state.velocity) @ self._ahead(forces, time))
 
     def _forces(self, time: float) -> tuple[Array, tuple[float, ...]]:
-        """Return what `System.forces` does at a time."""
+        """Return the result of `System.forces` at a time."""
         if self.system.drive is not None:
             self.system.drive.time, self.system.drive.step = time, self.step
         return self.system.forces(self.system.state.displacement, self.level(time), time)
@@ -241,9 +243,9 @@ class Run(run.Run):
         return system.velocity(((1.0 - half) * state.momenta - dt * forces) / (1.0 + half), held)
 
     def _stagger(self, velocity: Array, dissipated: float, work: float, loaded: float) -> None:
-        """Take the velocity, given at the time of the displacement, back by half a step.
+        """Set the velocity half a step before that at the time of the displacement.
 
-        What half a step adds to the sums is taken off, so that dissipation, muscle work and that of loads are as given.
+        The sums are set so that dissipation, muscle work and the work of loads are as given.
         """
         system, state = self.system, self.system.state
         if system.drive is not None:
@@ -263,7 +265,7 @@ class Run(run.Run):
         state.sums[FOLLOWED] += loaded - seen["load_work"]
 
     def _measure(self) -> dict[str, Any]:
-        """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
+        """Return the state by the names of `isorod.dynamics.History`, without changing it."""
         system, state, dt = self.system, self.system.state, self.step
         now, before = self.level(self.time), self.level(self.time - dt)
         forces, contact = self._forces(self.time)
@@ -273,7 +275,7 @@ class Run(run.Run):
         mean = 0.5 * (behind + ahead)
         velocity = mean[system.order]
         stored, active, lost = system.energies(state.displacement)
-        # What is held resists the acceleration of its neighbours too.
+        # Reactions include the inertia of neighbours.
         resisted = system.momenta((ahead - behind) / dt + self.settings.damping * mean)
         seen = self._seen(velocity, (forces + resisted)[state.held], contact)
         seen["load_work"] += 0.5 * system.obstacle_work(self.time - dt, self.time)
@@ -294,7 +296,7 @@ class Run(run.Run):
         }
 
     def _watch(self, seen: dict[str, Any]) -> None:
-        """Estimate the critical step again where it may have fallen, and shorten the step or stop."""
+        """Estimate the critical step again where it may have decreased, and shorten the step or raise an error."""
         system, state = self.system, self.system.state
         level, area = self.level(self.time), seen["contact_area"]
         steps, last_level, last_area = self._estimated
@@ -316,13 +318,13 @@ class Run(run.Run):
             return
         if self.settings.time_step is not None:
             raise SolveError(
-                f"step {self.taken}, time {self.time:.6g}: the time step {self._said_step()} has become unstable, "
+                f"step {self.taken}, time {self.time:.6g}: the time step {self._step_text()} has become unstable, "
                 f"the critical time step is now {critical:.4g}; {self._advice(critical)}"
             )
         self._restep(_SAFE * critical)
 
     def _restep(self, longest: float) -> None:
-        """Go on from the last output with another step."""
+        """Continue from the last output with another time step."""
         before = self._free_momentum()
         velocity = np.zeros(self.system.model.dofs)
         velocity[self.system.order] = self.rows["velocity"][-1]
@@ -333,14 +335,14 @@ class Run(run.Run):
         self._energy += total(self._measure()) - total({name: values[-1] for name, values in self.rows.items()})
 
     def _advice(self, critical: float) -> str:
-        """Return what to do about a critical step that has fallen below the user's."""
+        """Return advice for a critical step below the user's."""
         if self.system.mass.scaling > 0.0:
-            # With a shorter one there is less mass added, and the critical step falls too.
+            # With a shorter one less mass is added, and the critical step decreases too.
             return "leave it out (--time-step 0) to follow the critical time step of the consistent mass"
         return f"use at most {_SAFE * critical:.3g}"
 
     def _blown(self, taken: int, last: Array, what: str) -> SolveError:
-        """Return the error of a run that blew up some steps after the last output, at the displacement ``last``."""
+        """Return the error of steps unstable since the last output, that has the displacement ``last``."""
         time = self.time + taken * self.step
         critical = self.system.critical_step(last, self.level(self.time))
         advice = "use a smaller one, or refine or thicken the body there"
@@ -348,6 +350,6 @@ class Run(run.Run):
             advice = self._advice(critical)
         return SolveError(
             f"step {self.taken + taken}, time {time:.6g}: {what}; "
-            f"{self.system.worst(self.system.state.displacement)}; time step {self._said_step()}, critical time "
+            f"{self.system.worst(self.system.state.displacement)}; time step {self._step_text()}, critical time "
             f"step {critical:.4g} at the previous output: {advice}"
         )

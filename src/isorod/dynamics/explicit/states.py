@@ -1,4 +1,4 @@
-"""What laws with memory know of the quadrature points: in blocks of points, and body by body, whatever the ranks."""
+"""States of laws with memory at the quadrature points: in blocks of points, or body by body for all ranks."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,10 +12,11 @@ from isorod.material.points import POINTS
 from isorod.model.model import Model
 
 
-class _Share(NamedTuple):
-    """Elements of one ring: their points there, where these begin in blocks of points, and where all of the body's.
+class _RingPoints(NamedTuple):
+    """Points of a range of elements in one ring: their numbers, and their place and shape in blocks of points.
 
-    ``whole`` is the shape ``(E, t, q, m)`` of what is known of the body, ``first`` and ``last`` are its elements.
+    ``begin`` and ``whole`` are the start and shape ``(E, t, q, m)`` of the body's states, ``first`` and ``last`` its
+    range of elements.
     """
 
     points: Index | slice
@@ -28,55 +29,55 @@ class _Share(NamedTuple):
 
 
 def of(model: Model, ranks: Ranks, blocks: Array) -> Array:
-    """Return what this rank knows of all points, zero of those of others, from blocks (`Mesh.fibres`)."""
-    known = np.zeros(_size(model))
-    for share in _shares(model, ranks):
-        own = blocks[share.blocks].reshape(share.shape).swapaxes(2, 3)
-        rows = own.reshape(*own.shape[:3], -1)
-        whole = known[share.begin :][: int(np.prod(share.whole))].reshape(share.whole)
-        part = whole[share.first : share.last]
-        part[:, :, share.points] = np.moveaxis(rows, 2, -1)[:, :, : part[:, :, share.points].shape[2]]
-    return known
+    """Return the states of all points from blocks (`Mesh.fibres`), zero at points of other ranks."""
+    all_states = np.zeros(_size(model))
+    for ring in _ring_points(model, ranks):
+        values = blocks[ring.blocks].reshape(ring.shape).swapaxes(2, 3)
+        rows = values.reshape(*values.shape[:3], -1)
+        own_body = all_states[ring.begin :][: int(np.prod(ring.whole))].reshape(ring.whole)
+        part = own_body[ring.first : ring.last]
+        part[:, :, ring.points] = np.moveaxis(rows, 2, -1)[:, :, : part[:, :, ring.points].shape[2]]
+    return all_states
 
 
-def give(model: Model, ranks: Ranks, known: Array, blocks: Array) -> None:
-    """Fill in blocks with what is known of all points."""
-    for share in _shares(model, ranks):
-        whole = known[share.begin :][: int(np.prod(share.whole))].reshape(share.whole)
-        part = np.moveaxis(whole[share.first : share.last][:, :, share.points], -1, 2)
-        rows = np.zeros((*part.shape[:3], share.shape[2] * POINTS))
+def give(model: Model, ranks: Ranks, all_states: Array, blocks: Array) -> None:
+    """Fill in blocks with the states of all points."""
+    for ring in _ring_points(model, ranks):
+        own_body = all_states[ring.begin :][: int(np.prod(ring.whole))].reshape(ring.whole)
+        part = np.moveaxis(own_body[ring.first : ring.last][:, :, ring.points], -1, 2)
+        rows = np.zeros((*part.shape[:3], ring.shape[2] * POINTS))
         rows[..., : part.shape[3]] = part
-        blocks[share.blocks] = rows.reshape(*part.shape[:3], -1, POINTS).swapaxes(2, 3).ravel()
+        blocks[ring.blocks] = rows.reshape(*part.shape[:3], -1, POINTS).swapaxes(2, 3).ravel()
 
 
-def by_bodies(model: Model, known: Array) -> list[Array]:
-    """Return what is known of all points body by body, ``(E, t, q, m)`` each, ``m`` 0 without memory."""
+def by_bodies(model: Model, all_states: Array) -> list[Array]:
+    """Return the states of all points body by body, ``(E, t, q, m)`` each, ``m`` 0 without memory."""
     shapes = _shapes(model)
-    parts = np.split(known, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1])
+    parts = np.split(all_states, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1])
     return [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
 
 
 def _shapes(model: Model) -> list[tuple[int, ...]]:
-    """Return the shape ``(E, t, q, m)`` of what laws of each body with memory know; ``m`` is 0 of others."""
-    found = []
+    """Return the shape ``(E, t, q, m)`` of the states of each body; ``m`` is 0 without memory."""
+    shapes = []
     for body in model.bodies:
         points = body.space.tabulate(0, 1).weights.shape[1:]
-        found.append((body.space.axis.elements, *points, body.width if body.remembers else 0))
-    return found
+        shapes.append((body.space.axis.elements, *points, body.width if body.remembers else 0))
+    return shapes
 
 
 def _size(model: Model) -> int:
     return sum(int(np.prod(shape)) for shape in _shapes(model)) if model.remembers else 0
 
 
-def _shares(model: Model, ranks: Ranks) -> Iterator[_Share]:
-    """Yield where the points of this rank's elements are, as `isorod.dynamics.explicit.mesh.pack` lays them out."""
+def _ring_points(model: Model, ranks: Ranks) -> Iterator[_RingPoints]:
+    """Yield the points of this rank's elements in the order of `isorod.dynamics.explicit.mesh.pack`."""
     if not model.remembers:
         return
     shapes, place = _shapes(model), 0
     begins = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
-    for share in ranks.shares:
-        body, table = share.body, share.body.space.tabulate(share.first, share.last)
+    for elements in ranks.element_ranges:
+        body, table = elements.body, elements.body.space.tabulate(elements.first, elements.last)
         inside = ring_of(body.space.rod.rings, table.xi)
         rings = len(body.space.rod.rings) - 1
         for ring in range(rings):
@@ -86,4 +87,5 @@ def _shares(model: Model, ranks: Ranks) -> Iterator[_Share]:
             span = slice(place, place + int(np.prod(shape)))
             place = span.stop
             if body.remembers:
-                yield _Share(own, span, shape, int(begins[share.which]), shapes[share.which], share.first, share.last)
+                b = elements.which
+                yield _RingPoints(own, span, shape, int(begins[b]), shapes[b], elements.first, elements.last)

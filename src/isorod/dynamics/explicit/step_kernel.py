@@ -3,8 +3,8 @@
 ``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order,
 and stable up to ``omega dt = 2`` with or without damping.
 
-Of several ranks each takes the steps of its elements (`isorod.dynamics.explicit.ranks`), and what stops a run is added
-up with what is left of momenta: a kinetic energy too large one step later, before forces that it spoils are looked at.
+With several ranks each takes the steps of its elements (`isorod.dynamics.explicit.ranks`).  Conditions that stop a run
+are summed together with the momenta on edges: a kinetic energy is tested one step later, before the forces are used.
 """
 
 from typing import NamedTuple
@@ -28,12 +28,12 @@ from isorod.dynamics.explicit.exchange_kernel import (
 )
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 
-# Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in
-# contact; bodies in contact go through each other.
+# Outcomes of a series of steps: done; det F <= 0; kinetic energy above its limit; closest-point projection in contact
+# did not converge; bodies in contact pass through each other.
 DONE, INVERTED, BLOWN, LOST, DEEP = 0, 1, 2, 3, 4
 
-# Where in `State.sums`: dissipated energy, work of the activation's changes, the impulse of rigid obstacles and of
-# pressures that follow (3), and the work of these, which implicit steps alone have.
+# Indices in `State.sums`: dissipated energy, work of the activation's changes, impulse of rigid obstacles and of loads
+# (3), and the work of these and of moving supports.
 DISSIPATED, ACTIVATED, PUSHED, FOLLOWED = 0, 1, 2, 5
 
 
@@ -47,14 +47,14 @@ class State(NamedTuple):
     forces
         Internal less contact forces of the last evaluation.
     held
-        Places of the held degrees of freedom.
+        Places of the held degrees of freedom in a state vector.
     impulse
         Time integral of the supports' forces on the model, shape of ``held``.
     loads
-        Forces from outside in the next step, of this rank; empty where there are none, ever.
+        External forces in the next step, of this rank; empty where the model has none.
     sums
         Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), the
-        impulse of rigid obstacles and of pressures that follow on the model, and the work of these, shape ``(6,)``.
+        impulse of rigid obstacles and of loads, and the work of these and of moving supports, shape ``(6,)``.
     """
 
     displacement: Array
@@ -68,7 +68,7 @@ class State(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What a run of steps is told.
+    """Parameters of a series of steps.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Course(NamedTuple):
     damping
         Mass-proportional damping ``c``, 1/time.
     limit
-        Kinetic energy above which the run stops.
+        Kinetic energy above which steps end.
     """
 
     begin: float
@@ -95,7 +95,7 @@ COURSE = types.NamedUniTuple(f8, 5, Course)
 
 @njit(f8(f8, f8), **STRICT)
 def activation(time: float, ramp: float) -> float:
-    """Return the share of the full activation at a time."""
+    """Return the fraction of the full activation at a time."""
     if time >= ramp or ramp <= 0.0:
         return 1.0
     return max(time, 0.0) / ramp
@@ -103,9 +103,9 @@ def activation(time: float, ramp: float) -> float:
 
 @njit(f8(MESH, STATE, COURSE, i8), **STRICT)
 def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
-    """Evaluate the internal forces of step ``k`` and its share of ``sum W dalpha``; return how many points invert.
+    """Evaluate the internal forces of step ``k`` and add to ``sum W dalpha``; return the number of inverted points.
 
-    Laws with memory go on: their states are those of the step before, at an output those of now.
+    Laws with memory are updated: their states are those of the step before, at an output the present ones.
     """
     time = course.begin + k * course.step
     now = activation(time, course.ramp)
@@ -121,7 +121,7 @@ def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
 
 @njit(void(MESH, STATE, COURSE, MASS_FACTORS, f8), **STRICT)
 def push(mesh: Mesh, state: State, course: Course, mass: MassFactors, inverted: float) -> None:
-    """Let the forces evaluated act on the momenta for one step, and say how many points were inverted."""
+    """Change the momenta by the forces over one step; pass on the number of inverted points."""
     v, p, dt, spans = state.velocity, state.momenta, course.step, mesh.spans
     if state.loads.size:
         for s in range(spans.shape[0]):
@@ -132,13 +132,13 @@ def push(mesh: Mesh, state: State, course: Course, mass: MassFactors, inverted: 
         state.impulse[h] += dt * state.forces[place]
         state.forces[place] = 0.0
     half = 0.5 * course.damping * dt
-    keep, share = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
+    keep, factor = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
     # Twice the kinetic energy before, and the product of both velocities.
     before = mixed = 0.0
     for s in range(spans.shape[0]):
         for d in range(spans[s, 0], spans[s, 1]):
             before += v[d] * p[d]
-            p[d] = keep * p[d] - share * state.forces[d]
+            p[d] = keep * p[d] - factor * state.forces[d]
             mixed += v[d] * p[d]
     state.sums[DISSIPATED] += dt * course.damping * 0.25 * (before + 2.0 * mixed)
     mass.own[mass.own.size - NUMBERS + INVERTED_POINTS] = inverted
@@ -146,7 +146,7 @@ def push(mesh: Mesh, state: State, course: Course, mass: MassFactors, inverted: 
 
 @njit(void(MESH, STATE, COURSE, MASS_FACTORS), **STRICT)
 def move(mesh: Mesh, state: State, course: Course, mass: MassFactors) -> None:
-    """Move on by one step with the momenta that were added up, and say what the kinetic energy is then."""
+    """Change the displacement over one step with the summed momenta; pass on the kinetic energy."""
     u, v, p, dt, spans = state.displacement, state.velocity, state.momenta, course.step, mesh.spans
     divide(mass, v)
     # Twice the kinetic energy.
@@ -161,7 +161,7 @@ def move(mesh: Mesh, state: State, course: Course, mass: MassFactors) -> None:
 
 @njit(i8(COURSE, F1), **STRICT)
 def outcome_of(course: Course, numbers: Array) -> int:
-    """Return what numbers that were added up say: of the step before this one, then of the forces."""
+    """Return the outcome by the summed numbers: the energy of the step before, then the forces."""
     if not 0.5 * numbers[ENERGY] <= course.limit:
         return BLOWN
     return INVERTED if numbers[INVERTED_POINTS] > 0.0 else DONE
@@ -177,16 +177,16 @@ def end(course: Course, mass: MassFactors) -> int:
 
 @njit(types.UniTuple(i8, 2)(MESH, STATE, COURSE, MASS_FACTORS, i8, i8), **STRICT)
 def advance(mesh: Mesh, state: State, course: Course, mass: MassFactors, first: int, last: int) -> tuple[int, int]:
-    """Take steps ``first`` to ``last - 1`` without contact; return how many of all were taken, and the outcome.
+    """Take steps ``first`` to ``last - 1`` without contact; return the number of steps taken, and the outcome.
 
     Parameters
     ----------
     mesh, state
         Elements, and state vectors (changed).
     course, first, last
-        When step 0 begins, how long steps are and what they are told; which are wanted.
+        Parameters of the steps, and the range of steps to take.
     mass
-        Its factors, and what ranks tell each other.
+        Factors of the mass, and exchange between ranks.
     """
     mass.own[:] = 0.0
     for k in range(first, last):

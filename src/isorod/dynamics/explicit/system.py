@@ -1,8 +1,9 @@
-"""A model as the compiled loops of explicit dynamics take it: plain arrays, and state vectors in their own order."""
+"""A model in the arrays of compiled explicit dynamics, with state vectors in their own order."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,38 +28,38 @@ if TYPE_CHECKING:
     from isorod.dynamics.explicit.contact import StepContact
     from isorod.dynamics.explicit.ties import Ties
 
-# Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
+# Relative accuracy of the highest eigenvalue, maximum number of iterations, and fraction of noise in the first vector.
 _TOLERANCE = 1e-3
 _LANCZOS = 100
 _MIXED = 0.05
 
 
 class System:
-    """A model in motion: its compiled arrays, the state, and what can be asked of both.
+    """A model in motion: its compiled arrays, the state, and functions of both.
 
     Parameters
     ----------
     model
         Bodies with densities, supports, contacts.
     comm
-        The ranks that share it; this one alone where there is none.
+        The ranks; this one alone by default.
     explicit
-        Whether the steps are, which take loads and motions of supports from here.
+        Whether steps are explicit, with loads and moving supports by `Drive`.
     points
-        Those of each pass of contacts (`isorod.contact.tables.pack`), which they are where not given.
+        Points of each pass of contacts (`isorod.contact.tables.pack`); chosen by default.
 
     Attributes
     ----------
     ranks
-        Which part is this rank's.
+        The partition of the model over ranks.
     points
-        Of each pass of contacts, round an arc and along an element.
+        Points of each pass of contacts, round an arc and along an element.
     mass, factors
-        The mass, and what steps divide by it; see `scale`.
+        The mass, and its factors; see `scale`.
     drive
-        Loads, springs and moving supports of explicit steps, None where there are none.
+        Loads, springs and moving supports of explicit steps, None without these.
     ties
-        The ties, where steps are told of them (`tie`).
+        The ties of explicit steps, None before `tie`.
     beyond
         Displacement of facets of finite element bodies that rods touch, ``(b,)``; they move in implicit steps alone.
     """
@@ -76,7 +77,7 @@ class System:
         self.ranks = Ranks(model, self.order, comm)
         self.mesh = pack(model, self.ranks)
         self.free = self.order[model.free >= 0]
-        # Those that are this rank's, among these.
+        # Indices of this rank's among the free ones.
         self._mine = np.flatnonzero(self.ranks.owned[model.free >= 0])
         self.mass = Mass(model, self.order, self.ranks)
         self.ties: Ties | None = None
@@ -92,9 +93,9 @@ class System:
             loads=np.zeros(model.dofs if driven else 0),
         )
         self.drive = Drive(self) if driven else None
-        # Momenta of the highest frequency found last.
+        # Momenta of the mode of highest frequency, from the last estimate.
         self.highest = np.zeros(self.free.size)
-        # The smallest size of a quadrature point's surroundings, for finite differences.
+        # The smallest cube root of a quadrature point's volume, for finite differences.
         volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
         self._size = self.ranks.smallest(float(volumes[volumes > 0.0].min(initial=np.inf))) ** (1.0 / 3.0)
         self.contact: StepContact | None = None
@@ -109,20 +110,20 @@ class System:
 
     @property
     def starts(self) -> Array:
-        """Start values of the closest-point searches: all that contact without friction remembers."""
+        """Initial guesses of the closest-point projections: the history of contact without friction."""
         if self.contact is None:
             return np.empty(0)
         return self._of_all_points(self.contact.packed, self.contact.packed.starts)
 
     @property
     def anchors(self) -> Array:
-        """What friction remembers."""
+        """History of friction."""
         if self.contact is None:
             return np.empty(0)
         return self._of_all_points(self.contact.packed, self.contact.friction.anchors)
 
     def _of_all_points(self, packed: "Packed", table: "Table") -> "Table":
-        """Fill in a table what other ranks know of their points, and return it."""
+        """Fill in a table the rows of other ranks' points, and return it."""
         from isorod.contact import ranks
 
         ranks.Ranks(self.ranks.communicator).gather(packed, table)
@@ -130,20 +131,20 @@ class System:
 
     @property
     def contact_data(self) -> "tuple[Array | Table, ...]":
-        """What does not change of the contacts."""
+        """Constant data of the contacts."""
         if self.contact is None:
             return ()
         return (*self.contact.packed.fixed, self.contact.friction.coefficients)
 
     def digest(self) -> str:
-        """Return what tells the elements of this model from those of others, whatever the number of ranks."""
-        return sha256(b"".join(one for own in self.ranks.gather(digests(self.mesh)) for one in own)).hexdigest()
+        """Return a digest of the elements, independent of the number of ranks."""
+        return sha256(b"".join(chain.from_iterable(self.ranks.gather(digests(self.mesh))))).hexdigest()
 
     @contextmanager
     def parted(self) -> Iterator[None]:
-        """Let each rank have its part of momenta and sums, and what steps are taken within; all have all of it again.
+        """Split momenta and sums over ranks for the steps taken within; then gather them on all ranks again.
 
-        Whatever happens between two such spans of time, the last bits are the same.
+        Results are the same to the last bit wherever this is done.
         """
         if self.ranks.size == 1:
             yield
@@ -164,7 +165,7 @@ class System:
     def advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
         """Take steps ``first`` to ``last - 1``; return as `isorod.dynamics.explicit.step_kernel.advance` does.
 
-        Of several ranks each has its part (`parted`).
+        With several ranks, momenta and sums are split (`parted`).
         """
         if self.drive is None:
             return self._advance(course, first, last)
@@ -177,12 +178,12 @@ class System:
         return last, step_kernel.DONE
 
     def _advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
-        given = self.mesh, self.state, course, self.factors, first, last
+        arguments = self.mesh, self.state, course, self.factors, first, last
         if self.contact is None:
-            return step_kernel.advance(*given)
+            return step_kernel.advance(*arguments)
         from isorod.dynamics.explicit import contact_step_kernel
 
-        return contact_step_kernel.advance(*given, self.contact)
+        return contact_step_kernel.advance(*arguments, self.contact)
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""
@@ -192,7 +193,7 @@ class System:
         self._factorise()
 
     def tie(self) -> None:
-        """Let velocities be those that ties allow; implicit steps have ties of their own."""
+        """Constrain velocities by ties; implicit steps have ties of their own."""
         from isorod.dynamics.explicit.ties import Ties
 
         self.ties = Ties(self.model, self.order, self.ranks)
@@ -204,7 +205,7 @@ class System:
             self.factors = self.factors._replace(ties=self.ties.factors(self.velocity))
 
     def place(self, displacement: Array) -> None:
-        """Let what is added to the mass be that about a displacement, a state vector."""
+        """Set the displacement of the added mass, a state vector."""
         self.mass.place(displacement[self.order])
         if self.mass.scaling > 0.0:
             self._factorise()
@@ -216,14 +217,14 @@ class System:
         return result
 
     def settle(self) -> None:
-        """Let momenta be those of the velocity, and no more."""
+        """Set the momenta to those of the velocity."""
         free = self.state.velocity.copy()
         free[self.state.held] = 0.0
         self.state.momenta[:] = self.momenta(free)
         self.state.momenta[self.state.held] = 0.0
 
     def velocity(self, momenta: Array, held: Array | float = 0.0) -> Array:
-        """Return the velocity that belongs to momenta, both state vectors, with that of what is held."""
+        """Return the velocity of momenta, both state vectors, with ``held`` at the held degrees of freedom."""
         result, own = np.zeros_like(momenta), momenta.copy()
         result[self.state.held] = held
         own[self.ranks.others] = 0.0
@@ -235,11 +236,10 @@ class System:
     def forces(
         self, displacement: Array, activation: float, time: float | None = None, mesh: Mesh | None = None
     ) -> tuple[Array, tuple[float, ...]]:
-        """Return internal less contact forces, those on facets behind them, and what says so; changes no state.
+        """Return internal less contact and external forces, followed by those on facets, and sums; changes no state.
 
-        Obstacles that move are where they are at a time, or where they were last; elements are those of another mesh if
-        it is given.  What says so is that of
-        `isorod.dynamics.explicit.contact_step_kernel.subtract`.
+        Moving obstacles are at their positions at ``time``, or at the last ones; elements are those of another mesh if
+        it is given.  The sums are those of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
         """
         forces = np.empty_like(displacement)
         if internal_forces(mesh or self.mesh, displacement, activation, False, False, forces)[0] > 0.0:
@@ -256,16 +256,16 @@ class System:
         self.contact.own[:] = 0.0
         if self.beyond.size:
             displacement, forces = np.append(displacement, self.beyond), np.append(forces, 0.0 * self.beyond)
-        said = contact_step_kernel.subtract(self.contact, displacement, False, forces)
+        pressing = contact_step_kernel.subtract(self.contact, displacement, False, forces)
         self.contact.packed.starts[:] = starts
-        energy, force, area, deepest, *others = said
+        energy, force, area, deepest, *sums = pressing
         deepest = self.ranks.smallest(deepest)
         total = self.ranks.sums(forces)
         total[: self.model.dofs] -= outside
-        return total, (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
+        return total, (energy, force, area, deepest, *self.ranks.sums(np.array(sums)).tolist())
 
     def contact_forces(self) -> Array:
-        """Return the normal force of each contact, as the last `forces` left it, ``(contacts,)``."""
+        """Return the normal force of each contact at the last `forces`, ``(contacts,)``."""
         if self.contact is None:
             return np.zeros(0)
         from isorod.contact.result import of_contacts
@@ -275,7 +275,7 @@ class System:
         return self.ranks.sums(np.array([loads[there].sum() for _, _, there in of_contacts(self.model, packed)]))
 
     def obstacle_loads(self) -> Array:
-        """Return what the obstacle of each contact exerts, as the last `forces` left it, ``(contacts, 6)``."""
+        """Return force and moment of the obstacle of each contact at the last `forces`, ``(contacts, 6)``."""
         if self.contact is None:
             return np.zeros((0, 6))
         from isorod.contact import ranks, result
@@ -284,7 +284,7 @@ class System:
         return result.loads_of(self.model, packed, friction, ranks.Ranks(self.ranks.communicator))
 
     def obstacle_work(self, begin: float, end: float) -> float:
-        """Return the work of what obstacles exert, as the last `forces` left it, on their way between two times."""
+        """Return the work of the obstacles between two times, with their forces at the last `forces`."""
         if self.contact is None or not self.contact.packed.tracks.size:
             return 0.0
         from isorod.contact import placing_kernel
@@ -295,13 +295,13 @@ class System:
         return float(self.ranks.sums(np.array([work]))[0])
 
     def energies(self, displacement: Array) -> tuple[float, float, float]:
-        """Return the stored energy without activation, what full activation adds, and what laws have dissipated."""
+        """Return the stored energy without activation, that added by full activation, and the dissipation of laws."""
         own = internal_forces(self.mesh, displacement, 0.0, True, False, np.empty_like(displacement))
         _, stored, active, lost = self.ranks.sums(np.array(own)).tolist()
         return stored, active, lost
 
-    def go_on(self, step: float) -> None:
-        """Let laws with memory go on to the state of the present displacement, so long after that before."""
+    def update_states(self, step: float) -> None:
+        """Update laws with memory to the present displacement, at a time ``step`` after their last state."""
         if self.model.remembers:
             elapse(self.mesh, step)
             internal_forces(
@@ -311,37 +311,37 @@ class System:
 
     @property
     def states(self) -> Array:
-        """What laws with memory know of all quadrature points, of all ranks."""
+        """States of laws with memory at all quadrature points, of all ranks."""
         return self.ranks.sums(states.of(self.model, self.ranks, self.mesh.fibres))
 
-    def know(self, known: Array) -> None:
-        """Let laws with memory know what `states` was."""
-        states.give(self.model, self.ranks, known, self.mesh.fibres)
+    def set_states(self, all_states: Array) -> None:
+        """Set the states of laws with memory, as `states` returned them."""
+        states.give(self.model, self.ranks, all_states, self.mesh.fibres)
         elapse(self.mesh, 0.0)
 
     def worst(self, displacement: Array) -> str:
-        """Return which element is the most compressed."""
+        """Return a message on the most compressed element."""
         model = self.model
         everywhere = displacement[self.order]
-        found: list[tuple[float, str]] = []
-        for share in self.ranks.shares:
-            body, b = share.body, share.which
-            table = body.space.tabulate(share.first, share.last)
+        worst: list[tuple[float, str]] = []
+        for elements in self.ranks.element_ranges:
+            body, b = elements.body, elements.which
+            table = body.space.tabulate(elements.first, elements.last)
             shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
-            nodal = model.nodal(everywhere, b)[body.space.element_nodes[share.first : share.last]].reshape(shape)
+            nodal = model.nodal(everywhere, b)[body.space.element_nodes[elements.first : elements.last]].reshape(shape)
             det = determinant(deformation_gradients(table, nodal))
             det = np.where(np.isfinite(det), det, -np.inf)
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
-            where = f"element {share.first + e} of body {b} at u = {table.u[e, t]:.4g}"
-            found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
-        return min(one for own in self.ranks.gather(found) for one in own)[1]
+            place = f"element {elements.first + e} of body {b} at u = {table.u[e, t]:.4g}"
+            worst.append((float(det.min()), f"smallest det F = {det.min():.3g} in {place}"))
+        return min(chain.from_iterable(self.ranks.gather(worst)))[1]
 
     def critical_step(self, displacement: Array, activation: float) -> float:
-        """Return the largest stable step about a state, ``2 / omega`` of the highest frequency; zero if it cannot be.
+        """Return the critical time step of a state, ``2 / omega`` of the highest frequency; zero if elements invert.
 
         Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the
-        forces, until the residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last
-        vector found.
+        forces, until the residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the
+        mode of the last estimate.
         """
         free, mine, ranks = self.free, self._mine, self.ranks
         own = free[mine]
@@ -353,8 +353,7 @@ class System:
         def dot(one: Array, other: Array) -> Array:
             return ranks.sums(np.atleast_1d(one @ other))
 
-        # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the
-        # highest now.
+        # Fixed noise, so that runs are reproducible, with a part of each mode, in case another one is the highest now.
         noise = np.random.default_rng(0).standard_normal(free.size)
         image = np.zeros_like(displacement)
         image[free] = noise
@@ -363,23 +362,23 @@ class System:
         vector = self.velocity(image)[own]
         size = np.sqrt(dot(vector, image[own])[0])
         trial = [displacement.copy(), displacement.copy()]
-        # The stiffest that laws with memory can be: what flows resists less.
+        # Laws with memory are stiffest without flow.
         stiff = self.mesh._replace(constants=self.mesh.stiff)
         highest = missing = 0.0
         for k in range(count):
             basis[k], momenta[k] = vector / size, image[own] / size
             step = 1e-5 * self._size / -ranks.smallest(-np.abs(basis[k]).max(initial=0.0))
-            way = np.zeros_like(displacement)
-            way[own] = step * basis[k]
-            way = ranks.sums(way)[free]
+            increment = np.zeros_like(displacement)
+            increment[own] = step * basis[k]
+            increment = ranks.sums(increment)[free]
             for sign, u in zip((1.0, -1.0), trial, strict=True):
-                u[free] = displacement[free] + sign * way
+                u[free] = displacement[free] + sign * increment
             ahead, behind = (self.forces(u, activation, mesh=stiff)[0] for u in trial)
             image[free] = (ahead - behind)[free] / (2.0 * step)
             if not np.isfinite(image).all():
                 return 0.0
             diagonal[k] = dot(basis[k], image[own])[0]
-            # Twice: once leaves what rounding brings back.
+            # Twice, because of rounding.
             for _ in range(2):
                 image[own] -= dot(basis[: k + 1], image[own]) @ momenta[: k + 1]
             image = ranks.whole(image)
@@ -389,11 +388,11 @@ class System:
             highest = float(values[-1])
             missing = beside[k] * abs(vectors[-1, -1])
             if missing <= _TOLERANCE * abs(highest):
-                found = np.zeros_like(displacement)
-                found[own] = vectors[:, -1] @ momenta[: k + 1]
-                self.highest[:] = ranks.sums(found)[free]
+                mode = np.zeros_like(displacement)
+                mode[own] = vectors[:, -1] @ momenta[: k + 1]
+                self.highest[:] = ranks.sums(mode)[free]
                 break
         else:
-            # Rather too short a step than too long a one.
+            # An upper bound: rather too short a step.
             highest += missing
         return 2.0 / np.sqrt(highest) if highest > 0.0 else np.inf

@@ -1,12 +1,12 @@
-"""Ties in explicit steps: of all velocities that momenta could have, the nearest that ties allow.
+"""Ties in explicit steps: projection of velocities onto those that ties allow, in the norm of the mass.
 
 With ties ``G v = 0`` momenta ``p`` have the velocity
 
     v = M^-1 (p - G^T l),    G M^-1 G^T l = G M^-1 p,
 
-which is that of the condensed mass, ``T (T^T M T)^-1 T^T p``.  Bodies keep their own factors of the mass; what couples
-them is ``Z = M^-1 G^T (G M^-1 G^T)^-1``, a row of numbers for each degree of freedom near a tie: away from it
-``M^-1 G^T`` decays exponentially.
+which is that of the condensed mass, ``T (T^T M T)^-1 T^T p``.  Bodies keep their own factors of the mass, coupled by
+``Z = M^-1 G^T (G M^-1 G^T)^-1``, a row of numbers for each degree of freedom near a tie: away from it ``M^-1 G^T``
+decays exponentially.
 """
 
 from collections.abc import Callable
@@ -22,10 +22,10 @@ from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
 from isorod.model.model import Model
 
-# What is less than this share of the largest is rounding.
+# Entries below this fraction of the largest are rounding.
 _NONE = 1e-17
 
-# Rows that are solved for at a time.
+# Number of rows solved at a time.
 _TOGETHER = 1000
 
 
@@ -40,12 +40,12 @@ class Ties:
     Raises
     ------
     InputError
-        If a tie has a bond, or supports hold what a slave hangs on.
+        If a tie has a bond, or supports hold masters of a slave.
     """
 
     def __init__(self, model: Model, order: Index, ranks: Ranks) -> None:
-        for k, one in enumerate(model.ties):
-            if one.bond:
+        for k, tie in enumerate(model.ties):
+            if tie.bond:
                 raise InputError(f"tie {k}: bond: not supported by explicit steps; use integrator 'implicit'")
         constraints = Constraints(model)
         self._slaves, self._rows = constraints.slaves, constraints.rows
@@ -60,18 +60,18 @@ class Ties:
         self._ties, self._order, self._ranks = csr_array(chosen - self._rows), order, ranks
 
     def tied(self, displacement: Array) -> Array:
-        """Return a displacement or a velocity in the model's order whose slaves are where they must be."""
+        """Return a displacement or a velocity in the model's order, with slaves by their masters."""
         result = displacement.copy()
         result[self._slaves] = self._rows @ displacement
         return result
 
     def factors(self, velocity: Callable[[Array], Array]) -> TieFactors:
-        """Return what ties take off velocities.
+        """Return the factors of the projection.
 
         Parameters
         ----------
         velocity
-            Returns those of momenta without ties, both state vectors.
+            Returns the velocity of momenta without ties, both state vectors.
         """
         count, size = self._ties.shape
         columns = []
@@ -107,5 +107,5 @@ class Ties:
 
 
 def _kept(values: Array) -> csr_array:
-    """Return what is more than rounding of the largest of some values."""
+    """Return values as a sparse matrix, without those at round-off level of the largest."""
     return csr_array(np.where(np.abs(values) > _NONE * np.abs(values).max(initial=0.0), values, 0.0))

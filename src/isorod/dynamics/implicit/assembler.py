@@ -5,12 +5,11 @@ CMAME 190 (2000) 1763-1783),
 
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = p,
 
-where the loads ``p`` are their means over the step, whatever their history, pressures that follow a surface as in the
-middle of the step, and the
-internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
-(`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
-are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact has its forces at
-the mean of both states: they keep both momenta, and the energy to second order.
+where the loads ``p`` are their means over the step, for any history, follower pressures those in the middle of the
+step, and the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
+(`isorod.material.law.Material.discrete`).  So energy, momentum and angular momentum are conserved for any step size but
+for damping, supports, loads and activation, which is that in the middle of the step.  Contact forces are those at the
+mean of both states: they conserve both momenta, and the energy to second order.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,17 +47,17 @@ class StepPart(Part):
         Deformation gradients at the start of the step, shape ``(E, t, q, 3, 3)``.
     """
 
-    def __init__(self, share: ElementRange, exchange: Exchange) -> None:
-        super().__init__(share, exchange)
+    def __init__(self, element_range: ElementRange, exchange: Exchange) -> None:
+        super().__init__(element_range, exchange)
         self.start = np.empty((*self.table.weights.shape, 3, 3))
         self.inertia = self.largest = 0.0
 
     def begin(self, displacement: Array) -> None:
-        """Set the state a step starts from, of this rank's degrees of freedom."""
+        """Set the initial state of a step, of this rank's degrees of freedom."""
         self.start = self.gradients(displacement)
 
-    def know(self, states: Array) -> None:
-        """Let laws with memory have these states of the body's points, ``(E, t, q, m)``."""
+    def set_states(self, states: Array) -> None:
+        """Set the states of laws with memory at the body's points, ``(E, t, q, m)``."""
         self.laws = self.laws.knowing(states[self.table.first : self.table.first + self.table.elements])
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
@@ -92,19 +91,18 @@ class StepPart(Part):
 
 
 class StepAssembler(Assembler):
-    """Assembles the balance of a step; unknowns are the changes of the displacement.
+    """Assembles the balance of a step; unknowns are the increments of the displacement.
 
-    Displacements, velocities and forces on all degrees of freedom have those of solids behind those of rods; every rank
-    has them all.
+    Vectors on all degrees of freedom are those of rods followed by those of solids; every rank has them all.
 
     Attributes
     ----------
     amount
         Sum of the norms of inertial, internal and external forces at the last residual.
     rounding
-        What rounding makes of the residual.
+        Rounding of the residual.
     moved
-        What supports move during the step, of all degrees of freedom: where these go if no unknown does anything.
+        Increment prescribed by supports in the step, of all degrees of freedom.
     pressure
         All coefficients of the pressures of mixed bodies in the middle of the last step, force per area, ``(p,)``.
     """
@@ -121,8 +119,8 @@ class StepAssembler(Assembler):
         self._velocity = self._start = np.zeros(self._exchange.size)
         self.moved = np.zeros(model.dofs if self.coupling is None else self.coupling.constraints.held.size)
 
-    def _part(self, share: ElementRange) -> Part:
-        return StepPart(share, self._exchange)
+    def _part(self, element_range: ElementRange) -> Part:
+        return StepPart(element_range, self._exchange)
 
     def _coupled(self) -> "StepCoupling | None":
         if not self.model.coupled:
@@ -133,7 +131,7 @@ class StepAssembler(Assembler):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is: no step's is."""
+        """Whether the tangent is symmetric: that of a step is not."""
         return False
 
     def _contact(self) -> "MidpointContact | None":
@@ -145,28 +143,28 @@ class StepAssembler(Assembler):
         return MidpointContact(self.model, self.comm)
 
     def at(self, begin: float, end: float) -> None:
-        """Let loads be their means over a time, or what they are at it."""
+        """Set loads to their means over a time span, or to those at a time."""
         if self.model.loads:
             self._external = self._once(self.model.loaded(begin, end))
         for pressing in self._pressing:
             pressing.at(begin, end)
 
     def _reach(self, factor: float, step: float | None = None) -> None:
-        """Leave loads as they are (`at`)."""
+        """Do nothing: loads are set by `at`."""
 
     def begin(
         self, step: float, damping: float, displacement: Array, velocity: Array, moved: Array | None = None
     ) -> None:
-        """Set the state a step starts from (all degrees of freedom), its length, the damping, and what supports move.
+        """Set the initial state of a step (all degrees of freedom), its length, the damping, and prescribed increments.
 
-        Of what is held the velocity is that with which ``2 (moved / step - velocity)`` is its change.
+        The velocity of held degrees of freedom is such that ``2 (moved / step - velocity)`` is its change.
         """
         self.moved = np.zeros_like(displacement) if moved is None else moved
         self._prescribed = None
         self._velocity, self._start = self.local(velocity), self.local(displacement)
         self._rates = 2.0 / step**2 + damping / step, 2.0 / step
         self.rounding = 0.0
-        # Inertia is in the elements' tangent, and the next step may be another one.
+        # Inertia is in the elements' tangent, and the step size may change.
         self._elements = None
         for part in self.parts:
             part.begin(self._start)
@@ -176,14 +174,14 @@ class StepAssembler(Assembler):
         if self.coupling is not None:
             self.coupling.begin(step, damping, displacement, velocity, self.moved)
         if self.contact is not None:
-            self.contact.start = self.met(displacement)
+            self.contact.start = self.contact_displacement(displacement)
 
     def prescribed(self, factor: float) -> Array:
-        """Return what supports move during the step, and masters of ties their slaves, ``(dofs,)``."""
+        """Return the increment prescribed by supports in the step, with slaves of ties, ``(dofs,)``."""
         return self.moved[: self.model.dofs].copy()
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
-        # What activation is has no part in what supports do.
+        # The factor is that of activation, not of supports.
         return super()._state(x, 0.0)
 
     def _forces(self, local: Array, factor: float) -> Array:
@@ -193,7 +191,7 @@ class StepAssembler(Assembler):
             internal -= self._once(own)
         change, past = self._rates
         inertial, loads = self._momenta(change * local - past * self._velocity), self._loads(self._middle(local))
-        self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, loads))
+        self.amount = sum(float(np.linalg.norm(self.everywhere(forces))) for forces in (inertial, internal, loads))
         return inertial + internal - loads
 
     def residual(self, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> float:
@@ -209,11 +207,11 @@ class StepAssembler(Assembler):
 
     def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
         part = self.parts[k]
-        whole = part.padded_matrices(self._pressing[k].derivatives(part.nodal(self._middle(local))))
-        return -0.5 * whole[which].reshape(which.size, *[part.dofs.shape[1]] * 2)
+        matrices = part.padded_matrices(self._pressing[k].derivatives(part.nodal(self._middle(local))))
+        return -0.5 * matrices[which].reshape(which.size, *[part.dofs.shape[1]] * 2)
 
     def loads(self, displacement: Array) -> Array:
-        """Return the forces of the loads in a state, both of all degrees of freedom of rods, on every rank."""
+        """Return the forces of the loads in a state, both on all degrees of freedom of rods, on every rank."""
         if not self.model.loads:
             return np.zeros(self.model.dofs)
         return self.everywhere(self._loads(self.local(displacement)))
@@ -222,14 +220,14 @@ class StepAssembler(Assembler):
         return self._sums(part.masses(velocity) for part in self.parts)
 
     def change(self, x: PETSc.Vec) -> Array:
-        """Return unknowns as a change of all degrees of freedom: supports move none."""
+        """Return unknowns as an increment of all degrees of freedom, zero where supports hold."""
         rods: Array = self.shapes(self.all_unknowns(x)[None])[0]
         if self.coupling is None:
             return rods
         return np.append(rods, self.coupling.everywhere(self.solids(x, 0.0)) - self.moved[rods.size :])
 
     def guess(self, change: Array) -> PETSc.Vec:
-        """Return the unknowns from which a step's iterations begin, given a change of all degrees of freedom."""
+        """Return the initial unknowns of a step's iterations, given an increment of all degrees of freedom."""
         return self.state(change, solids=self._of_solids(change))
 
     @property
@@ -237,7 +235,7 @@ class StepAssembler(Assembler):
         return () if self.coupling is None else self.coupling.steps
 
     def _of_solids(self, everywhere: Array) -> list[Array]:
-        """Return what this rank has of each solid of all degrees of freedom."""
+        """Return this rank's degrees of freedom of each solid."""
         return [] if self.coupling is None else [everywhere[own] for own in self.coupling.own_dofs]
 
     def onto_unknowns(self, forces: Array) -> PETSc.Vec:
@@ -254,15 +252,15 @@ class StepAssembler(Assembler):
         return forces if self.coupling is None else self.coupling.passed_on(forces)
 
     def tied(self, displacement: Array, given: Callable[[MeanSupport], float] = lambda one: 0.0) -> Array:
-        """Return a displacement of all degrees of freedom, or a velocity, whose slaves of ties move as they must.
+        """Return a displacement or velocity of all degrees of freedom, with slaves of ties by their masters.
 
-        ``given`` says by what factor, or at what rate, mean motions are displaced.
+        ``given`` returns the factor, or its rate, of prescribed mean motions.
         """
         if self.coupling is None:
             return displacement
         result, constraints = displacement.copy(), self.coupling.constraints
         means = (self.model.means[k] for k in constraints.held_means)
-        values = np.concatenate([np.empty(0), *(given(one) * one.values for one in means)])
+        values = np.concatenate([np.empty(0), *(given(mean) * mean.values for mean in means)])
         result[constraints.slaves] = constraints.rows @ displacement + constraints.offsets @ values
         return result
 
@@ -276,27 +274,27 @@ class StepAssembler(Assembler):
         return self.coupling.passed_on(self.system_forces(x, factor))
 
     def averages(self, x: PETSc.Vec, factor: float) -> dict[int, Array]:
-        """Return what supports of mean motions exert during a step (`isorod.assembly.exerted.carried`)."""
+        """Return the forces of mean supports in a step (`isorod.assembly.exerted.carried`)."""
         if not self.model.means:
             return {}
         assert self.coupling is not None
         middle = self.coupling.middle(self.system_displacement(x, factor))
         return carried(self.coupling.constraints, self.system_forces(x, factor), middle)
 
-    def met(self, everywhere: Array) -> Array:
-        """Return what contact takes of all degrees of freedom: those of rods, and of facets that these touch."""
+    def contact_displacement(self, everywhere: Array) -> Array:
+        """Return the degrees of freedom of contact: those of rods, and of facets that these touch."""
         rods = everywhere[: self.model.dofs]
         return rods if self.contact is None else np.append(rods, everywhere[self.contact.beyond])
 
-    def know(self, known: Array) -> None:
-        """Let laws with memory begin the next step with states (`isorod.dynamics.explicit.system.System.states`)."""
+    def set_states(self, known: Array) -> None:
+        """Set the initial states of laws with memory (`isorod.dynamics.explicit.system.System.states`)."""
         if self.model.remembers:
             each = states.by_bodies(self.model, known)
             for part in self.parts:
-                part.know(each[part.which])
+                part.set_states(each[part.which])
 
     def accept(self, x: PETSc.Vec) -> None:
-        """Keep what the next step begins with beside the state."""
+        """Keep further initial values of the next step."""
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
@@ -311,8 +309,8 @@ class StepAssembler(Assembler):
         super().tangent(x, factor, out, lags)
         if self.rounding == 0.0:
             sizes = [(part.largest, part.inertia * float(np.abs(part.mass).sum(axis=2).max())) for part in self.parts]
-            everywhere = [one for own in self.comm.tompi4py().allgather(sizes) for one in own]
+            everywhere = [pair for own in self.comm.tompi4py().allgather(sizes) for pair in own]
             largest, light = max(size for size, _ in everywhere), min(size for _, size in everywhere)
-            # Inertia acts on changes, which are small, and adds no rounding to speak of.
-            stiffest = max(0.0, largest - light, *(one.largest for one in self._steps))
+            # Inertia acts on increments, which are small, and adds hardly any rounding.
+            stiffest = max(0.0, largest - light, *(step.largest for step in self._steps))
             self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * stiffest

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class MidpointContact(ContactOperator):
-    """Contact of a step, as functions of the change of the displacement.
+    """Contact of a step, as functions of the displacement increment.
 
     Attributes
     ----------
     start
-        Displacement at the start of the step, that of facets behind that of the model, shape ``(dofs,)``.
+        Displacement of the model at the start of the step, followed by that of facets, shape ``(dofs,)``.
     span
-        Times at which the step begins and ends.
+        Begin and end of the step.
     """
 
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
@@ -32,21 +32,21 @@ class MidpointContact(ContactOperator):
         self.start = np.zeros(model.dofs + self.beyond.size)
         self.span = 0.0, 0.0
 
-    def share(self, friction: "Friction") -> None:
-        """Keep the history of friction there."""
+    def use_history(self, friction: "Friction") -> None:
+        """Keep the history of friction in the given arrays."""
         if self.friction is not None:
             self.friction.history = friction.anchors
 
     def begin(self, time: float, step: float) -> None:
-        """Put obstacles that move where they are in the middle of a step."""
+        """Place moving obstacles for the middle of a step."""
         self.span = time, time + step
         super().place(time + 0.5 * step)
 
     def place(self, factor: float) -> None:
-        """Leave obstacles where they are: load factors are none of a motion's."""
+        """Do nothing: `begin` places obstacles."""
 
     def work(self) -> float:
-        """Return the work of obstacles that move in the step, as the last forces left it."""
+        """Return the work of moving obstacles in the step, with the last forces."""
         loads = np.zeros((self.packed.passes.size, 6))
         obstacle_loads(self.packed, self._friction, loads)
         return float(self.ranks.sums(np.empty(0), obstacle_work(self.packed, loads, *self.span))[1][0])
@@ -55,7 +55,7 @@ class MidpointContact(ContactOperator):
         return super()._positions(self.start + 0.5 * displacement)
 
     def tangent(self, displacement: Array) -> Array:
-        """Set and return ``values``, the derivatives of the forces by the change (see `isorod.contact.operator`)."""
+        """Set and return ``values``, the derivatives of the forces by the increment (see `isorod.contact.operator`)."""
         super().tangent(displacement)
         self.values *= 0.5
         return self.values

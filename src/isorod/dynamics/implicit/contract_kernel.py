@@ -1,4 +1,4 @@
-"""What an implicit step does at each point: from disk x axis to space and back, in the order sums over points take."""
+"""The compiled loop of an implicit step over points: moduli pulled back to disk x axis, in the order of the sums."""
 
 from numba import void
 
@@ -28,7 +28,7 @@ def pull_back(inverse: Array, moduli: Array, across: Array, mixed: Array, turned
                 for b in range(3):
                     c = 3 * a + b
                     for i in range(3):
-                        # Half of it: both indices of the first function's derivative.
+                        # First contraction: the indices of the first function's derivative.
                         x, y, z = 0.0, 0.0, 0.0
                         for A in range(3):
                             f = inverse[m, 3 * i + A]

@@ -1,4 +1,4 @@
-"""Ties and finite element bodies during an implicit step: unknowns are changes of the displacement."""
+"""Ties and finite element bodies during an implicit step: unknowns are displacement increments."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class StepCoupling(Coupling):
-    """What ties make of the changes of rods and solids; bonds have their forces at the mean of both states.
+    """Ties between increments of rods and solids; forces of bonds are those at the mean of both states.
 
     Attributes
     ----------
@@ -41,33 +41,33 @@ class StepCoupling(Coupling):
         self._start = self._moved = np.zeros(self.constraints.held.size)
 
     def begin(self, step: float, damping: float, displacement: Array, velocity: Array, moved: Array) -> None:
-        """Set the state a step starts from (all degrees of freedom), its length, the damping, what supports move."""
+        """Set the initial state of a step (all degrees of freedom), its length, the damping, prescribed increments."""
         self._start, self._moved = displacement, moved
-        for one, own in zip(self.steps, self.own_dofs, strict=True):
-            one.begin(step, damping, displacement[own], velocity[own])
+        for solid, own in zip(self.steps, self.own_dofs, strict=True):
+            solid.begin(step, damping, displacement[own], velocity[own])
 
     def given(self, factor: float) -> Array:
-        """Return what all degrees of freedom change by where no unknown does."""
+        """Return the prescribed increments of all degrees of freedom."""
         return self._moved.copy()
 
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the inertial and internal less the external forces of each solid's degrees of freedom here."""
-        found = [one.forces(change, factor) for one, change in zip(self.steps, self.solids(x, factor), strict=True)]
-        squares = [sum(float(one @ one) for one in kind) for kind in zip(*found, strict=True)]
+        forces = [step.forces(change, factor) for step, change in zip(self.steps, self.solids(x, factor), strict=True)]
+        squares = [sum(float(force @ force) for force in kind) for kind in zip(*forces, strict=True)]
         self.amount = float(np.sqrt(self._comm.tompi4py().allreduce(np.array(squares or [0.0]))).sum())
-        return [inertial + internal - loads for inertial, internal, loads in found]
+        return [inertial + internal - loads for inertial, internal, loads in forces]
 
     def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
         """Return the derivatives of these forces."""
         pairs = zip(self.steps, self.solids(x, factor), strict=True)
-        return [one.tangent(change, factor) for one, change in pairs]
+        return [step.tangent(change, factor) for step, change in pairs]
 
     def carried(self, forces: list[Array], factor: float) -> float:  # type: ignore[override]
-        """Return nothing: steps ask for the ``amount``."""
+        """Return zero: steps use the ``amount``."""
         return 0.0
 
     def middle(self, change: Array) -> Array:
-        """Return the mean of both states, of the change between them."""
+        """Return the mean of both states, from the increment between them."""
         return self._start + self._bond_factor * change
 
     def _seen(self, moved: Array) -> Array:
@@ -85,4 +85,4 @@ def _steps(solids: "Sequence[Solid]") -> "list[Step]":
         return []
     from isorod.fenics.step import Step
 
-    return [Step(one) for one in solids]
+    return [Step(solid) for solid in solids]

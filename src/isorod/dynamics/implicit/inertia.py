@@ -1,4 +1,4 @@
-"""What implicit steps ask of mass at one moment: what supports carry, and with pressures a state to start from."""
+"""Solves with the mass in implicit steps: reactions at an output and, with pressures, a consistent initial state."""
 
 from collections.abc import Callable
 from functools import partial
@@ -16,14 +16,13 @@ from isorod.petsc.direct import direct
 if TYPE_CHECKING:
     from isorod.dynamics.implicit.mixed import MixedStepAssembler, MixedStepPart
 
-# Newton's iterations to a state that keeps volumes or to pressures, and the share of these that is none.
+# Maximum number of Newton's iterations to volume-preserving states or to pressures; relative residual of the former.
 _MOST, _NONE = 20, 1e-12
 
-# A step of these that is so small beside the model is the last: the next one would be its square.
+# A correction this small relative to the model is the last: the next one would be its square.
 _CLOSE = 1e-7
 
-# MUMPS puts off the pivots that are too small, which takes more room than it foresees: percent more, until it is
-# enough.
+# MUMPS delays pivots that are too small, which takes more memory than it estimates: percent more, tried in this order.
 _ROOM = (100, 400, 1600)
 
 _PREFIX = "inertia_"
@@ -37,8 +36,8 @@ class Inertia:
         self._matrix = self._made()
         # PETSc's own factors are for bands.
         sparse = assembler.comm.getSize() > 1 or bool(assembler.model.solids)
-        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if sparse else {}
-        self._ksp = direct(self._matrix, {f"{_PREFIX}pc_type": "lu"} | several, _PREFIX)
+        package = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if sparse else {}
+        self._ksp = direct(self._matrix, {f"{_PREFIX}pc_type": "lu"} | package, _PREFIX)
 
     def _made(self) -> PETSc.Mat:
         return self.assembler.mass()
@@ -49,18 +48,18 @@ class Inertia:
         self._matrix.destroy()
 
     def prepare(self, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
-        """Return the state nearest to one from which steps may begin: itself, with what ties make of it."""
+        """Return the nearest admissible initial state: the given one, with slaves of ties by their masters."""
         return self.assembler.tied(displacement), self.assembler.tied(velocity)
 
     def settle(
         self, balance: Array, displacement: Array, velocity: Array, driven: Array, step: float
     ) -> tuple[Array, Array]:
-        """Return the forces that supports and ties exert, shape ``(dofs,)``, and all pressures.
+        """Return the forces of supports and ties, shape ``(dofs,)``, and all pressures.
 
         Parameters
         ----------
         balance
-            Internal forces but for those of pressures, less external ones, shape ``(dofs,)``.
+            Internal forces without those of pressures, less external ones, shape ``(dofs,)``.
         displacement, velocity, step
             The state, and the time step.
         driven
@@ -80,29 +79,28 @@ class Inertia:
 class MixedInertia(Inertia):
     """Solves with mass and the constraints of pressures, ``M`` and ``B``, and their compliance ``C``.
 
-    In a state the pressure is ``C p = g``, ``g`` the integrals of ``theta``, or, where there is no compliance, what
-    keeps ``g'' = B a + b`` zero.  Both is in
+    In a state the pressure is ``C p = g``, ``g`` the integrals of ``theta``, or without compliance the multiplier of
+    ``g'' = B a + b = 0``.  Both follow from
 
         M a + B^T p = -f,    t^2 (B a + b) + g - C p = 0
 
-    but for an error of second order in ``t``, half a time step: of waves of pressure that steps do not follow, it has
-    the mean.
+    but for an error of second order in ``t``, half a time step: of pressure waves faster than the steps it is the mean.
     """
 
     assembler: "MixedStepAssembler"
 
     def __init__(self, assembler: "MixedStepAssembler") -> None:
         super().__init__(assembler)
-        # A saddle needs pivots.
+        # A saddle point needs pivoting.
         self._ksp.getPC().setFactorSolverType("mumps")
-        found = [(part.rigid, part.soft) for part in assembler.mixed_parts]
-        self._rigid, self._soft = np.any(sum(assembler.comm.tompi4py().allgather(found), [(False, False)]), axis=0)
+        kinds = [(part.rigid, part.soft) for part in assembler.mixed_parts]
+        self._rigid, self._soft = np.any(sum(assembler.comm.tompi4py().allgather(kinds), [(False, False)]), axis=0)
 
     def _made(self) -> PETSc.Mat:
         return self.assembler.saddle()
 
     def prepare(self, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
-        """Return the state nearest to one, in the norm of mass, that keeps the volume of incompressible bodies.
+        """Return the nearest state, in the norm of the mass, that preserves the volume of incompressible bodies.
 
         Raises
         ------
@@ -113,10 +111,10 @@ class MixedInertia(Inertia):
         if not self._rigid:
             return displacement, velocity
         assembler, short = self.assembler, (1e-3 * step) ** 2
-        whole = self._sums(lambda part, sums: part.add_volumes(np.ones(part.table.weights.shape), sums)).norm()
+        volume = self._sums(lambda part, sums: part.add_volumes(np.ones(part.table.weights.shape), sums)).norm()
 
-        def lost(displacement: Array, grown: PETSc.Vec) -> Array:
-            """Return the smallest motion by which the integrals of ``theta`` lose so much."""
+        def correction_for(displacement: Array, grown: PETSc.Vec) -> Array:
+            """Return the smallest displacement that reduces the integrals of ``theta`` by so much."""
             self._fill(
                 displacement,
                 lambda part: (float(part.rigid), complementary(part.volumes, 0.0 * part.table.weights)[2] / short),
@@ -127,13 +125,13 @@ class MixedInertia(Inertia):
         for _ in range(_MOST):
             grown = self._sums(partial(_gaps, assembler.local(displacement)), lambda part: part.rigid)
             size = grown.norm()
-            if size <= _NONE * whole:
+            if size <= _NONE * volume:
                 break
             if np.isfinite(size):
-                nearer = lost(displacement, grown)
-                displacement = displacement + nearer
-                # Where some of a body is compressible, pressures of both have integrals that need not be zero.
-                if np.abs(nearer).max() <= _CLOSE * assembler.model.size:
+                correction = correction_for(displacement, grown)
+                displacement = displacement + correction
+                # In partly compressible bodies some integrals need not be zero.
+                if np.abs(correction).max() <= _CLOSE * assembler.model.size:
                     break
         else:
             raise InputError(
@@ -142,12 +140,12 @@ class MixedInertia(Inertia):
             )
         local, moving = assembler.local(displacement), assembler.local(velocity)
         grown = self._sums(lambda part, sums: part.add_rates(local, moving, sums), lambda part: part.rigid)
-        return displacement, velocity + lost(displacement, grown)
+        return displacement, velocity + correction_for(displacement, grown)
 
     def settle(
         self, balance: Array, displacement: Array, velocity: Array, driven: Array, step: float
     ) -> tuple[Array, Array]:
-        """Return the forces that supports and ties exert, ``(dofs,)``, and all pressures (`Inertia.settle`)."""
+        """Return the forces of supports and ties, ``(dofs,)``, and all pressures (`Inertia.settle`)."""
         assembler, half = self.assembler, 0.5 * step
         balance = balance + assembler.momenta(driven)
         local, moving = assembler.local(displacement), assembler.local(velocity)
@@ -160,7 +158,7 @@ class MixedInertia(Inertia):
         fixed.axpy(-1.0, assembler.onto_unknowns(balance))
 
         def solved(p: Array) -> PETSc.Vec:
-            # Of the pressures times half a step, and their rows as much: the matrix is symmetric.
+            # Unknowns are pressures times half a step, with rows scaled alike: the matrix is symmetric.
             self._fill(displacement, lambda part: (half, complementary(part.volumes, part.pressure(p))[2]))
             right = self._sums(lambda part, sums: part.add_volumes(_beyond(part, p), sums))
             right.aypx(1.0 / half, fixed)
@@ -195,13 +193,13 @@ class MixedInertia(Inertia):
         return -float(grown.dot(x)) - float(assembler.comm.tompi4py().allreduce(own))
 
     def _iterated(self, solved: Callable[[Array], PETSc.Vec], scale: float) -> PETSc.Vec:
-        """Return the fixed point of Newton's iterations, given the unknowns of the next from pressures."""
+        """Return the converged unknowns of Newton's iterations; ``solved`` returns the next ones from pressures."""
         x, before = self.assembler.vector(), np.inf
         for _ in range(_MOST):
             y = solved(scale * self.assembler.pressures_of(x))
             x.axpy(-1.0, y)
             change, x = float(x.norm()), y
-            # The second one is all rounding where pressures are linear.
+            # With linear pressures the second correction is rounding.
             if not change < 0.5 * before or change <= 1e-10 * float(y.norm()):
                 break
             before = change
@@ -212,7 +210,7 @@ class MixedInertia(Inertia):
         integrate: "Callable[[MixedStepPart, Array], None]",
         which: "Callable[[MixedStepPart], bool] | None" = None,
     ) -> PETSc.Vec:
-        """Return what mixed parts, or some of these, integrate."""
+        """Return the sum of integrals over mixed parts, or over some of these."""
         total, out = self.assembler.local(np.zeros(self.assembler.model.dofs)), self.assembler.vector()
         for part in self.assembler.mixed_parts:
             if which is None or which(part):
@@ -221,7 +219,7 @@ class MixedInertia(Inertia):
         return out
 
     def _fill(self, displacement: Array, how: "Callable[[MixedStepPart], tuple[float, Array]]") -> None:
-        """Fill the matrix with that of a state, given the share of the constraints of each part, and the compliance."""
+        """Fill the matrix at a state; ``how`` returns the factor of each part's constraints, and the compliance."""
         self.assembler.fill_saddle(displacement, how, self._matrix)
         self._ksp.setOperators(self._matrix)
 
@@ -241,7 +239,7 @@ class MixedInertia(Inertia):
 
 
 def _gaps(local: Array, part: "MixedStepPart", sums: Array) -> None:
-    """Add the integrals of ``theta`` of a displacement that are to be zero."""
+    """Add the integrals of ``theta`` of a displacement over incompressible elements."""
     part.add_gaps(local, sums)
 
 

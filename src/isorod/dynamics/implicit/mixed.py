@@ -1,4 +1,4 @@
-"""Implicit steps of bodies with the mixed formulation: energy and momenta stay, up to ``nu = 0.5``.
+"""Implicit steps of bodies with the mixed formulation: energy and momenta are conserved, up to ``nu = 0.5``.
 
 Between states 0 and 1 of a step the energy ``psi + kappa/2 theta^2`` (`isorod.assembly.mixed`) has the forces
 
@@ -6,9 +6,9 @@ Between states 0 and 1 of a step the energy ``psi + kappa/2 theta^2`` (`isorod.a
 
 for all pressures ``q``: ``D theta``, a discrete gradient (Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467), does exactly
 the work ``theta_1 - theta_0``, so that the pressure at the middle of the step, ``p``, the mean of those at its ends,
-does that of ``p^2 / (2 kappa)``.  Where all of a body is incompressible, the constraint is ``theta_1 = 0``: nothing
-that rounding leaves adds up, and ``p`` does no work.  Of other energies ``U(theta)`` it is ``theta_0 + theta_1 =
-2 U*'(p)``, and energy is kept to second order in the change of the pressure.
+does that of ``p^2 / (2 kappa)``.  In a fully incompressible body the constraint is ``theta_1 = 0``: rounding does not
+accumulate, and ``p`` does no work.  With other energies ``U(theta)`` it is ``theta_0 + theta_1 = 2 U*'(p)``, and energy
+is conserved to second order in the change of the pressure.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ from isorod.tensors import inverse
 # Attribute of a matrix of mass and constraints: the pattern of the parts' entries.
 _PATTERN = "isorod_saddle"
 
-# Times the shear modulus.
+# Compliance of incompressible elements, times the shear modulus, in bodies with others.
 _LEAST = 1e-9
 
 
@@ -47,14 +47,14 @@ class MixedStepPart(MixedPart, StepPart):
         Whether it is incompressible somewhere, or compressible somewhere.
     """
 
-    def __init__(self, share: ElementRange, exchange: Exchange) -> None:
-        super().__init__(share, exchange)
-        rigid = [law.lame == np.inf for law in share.body.laws]
+    def __init__(self, element_range: ElementRange, exchange: Exchange) -> None:
+        super().__init__(element_range, exchange)
+        rigid = [law.lame == np.inf for law in element_range.body.laws]
         self.rigid, self.soft = any(rigid), not all(rigid)
         self._before: Array | float = 0.0
 
     def begin(self, displacement: Array) -> None:
-        """Set the state a step starts from, of this rank's degrees of freedom."""
+        """Set the initial state of a step, of this rank's degrees of freedom."""
         super().begin(displacement)
         if self.soft:
             self._before = volume_change(self.volumes, self.start)[0]
@@ -69,7 +69,7 @@ class MixedStepPart(MixedPart, StepPart):
         self.add_volumes(self._before + after - 2.0 * complementary(self.volumes, p)[1], forces)
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
-        """Add the derivatives of what `add_forces` adds, and of inertial forces, to entries of a pattern."""
+        """Add the derivatives of the forces of `add_forces`, and of inertial forces, to entries of a pattern."""
         StepPart.add_entries(self, local, factor, blocks, entries)
 
     def _matrices(self, local: Array, factor: float) -> Array:
@@ -88,19 +88,19 @@ class MixedStepPart(MixedPart, StepPart):
         """Return the derivatives of the integrals of ``theta`` (`isorod.assembly.mixed.coupling`)."""
         return coupling(self.table, volume_change(self.volumes, F)[1], self.across, self.along)
 
-    def saddle(self, local: Array, share: float, compliance: Array) -> Array:
-        """Return matrices of mass, ``share`` times the derivatives of the integrals of ``theta``, and compliance.
+    def saddle(self, local: Array, fraction: float, compliance: Array) -> Array:
+        """Return matrices of mass, ``fraction`` times the derivatives of the integrals of ``theta``, and compliance.
 
         Parameters
         ----------
         local
             The displacement.
-        share, compliance
-            The latter has shape ``(E, t, q)``.
+        fraction, compliance
+            A factor, and the compliances at the points ``(E, t, q)``.
         """
         layers, width = self.layers.shape[1], self.width
         result = self.masses_of(np.eye(3)).reshape(-1, layers, width, layers, width)
-        both = share * self._slopes(self.gradients(local))
+        both = fraction * self._slopes(self.gradients(local))
         self.set_coupling(result, both, both, self.own(slice(None), compliance))
         return result.reshape(*self.dofs.shape, -1)
 
@@ -111,7 +111,7 @@ class MixedStepPart(MixedPart, StepPart):
     def complement(self, p: Array) -> tuple[Array, Array, Array]:
         """Return ``U*`` of the pressures in ``p`` and its derivatives, shapes ``(E, t, q)``.
 
-        Where incompressible elements are in a body with others, they have as good as no compliance, but one.
+        Incompressible elements, in a body with others, have a negligible compliance so that it is not singular.
         """
         at_points = self.pressure(p)
         value, slope, bend = complementary(self.volumes, at_points)
@@ -119,11 +119,11 @@ class MixedStepPart(MixedPart, StepPart):
         return value + 0.5 * least * at_points**2, slope + least * at_points, bend + least
 
     def add_gaps(self, local: Array, volumes: Array) -> None:
-        """Add the integrals of ``theta`` over what is incompressible: those that are to be zero."""
+        """Add the integrals of ``theta`` over incompressible elements, which are to be zero."""
         self.add_volumes(self._held * volume_change(self.volumes, self.gradients(local))[0], volumes)
 
     def add_rates(self, local: Array, velocity: Array, volumes: Array) -> None:
-        """Add the rates of the integrals of ``theta`` over what is incompressible."""
+        """Add the rates of the integrals of ``theta`` over incompressible elements."""
         slope = volume_change(self.volumes, self.gradients(local))[1]
         self.add_volumes(self._held * np.sum(slope * self.changes(velocity), axis=(-2, -1)), volumes)
 
@@ -133,7 +133,7 @@ class MixedStepPart(MixedPart, StepPart):
         return complementary(self.volumes, np.zeros(self.table.weights.shape))[2] == 0.0
 
     def add_bends(self, local: Array, velocity: Array, volumes: Array) -> None:
-        """Add what the second rates of the integrals of ``theta = ln J`` are where nothing accelerates."""
+        """Add the second rates of the integrals of ``theta = ln J`` at zero acceleration."""
         rate = self.changes(velocity) @ inverse(self.gradients(local))[0]
         self.add_volumes(-np.einsum("...ab,...ba->...", rate, rate), volumes)
 
@@ -144,15 +144,15 @@ class MixedStepPart(MixedPart, StepPart):
 
 
 class MixedStepAssembler(MixedAssembler, StepAssembler):
-    """Assembles the balance of a step; unknowns are the changes of the displacement and the pressures in the middle."""
+    """Assembles the balance of a step; unknowns are displacement increments and pressures in the middle of the step."""
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         super().__init__(model, comm)
         self.pressure = np.zeros(sum(body.pressures.size for body in model.bodies if body.pressures is not None))
 
-    def _part(self, share: ElementRange) -> Part:
-        kind = StepPart if share.body.pressures is None else MixedStepPart
-        return kind(share, self._exchange)
+    def _part(self, element_range: ElementRange) -> Part:
+        kind = StepPart if element_range.body.pressures is None else MixedStepPart
+        return kind(element_range, self._exchange)
 
     @property
     def mixed_parts(self) -> list[MixedStepPart]:
@@ -160,7 +160,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
         return [part for part in self.parts if isinstance(part, MixedStepPart)]
 
     def guess(self, change: Array) -> PETSc.Vec:
-        """Return the unknowns from which a step's iterations begin: the last pressure is the next."""
+        """Return the initial unknowns of a step's iterations, with the pressures of the last step."""
         return self.state(change, self.model.split_pressures(self.pressure), self._of_solids(change))
 
     def accept(self, x: PETSc.Vec) -> None:
@@ -168,7 +168,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
         self.pressure = self.all_pressures(x)
 
     def saddle(self) -> PETSc.Mat:
-        """Return a new matrix with room for those of mass and constraints (`fill_saddle`)."""
+        """Return a new matrix with the pattern of mass and constraints (`fill_saddle`)."""
         pattern = Pattern([part.of_dofs for part in self.parts], self.free)
         matrix = self._matrix(pattern.indices, pattern)
         matrix.setAttr(_PATTERN, pattern)
@@ -181,7 +181,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
     def fill_saddle(
         self, displacement: Array, how: Callable[[MixedStepPart], tuple[float, Array]], out: PETSc.Mat
     ) -> None:
-        """Fill a matrix with those of mass and constraints (`MixedStepPart.saddle`), given how each part has these."""
+        """Fill a matrix with mass and constraints (`MixedStepPart.saddle`); ``how`` returns fraction and compliance."""
         with self._timed():
             system, out = out, out if self.coupling is None else self.coupling.of_rods(out)
             pattern: Pattern = out.getAttr(_PATTERN)
@@ -196,22 +196,22 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
                 self.coupling.fill(system, self._masses)
 
     def gather(self, local: Array, out: PETSc.Vec) -> None:
-        """Fill a vector with the sums over all ranks of what is in this rank's slots."""
+        """Fill a vector with the sums over all ranks of local values."""
         self._store(local, out)
 
     def pressed_by(self, displacement: Array, x: PETSc.Vec) -> Array:
-        """Return the forces of the pressures in ``x`` in a state, of all degrees of freedom."""
+        """Return the forces of the pressures in ``x`` in a state, on all degrees of freedom."""
         local, p, forces = self.local(displacement), self._state(x, 0.0), np.zeros(self._exchange.size)
         for part in self.mixed_parts:
             part.add_pressure(local, p, forces)
-        found = np.zeros(displacement.size)
-        found[: self.model.dofs] = self.everywhere(forces)
-        return found
+        pressed = np.zeros(displacement.size)
+        pressed[: self.model.dofs] = self.everywhere(forces)
+        return pressed
 
     def pressures_of(self, x: PETSc.Vec) -> Array:
-        """Return a vector's degrees of freedom of this rank, of which parts take pressures."""
+        """Return a vector's degrees of freedom of this rank, which contain the parts' pressures."""
         return self._state(x, 0.0)
 
     def all_pressures(self, x: PETSc.Vec) -> Array:
-        """Return the coefficients of all bodies' pressures one behind the other, force per area, shape ``(p,)``."""
-        return np.concatenate([one.ravel() for one in self.pressures(x) if one is not None])
+        """Return the coefficients of all bodies' pressures, concatenated, force per area, shape ``(p,)``."""
+        return np.concatenate([each.ravel() for each in self.pressures(x) if each is not None])

@@ -11,7 +11,7 @@ from isorod.petsc.direct import room
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 
-# What a user's option overrides.
+# Defaults, which a user's options override.
 OPTIONS = {
     "snes_linesearch_type": "bt",
     "snes_linesearch_max_it": 10,
@@ -20,12 +20,11 @@ OPTIONS = {
     "ksp_type": "preonly",
 }
 
-# After so many iterations the out-of-balance force is less than this share of what it was, or they lead nowhere: half
-# the step will do better than more of them.
+# After so many iterations the residual must be less than this fraction of the first; otherwise half the step is better
+# than more iterations.
 _LOOKED, _LESS = 8, 0.9
 
-# Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is
-# accepted.
+# Where Newton's iterations no longer reduce the residual by this factor, this multiple of its rounding is accepted.
 _STALLED = 0.3
 
 _NOISE = 10.0
@@ -57,23 +56,23 @@ class Newton:
         )
 
     def destroy(self) -> None:
-        """Give back matrix, factors and the state; SNES and this object, each holding the other, would keep them."""
-        for one in (self.snes, self.matrix, self.x):
-            one.destroy()
+        """Release matrix, factors and state, which the circular reference of SNES and this object would keep."""
+        for item in (self.snes, self.matrix, self.x):
+            item.destroy()
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
         self.assembler.tangent(x, self._factor, out)
         forget_factors(out, self.snes.getKSP())
 
     def imbalance(self, guess: Array, factor: float) -> float:
-        """Return the norm of the out-of-balance force for a guess of the change of displacement."""
+        """Return the norm of the residual for a guess of the displacement increment."""
         force = self.assembler.vector()
         self.assembler.residual(self.assembler.guess(guess), factor, force)
         norm = float(force.norm())
         return norm if np.isfinite(norm) else np.inf
 
     def solve(self, guess: Array, factor: float) -> Array | None:
-        """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
+        """Return the displacement increment (all degrees of freedom) from a guess; None where SNES diverges."""
         self._factor = factor
         self._last = np.inf
         self.assembler.guess(guess).copy(self.x)
@@ -85,11 +84,11 @@ class Newton:
         return self.assembler.change(self.x) + self.assembler.moved
 
     def _accurate(self) -> bool:
-        # A line search finds no lower residual where there is none.
+        # At round-off level the line search fails.
         return self._last <= _NOISE * self.assembler.rounding
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
-        """Return SNES's reason to stop: small beside the forces at work, or stalled at the rounding of these."""
+        """Return SNES's reason to stop: a residual small beside the acting forces, or stalled at their rounding."""
         reasons = PETSc.SNES.ConvergedReason
         force = norms[2]
         if not np.isfinite(force):

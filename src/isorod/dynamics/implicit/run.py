@@ -1,4 +1,4 @@
-"""Implicit steps of a motion: Newton's iterations and cuts of the step."""
+"""Implicit time integration: Newton's iterations and cuts of the step."""
 
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -27,16 +27,16 @@ from isorod.tensors import rotation
 if TYPE_CHECKING:
     from isorod.contact.passing import Tunnelling
 
-# A step is halved at most so often, and cut into at most so many pieces more: where all of them are as short, the next
-# steps would be too, and a shorter step is what to ask for.
+# Maximum number of halvings of a step, and of cuts in it: with more of these the next steps would need as many, and the
+# user should take a shorter step.
 _HALVINGS, _CUTS = 10, 64
 
-# What checkpoints keep of solids.
+# State of solids in checkpoints.
 _KEPT = ("displacement", "velocity", "work")
 
 
 class Run(run.Run):
-    """A motion under way in implicit steps.
+    """A running implicit time integration.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Run(run.Run):
 
     integrator = "implicit"
     lag = 0.0
-    # Contact is counted by who started the run.
+    # `isorod.dynamics.solve` adds contact.
     built = ("tangent", "mass")
 
     def __init__(self, system: System, settings: Settings) -> None:
@@ -60,11 +60,11 @@ class Run(run.Run):
         self.solids = Solids(system.model, self.assembler.coupling)
         self._noise += 1e-12 * self.solids.size
         if system.contact is not None and self.assembler.contact is not None:
-            # Outputs and checkpoints know the same history.
+            # Steps and outputs have the same history of friction.
             self.assembler.contact.look(system.points)
-            self.assembler.contact.share(system.contact.friction)
+            self.assembler.contact.use_history(system.contact.friction)
         self.newton = Newton(self.assembler)
-        # Cuts in this step and before, at most, and the shortest piece of it that could be taken.
+        # Largest number of cuts up to the end of this step, and the shortest part of it that converged.
         self._allowed, self._shortest = _CUTS, np.inf
         self._passing: Tunnelling | None = None
         if self.assembler.contact is not None:
@@ -82,9 +82,9 @@ class Run(run.Run):
         self._inertia.destroy()
 
     def begin(self, displacement: Array, velocity: Array) -> None:
-        """Place the bodies, those that are incompressible so that no volume changes, and take the first output.
+        """Place the bodies, incompressible ones preserving volume, and take the first output.
 
-        Displacement and velocity have those of solids behind those of rods.
+        Displacement and velocity are those of rods followed by those of solids.
         """
         rods = self.system.model.dofs
         if self.assembler.coupling is not None:
@@ -95,21 +95,21 @@ class Run(run.Run):
             )
         displacement, velocity = self._inertia.prepare(displacement, velocity, self._longest)
         if self.system.model.moves:
-            velocity = self.assembler.tied(velocity, lambda one: one.clock.rate(0.0, False))
+            velocity = self.assembler.tied(velocity, lambda mean: mean.clock.rate(0.0, False))
         self.solids.displacement[:], self.solids.velocity[:] = displacement[rods:], velocity[rods:]
         self._place_facets()
         super().begin(displacement[:rods], velocity[:rods])
-        self.assembler.know(self.system.states)
+        self.assembler.set_states(self.system.states)
         self._phase = self._from_start()
 
     def _place_facets(self) -> None:
-        """Tell contact where the facets are that rods touch."""
+        """Set the displacement of facets that rods touch."""
         if self.assembler.contact is not None:
             self.system.beyond = self.solids.displacement[self.assembler.contact.beyond - self.system.model.dofs]
 
     @property
     def _displacement(self) -> Array:
-        """Of all degrees of freedom, those of solids behind those of rods."""
+        """Displacement of all degrees of freedom, of rods followed by those of solids."""
         return np.append(self.system.state.displacement[self.system.order], self.solids.displacement)
 
     @property
@@ -118,10 +118,10 @@ class Run(run.Run):
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
         """See `isorod.dynamics.run.Run`."""
-        found = super().identity(displacement, velocity)
+        identity = super().identity(displacement, velocity)
         if self.system.model.solids:
-            found["model"] += self.solids.digest()
-        return found
+            identity["model"] += self.solids.digest()
+        return identity
 
     def _from_start(self) -> Phase:
         displacement, velocity = (
@@ -137,7 +137,7 @@ class Run(run.Run):
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
-        self.assembler.know(self.system.states)
+        self.assembler.set_states(self.system.states)
         self.assembler.pressure = kept["pressure"]
         for name in _KEPT:
             getattr(self.solids, name)[:] = kept[f"solid_{name}"]
@@ -149,10 +149,10 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         return self._phase.error()
 
-    def met(self, index: int) -> Array:
+    def contact_displacement(self, index: int) -> Array:
         """See `isorod.dynamics.run.Run`."""
         everywhere = np.append(*(self.rows[name][index] for name in ("displacement", "solid_displacement")))
-        return self.assembler.met(everywhere)
+        return self.assembler.contact_displacement(everywhere)
 
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
@@ -164,7 +164,7 @@ class Run(run.Run):
             self._allowed, self._shortest = self.cuts + _CUTS, self.step
             self._step(self.time + k * self.step, self.step, 0)
             self._phase.add(self._unturned(self._displacement, self.time + (k + 1) * self.step))
-            self.tell(self.time + (k + 1) * self.step)
+            self.report(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
         seen = self._measure()
@@ -172,7 +172,7 @@ class Run(run.Run):
         if not abs(error) <= IMBALANCE:
             raise SolveError(
                 f"step {self.taken}, time {self.time:.6g}: energy balance error {error:.2g} of the work done; "
-                f"time step {self._said_step()}: use a smaller one"
+                f"time step {self._step_text()}: use a smaller one"
             )
         self._record(seen)
         return seconds
@@ -186,18 +186,17 @@ class Run(run.Run):
         if self.assembler.contact is not None:
             self.assembler.contact.begin(time, dt)
         level = self.level(time + 0.5 * dt)
-        # What swings faster than steps follow goes back and forth: it is nearer to where it was than to where it goes.
-        guesses = sorted((dt * velocity, np.zeros_like(velocity)), key=lambda one: self.newton.imbalance(one, level))
+        # Vibrations faster than the steps alternate: their state is closer to the last one than to its extrapolation.
+        guesses = sorted((dt * velocity, np.zeros_like(velocity)), key=lambda x: self.newton.imbalance(x, level))
         change = self.newton.solve(guesses[0], level)
         if change is None:
             change = self.newton.solve(guesses[1], level)
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
-            ends = self.assembler.met(displacement), self.assembler.met(displacement + change)
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
-                *ends, (time, time + dt)
-            )
+            at = self.assembler.contact_displacement
+            ends = at(displacement), at(displacement + change), (time, time + dt)
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends)
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
@@ -211,22 +210,22 @@ class Run(run.Run):
         self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)
 
     def _driven(self, time: float, dt: float, velocity: Array) -> Array | None:
-        """Return what supports move in a step, and change the velocity at its start to what begins it.
+        """Return the increment prescribed by supports in a step, and set the velocity at its start accordingly.
 
-        Places and velocities of supports are exact at the ends of steps, a kink of their motion in a step or not; with
-        ``moved / dt`` less half the change of the velocity in place of this, the step has the change as it is.
+        Positions and velocities of supports are exact at the ends of steps, also with a kink of their motion within:
+        with the initial velocity ``moved / dt`` less half its change, the step has the exact change of velocity.
         """
         model = self.system.model
         if not model.moves:
             return None
         ends, assembler = (time, time + dt), self.assembler
 
-        def change(one: MeanSupport) -> float:
-            return one.clock.at(ends[1]) - one.clock.at(ends[0])
+        def change(mean: MeanSupport) -> float:
+            return mean.clock.at(ends[1]) - mean.clock.at(ends[0])
 
-        def begun(one: MeanSupport) -> float:
-            rates = [one.clock.rate(end, end > 0.0) for end in ends]
-            return change(one) / dt - 0.5 * (rates[1] - rates[0])
+        def begun(mean: MeanSupport) -> float:
+            rates = [mean.clock.rate(end, end > 0.0) for end in ends]
+            return change(mean) / dt - 0.5 * (rates[1] - rates[0])
 
         moved = np.zeros_like(velocity)
         moved[model.held] = (model.placed(ends[1]) - model.placed(ends[0]))[model.held]
@@ -236,22 +235,22 @@ class Run(run.Run):
         return assembler.tied(moved, change)
 
     def _unturned(self, displacement: Array, time: float) -> Array:
-        """Return a displacement as bodies that supports spin see it: what is prescribed is not late."""
+        """Return a displacement in frames that rotate with supports: prescribed rotations have no phase error."""
         model = self.system.model
         if not any(motion.turn.any() for motion in model.motions):
             return displacement
         result = displacement.copy()
-        for one, motion in zip(model.supports, model.motions, strict=True):
-            if isinstance(one, Support) and motion.clock.moves and motion.turn.any():
-                space, (first, last) = model.bodies[one.body].space, model.first_node[one.body : one.body + 2]
-                arms = space.positions - space.is_control_point[:, None] * center_of(space, one)
-                own = arms + displacement.reshape(-1, 3)[first:last]
-                turned = own @ rotation(motion.clock.at(time) * motion.turn) - arms
-                result.reshape(-1, 3)[first:last] = turned
+        for support, motion in zip(model.supports, model.motions, strict=True):
+            if isinstance(support, Support) and motion.clock.moves and motion.turn.any():
+                space = model.bodies[support.body].space
+                arms = space.positions - space.is_control_point[:, None] * center_of(space, support)
+                relative = arms + model.nodal(displacement, support.body)
+                turned = relative @ rotation(motion.clock.at(time) * motion.turn) - arms
+                model.nodal(result, support.body)[:] = turned
         return result
 
     def _refuse_deep(self, time: float) -> None:
-        """Raise `SolveError` if bodies are as deep in each other where a step starts: no shorter one helps."""
+        """Raise `SolveError` if the penetration is too large at the start of a step already: no shorter one helps."""
         if self._passing is None or self.assembler.contact is None:
             return
         self.assembler.contact.forces(np.zeros(self.assembler.contact.start.size))
@@ -260,13 +259,13 @@ class Run(run.Run):
             raise SolveError(f"step {self.taken + 1}, time {time:.6g}: {deep} before the step{self._jumped()}")
 
     def _jumped(self) -> str:
-        """Return, at the start of the motion, what supports that are displaced do."""
+        """Return advice on instantaneous support displacements, at the start of the motion."""
         if self.taken > 0 or not np.any(self.rows["displacement"][0][self.system.model.held]):
             return ""
         return "; prescribed displacements are applied instantaneously at time 0: reduce them, or use loads"
 
     def _given_up(self, problem: str, time: float, halvings: int) -> str:
-        """Return why a step could not be taken, and what would be right."""
+        """Return why a step failed, and advice."""
         place = f"step {self.taken + 1}, time {time:.6g}: {problem} in a time step of {self.step:.4g}"
         how = " and at the minimum step size"
         if halvings < _HALVINGS:
@@ -275,7 +274,7 @@ class Run(run.Run):
         return f"{place}{how}; {worst}{self._jumped()}"
 
     def _move(self, time: float, dt: float, level: float, change: Array, begun: Array) -> None:
-        """Add a step's change of the displacement to the state, and its sums; ``begun`` is the velocity it began at."""
+        """Add a step's displacement increment to the state, and its sums; ``begun`` is the initial velocity."""
         system, state, rods = self.system, self.system.state, self.system.model.dofs
         self._add_impulses(time, dt, level, change)
         self.assembler.accept(self.newton.x)
@@ -287,8 +286,8 @@ class Run(run.Run):
         after = 2.0 * mean - begun
         after[system.model.held] = system.model.rates(time + dt, True)[system.model.held]
         if system.model.moves:
-            after = self.assembler.tied(after, lambda one: one.clock.rate(time + dt, True))
-            # What supports make faster all at once, at kinks of their motion, they push at the mean of both velocities.
+            after = self.assembler.tied(after, lambda support: support.clock.rate(time + dt, True))
+            # At kinks of their motion supports do work on sudden changes of velocity at the mean of both velocities.
             start = self._velocity
             rest = 0.5 * (start + after) - mean
             state.sums[FOLLOWED] += float(rest @ self.assembler.momenta(after - start))
@@ -296,15 +295,15 @@ class Run(run.Run):
         self.solids.move(change[rods:], after[rods:])
         if active:
             state.sums[ACTIVATED] -= level * (self._energies()[1] - before)
-        self.system.go_on(dt)
-        self.assembler.know(self.system.states)
+        self.system.update_states(dt)
+        self.assembler.set_states(self.system.states)
         self.taken += 1
 
     def _add_impulses(self, time: float, dt: float, level: float, change: Array) -> None:
         """Add impulses and work of a step to the sums: of supports, contact, loads, and on solids."""
         state, model, solids = self.system.state, self.system.model, self.solids
         rods = model.dofs
-        met = self.assembler.met(change)
+        touching = self.assembler.contact_displacement(change)
         change, moved = change[:rods], change[rods:]
         if self.assembler.coupling is None:
             held = self.assembler.reactions(self.newton.x, level)
@@ -314,10 +313,10 @@ class Run(run.Run):
             means = self.assembler.averages(self.newton.x, level)
             state.sums[PUSHED:FOLLOWED] += dt * averages.forces_of(model, means).sum(axis=0)
             for k, amounts in means.items():
-                one = model.means[k]
-                if one.clock.moves:
-                    way = one.clock.at(time + dt) - one.clock.at(time)
-                    state.sums[FOLLOWED] += way * float(amounts @ one.values)
+                mean = model.means[k]
+                if mean.clock.moves:
+                    increment = mean.clock.at(time + dt) - mean.clock.at(time)
+                    state.sums[FOLLOWED] += increment * float(amounts @ mean.values)
             pulled = solids.loads(solids.displacement + 0.5 * moved)
             state.sums[FOLLOWED] += float(pulled @ moved)
             state.sums[PUSHED:FOLLOWED] += dt * resultant(pulled + np.where(solids.held, carried[rods:], 0.0))
@@ -328,14 +327,14 @@ class Run(run.Run):
         state.sums[FOLLOWED] += float(loads @ change)
         state.sums[PUSHED:FOLLOWED] += dt * (loads * self._carried).reshape(-1, 3).sum(axis=0)
         if self.assembler.contact is not None:
-            pushed = self.assembler.contact.forces(met)[0]
+            pushed = self.assembler.contact.forces(touching)[0]
             pushed[:rods] *= self._carried
             state.sums[PUSHED:FOLLOWED] += dt * resultant(pushed)
             state.sums[FOLLOWED] += self.assembler.contact.work()
-            state.sums[DISSIPATED] += self.assembler.contact.accept(met)
+            state.sums[DISSIPATED] += self.assembler.contact.accept(touching)
 
     def _energies(self) -> tuple[float, float, float]:
-        """Return the stored energy without activation, what full activation adds, and what laws have dissipated."""
+        """Return the stored energy without activation, that added by full activation, and the dissipation of laws."""
         rods = self.system.energies(self.system.state.displacement)
         solids = self.solids.energies(self.solids.displacement)
         return rods[0] + solids[0], rods[1] + solids[1], rods[2]
@@ -349,7 +348,7 @@ class Run(run.Run):
         return super()._amount() + float(np.abs(self.solids.momenta(self.solids.velocity)).sum())
 
     def _measure(self) -> dict[str, Any]:
-        """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
+        """Return the state by the names of `isorod.dynamics.History`, without changing it."""
         system, state, model, solids = self.system, self.system.state, self.system.model, self.solids
         stored, _, lost = self._energies()
         displacement, velocity, level = self._displacement, self._velocity, self.level(self.time)
@@ -375,8 +374,8 @@ class Run(run.Run):
         if coupling is not None:
             seen["reactions"] += averages.forces_of(model, exerted.carried(coupling.constraints, carried, displacement))
         return seen | {
-            "tie_forces": np.array([one.force for one in ties]).reshape(-1, 3),
-            "tie_moments": np.array([one.moment for one in ties]).reshape(-1, 3),
+            "tie_forces": np.array([tie.force for tie in ties]).reshape(-1, 3),
+            "tie_moments": np.array([tie.moment for tie in ties]).reshape(-1, 3),
             "kinetic": 0.5 * float(velocity @ momenta),
             "added_kinetic": 0.0,
             "stored": stored + self._inertia.stored(displacement) + slipped + float(solids.work[0]),
@@ -389,7 +388,7 @@ class Run(run.Run):
 
 
 def _made(system: System) -> tuple[StepAssembler, Inertia]:
-    """Return what assembles steps, and what solves with the mass."""
+    """Return the assembler of steps, and the solver with the mass."""
     given = system.model, system.ranks.communicator
     if not is_mixed(system.model):
         assembler = StepAssembler(*given)

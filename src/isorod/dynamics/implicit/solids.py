@@ -1,4 +1,4 @@
-"""Finite element bodies in motion: their state, and what outputs and balances ask of it."""
+"""Finite element bodies in motion: their state, and quantities for outputs and balances."""
 
 from collections.abc import Iterable, Sequence
 from hashlib import sha256
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 class Solids:
-    """The finite element bodies of a model in motion, if it has some; collective, with the same on every rank.
+    """The finite element bodies of a model in motion, if any; collective, with the same on every rank.
 
     Attributes
     ----------
     displacement, velocity
-        Of all their degrees of freedom, one body behind the other, shape ``(s,)``.
+        All their degrees of freedom, concatenated, shape ``(s,)``.
     held
-        Whether a condition holds them, ``(s,)``.
+        Whether a condition holds a degree of freedom, ``(s,)``.
     work
-        Work of the internal forces of bodies that are given by a form, which store what no one knows, ``(1,)``.
+        Work of the internal forces of bodies given by a form, whose stored energy is unknown, ``(1,)``.
     active
-        Whether a law of theirs has activation.
+        Whether one of their laws has activation.
     size
         Sum of their moduli times volumes.
     """
@@ -43,7 +43,7 @@ class Solids:
         self.size = sum(solid.law.modulus * solid.volume for solid in self._solids if solid.law is not None)
 
     def own(self, everywhere: Array) -> list[Array]:
-        """Return what this rank has of each body."""
+        """Return this rank's degrees of freedom of each body."""
         return [everywhere[own] for own in self._own]
 
     def _everywhere(self, own: Iterable[Array]) -> Array:
@@ -64,7 +64,7 @@ class Solids:
         return self._everywhere(solid.loads(u) for solid, u in zip(self._solids, self.own(displacement), strict=True))
 
     def energies(self, displacement: Array) -> tuple[float, float]:
-        """Return the energy stored by laws without activation, and what full activation adds."""
+        """Return the energy stored by laws without activation, and that added by full activation."""
         pairs = [
             (solid, u) for solid, u in zip(self._solids, self.own(displacement), strict=True) if solid.law is not None
         ]
@@ -72,12 +72,14 @@ class Solids:
         return stored, sum(solid.energy(u, 1.0) for solid, u in pairs) - stored if self.active else 0.0
 
     def worst(self) -> str:
-        """Return how compressed each body is."""
-        found = [solid.smallest_jacobian(u) for solid, u in zip(self._solids, self.own(self.displacement), strict=True)]
-        return "".join(f", {det:.3g} in solid {k}" for k, det in enumerate(found))
+        """Return a message with the smallest ``det F`` of each body."""
+        determinants = [
+            solid.smallest_jacobian(u) for solid, u in zip(self._solids, self.own(self.displacement), strict=True)
+        ]
+        return "".join(f", {det:.3g} in solid {k}" for k, det in enumerate(determinants))
 
     def add_work(self, change: Array) -> None:
-        """Add to ``work`` that of a step which changes displacements by so much."""
+        """Add to ``work`` that of a step with a displacement increment."""
         if self._coupling is None:
             return
         for solid, step, moved in zip(self._solids, self._coupling.steps, self.own(change), strict=True):
@@ -85,16 +87,16 @@ class Solids:
                 self.work += solid.comm.allreduce(float(step.forces(moved, 1.0)[1] @ moved))
 
     def digest(self) -> str:
-        """Return what tells these bodies, and their numbering, from others."""
-        found = sha256()
+        """Return a digest of these bodies and their numbering."""
+        digest = sha256()
         for solid in self._solids:
             sheared = 0.01 * np.roll(solid.positions, 1, axis=1).ravel()
             held = solid.held
             own = (solid.positions, *held, solid.residual(sheared, 0.5), solid.momenta(sheared), solid.loads(sheared))
-            here = b"".join(np.ascontiguousarray(one).tobytes() for one in own)
-            for one in solid.comm.allgather(sha256(here).digest()):
-                found.update(one)
-        return found.hexdigest()
+            here = b"".join(np.ascontiguousarray(array).tobytes() for array in own)
+            for part in solid.comm.allgather(sha256(here).digest()):
+                digest.update(part)
+        return digest.hexdigest()
 
     def move(self, change: Array, velocity: Array) -> None:
         """Add to the displacement, and set the velocity."""
@@ -103,35 +105,35 @@ class Solids:
 
 
 def resultant(forces: Array) -> Array:
-    """Return the sum of forces on solids, ``(3,)``: all functions of theirs add up to one."""
+    """Return the sum of forces on solids, ``(3,)``: their functions are a partition of unity."""
     return np.asarray(forces.reshape(-1, 3).sum(axis=0))
 
 
 def initial(solids: "Sequence[Solid]", given: Sequence[tuple[ArrayLike, ArrayLike]]) -> tuple[Array, Array]:
-    """Return displacement and velocity of all degrees of freedom of solids, ``(s,)`` each, at rest if none are given.
+    """Return displacement and velocity of all degrees of freedom of solids, ``(s,)`` each, at rest by default.
 
     Parameters
     ----------
     given
-        Both of each, on this rank, as of `isorod.dynamics.solve`.
+        Both of each solid, on this rank, as for `isorod.dynamics.solve`.
 
     Raises
     ------
     InputError
-        If they are not of so many solids, or not of the shape of one.
+        If their number or a shape is wrong.
     """
     if given and len(given) != len(solids):
         raise InputError(f"initial state of solids: got {len(given)} pairs, need one for each of {len(solids)}")
-    found: list[list[Array]] = [[np.zeros(0)], [np.zeros(0)]]
+    vectors: list[list[Array]] = [[np.zeros(0)], [np.zeros(0)]]
     for k, (solid, pair) in enumerate(zip(solids, given or [(0.0, 0.0)] * len(solids), strict=True)):
-        for name, one, into in zip(("displacement", "velocity"), pair, found, strict=True):
-            values, own = np.array(one, dtype=float), 3 * len(solid.positions)
+        for name, value, into in zip(("displacement", "velocity"), pair, vectors, strict=True):
+            values, own = np.array(value, dtype=float), 3 * len(solid.positions)
             fits = values.shape in ((), (3,), (own,)) and bool(np.isfinite(values).all())
             if not all(solid.comm.allgather(fits)):
                 raise InputError(
                     f"initial {name} of solid {k}: got shape {values.shape}, need ({own},) or (3,) finite numbers"
                 )
-            whole = values if values.shape == (own,) else np.broadcast_to(values, (own // 3, 3)).ravel()
-            into.append(np.concatenate(solid.comm.allgather(whole)))
-    displacement, velocity = (np.concatenate(one) for one in found)
+            everywhere = values if values.shape == (own,) else np.broadcast_to(values, (own // 3, 3)).ravel()
+            into.append(np.concatenate(solid.comm.allgather(everywhere)))
+    displacement, velocity = (np.concatenate(parts) for parts in vectors)
     return displacement, velocity
