@@ -34,14 +34,14 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Print the properties of a section of a scene's rod; return the exit code."""
     if chosen.usage("section", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("section", ours, theirs, more)
-    if found.output is not None and Path(found.output).suffix != ".csv":
-        raise InputError(f"--output: got {found.output}, need a file that ends in .csv")
+    scene, args, _ = chosen.choose("section", ours, theirs, more)
+    if args.output is not None and Path(args.output).suffix != ".csv":
+        raise InputError(f"--output: got {args.output}, need a file that ends in .csv")
     from isorod.output import results
     from isorod.output.section_properties import FORCES, section_properties
 
-    name, body = _rod(scene, found.rod)
-    properties = section_properties(body, _parameter(found.u), progress=ending.rank() == 0)
+    name, body = _rod(scene, args.rod)
+    properties = section_properties(body, _parameter(args.u), progress=ending.rank() == 0)
     record: dict[str, Any] = {
         "scene": scene.name,
         "rod": name,
@@ -53,10 +53,10 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     # Before anything is written: a record that cannot be one is an error.
     line = results.line(record)
     if ending.rank() == 0:
-        if found.output is not None:
-            results.write_whole(Path(found.output), _csv(record).encode())
+        if args.output is not None:
+            results.write_whole(Path(args.output), _csv(record).encode())
         notes.show()
-        print(line if found.json else _words(record))
+        print(line if args.json else _words(record))
     return 0
 
 

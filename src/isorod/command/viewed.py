@@ -108,17 +108,17 @@ class View:
                 self._limits[field[2:]] = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
 
     def _skins_of(self, step: int) -> list[Skin]:
-        found = []
+        skins = []
         for mesh in self._read(step):
             bare = mesh.copy(deep=False)
             bare.clear_data()
             bare.point_data["place"] = np.arange(mesh.n_points)
-            found.append(skin(bare))
-        return found
+            skins.append(skin(bare))
+        return skins
 
     def fields(self, state: State) -> dict[str, Field]:
         """Return what can be shown of a state, by names as in the file with the part behind."""
-        found, meshes = {}, self._read(state.step)
+        fields, meshes = {}, self._read(state.step)
         sources = {"displacement": state.motion} if state.mode else {name: name for name in plot.field_names(meshes)}
         for name, source in sources.items():
             if name.startswith(("mode_", "quarter_")):
@@ -127,8 +127,8 @@ class View:
             values = next(mesh.point_data[source] for mesh in meshes if source in mesh.point_data)
             for part in _PARTS.get(1 if values.ndim == 1 else values.shape[1], ("",)):
                 field = Field(f"{title} {part}".rstrip(), "" if state.mode else unit, source, part)
-                found[f"{name} {part}".rstrip()] = field
-        return found
+                fields[f"{name} {part}".rstrip()] = field
+        return fields
 
     def scale(self, state: State) -> float:
         """Return by how much motions are multiplied where nobody says it: 1; modes are to be seen."""
