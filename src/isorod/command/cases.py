@@ -28,7 +28,7 @@ def run(scene: Any, theirs: Sequence[str], args: Namespace, solve: Solve, keep: 
         raise InputError("load cases: this scene is geometry only, on which nothing acts; --case chooses one")
     if getattr(args, "checkpoint", None) is not None:
         raise InputError("--checkpoint: it is of one run; choose a load case with --case")
-    # What is wrong with one is said before any is solved.
+    # An error in any case is raised before the first is solved.
     several = {name: scene.with_options(case=name) for name in scene.cases}
     rows, failed = [], []
     for number, (name, case) in enumerate(several.items()):

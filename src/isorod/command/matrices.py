@@ -48,11 +48,11 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _matrices(scene: Any, args: argparse.Namespace) -> Any:
-    """Return the matrices that are asked for."""
+    """Return the requested matrices."""
     from isorod.command import solving
     from isorod.output.matrices import matrices
 
-    # What a file says of its analysis is read before anything is solved.
+    # Settings of the analysis are read before anything is solved.
     settings = scene.settings()
     lumped = args.mass == "lumped" or (args.mass is None and bool(settings.get("lumped")))
     with scene.locating():
@@ -76,12 +76,12 @@ def _matrices(scene: Any, args: argparse.Namespace) -> Any:
 
 
 def _summary(readme: dict[str, Any], folder: str) -> str:
-    """Return in words what was written."""
+    """Return a summary of the files written."""
     entries = "; ".join(f"{name} of {count:,} entries" for name, count in readme["entries"].items())
     mass = "" if "mass" in readme["entries"] else f"; mass {readme['mass']}"
     names = ", ".join(name for name in readme["files"] if not name.endswith(".csv"))
     return (
         f"{readme['unknowns']:,} unknowns ({readme['degrees_of_freedom']:,} degrees of freedom), "
         f"about {readme['about']}; {entries}{mass}\n"
-        f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json says what they are"
+        f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json describes them"
     )

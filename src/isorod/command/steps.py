@@ -1,4 +1,4 @@
-"""Which steps a motion of a file takes where it names none: explicit ones where waves ask for them anyway."""
+"""Choice of the time integration where a file names none: explicit where waves need steps as short anyway."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 # An implicit step takes as long as so many explicit ones: 340 with two iterations, of bars of 10 and of 80 elements.
 _COST = 300.0
 
-# Steps of a piece of a table, at least; modes whose frequency is asked for; the error aimed at, and that which is let
-# pass; how often implicit steps are taken anew, shorter.
+# Steps in an interval of a table, at least; modes computed; the target of the error, and its limit;
+# attempts with shorter implicit steps.
 _IN_AN_INTERVAL, _MODES, _AIM, _LARGE, _ATTEMPTS = 5, 8, 0.002, 0.005, 4
 
-# A frequency is one of a rigid motion below this share of the largest found.
+# A frequency below this fraction of the largest is that of a rigid motion.
 _RIGID = 1e-4
 
 
@@ -74,7 +74,7 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
     """Return the steps that are right for a motion.
 
     Implicit steps follow the lowest frequency to the end (the displacement is off by ``w T (w dt)^2 / 12``), and a
-    piece of a table in some steps; explicit ones are taken where these would not be longer than ``_COST`` of theirs,
+    interval of a table in some steps; explicit ones are taken where these would not be longer than ``_COST`` of theirs,
     and where bodies touch: impacts are waves.
     """
     if known is not None:

@@ -24,7 +24,7 @@ _HOW = (
     "combination is solved, the values of the last option fastest."
 )
 
-# Options that change nothing of the numbers: with a value, and without.
+# Options without effect on the numbers: with a value, and without.
 _VALUED, _PLAIN = ("--output", "--png"), ("--json", "--overwrite")
 
 # Entries of a list that are printed, and warnings.
@@ -58,7 +58,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
 
 def _without_old(ours: Sequence[str]) -> list[str]:
-    """Return our words without options that are gone, which have no effect and a warning for one release."""
+    """Return our words without removed options, which have no effect and give a warning for one release."""
     kept, words = [], iter(ours)
     for word in words:
         if word == "--cold":
@@ -87,7 +87,7 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _understood(points: Sequence[grid.Point], theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
-    """Return scene and options of the first point, having made sure that each value is one of its option's kind."""
+    """Return scene and options of the first point, after a check of each value's type."""
     first = points[0]
     place, scene, parser = chosen.find("sweep", first.words, theirs, more)
     for point in points:
@@ -178,11 +178,15 @@ def _run(
             units = {name: unit.strip("()") for name, unit in scene.units.items()}
             curves.draw(columns, str(scene.title if scene.content else scene.name), picture.SIZE, Path(args.png), units)
     failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in records.values())
-    return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
+    return (
+        ending.fail("isorod", f"{failed} of {total} points could not be solved; see the table's status column")
+        if failed
+        else 0
+    )
 
 
 def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, Any]:
-    """Run a point as `isorod run` does; return its record, which says of one that cannot be solved why."""
+    """Run a point as `isorod run` does; return its record, with the reason where it fails."""
     from isorod.command import sheet, solving
     from isorod.output import results
 
@@ -202,7 +206,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
 
 
 def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
-    """Return by what a sweep is known again: what is typed but for what changes no number, the file, versions.
+    """Return what identifies a sweep: its words except those without effect on numbers, the file, versions.
 
     Not the commit: a checkout may be committed to, or be edited, while a sweep runs (`_warn_of_commits`).
     """
@@ -224,7 +228,7 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
 
 
 def _is_speed(scene: Any, varied: Mapping[str, Any]) -> bool:
-    """Return whether what is varied first is all of the velocity of a spin, whose modes are wanted."""
+    """Return whether the first varied option alone gives the velocity of a spin in modal analysis."""
     name, (first, *rest) = "spin.velocity.", varied
     if scene.analysis != "modal" or not first.startswith(name) or not scene.content:
         return False

@@ -1,4 +1,4 @@
-"""``isorod view``: results to turn, step through and read off, in a browser on this machine."""
+"""``isorod view``: an interactive view of results in a browser on this machine."""
 
 import os
 import secrets
@@ -16,7 +16,7 @@ from isorod.command.viewed import Place, View
 from isorod.errors import InputError
 from isorod.output import picture, reading, vtk
 
-# Width of what of the page is not the picture, and of the smallest picture, pixels.
+# Width of the panel beside the picture, and of the smallest picture, pixels.
 _PANEL, _SMALLEST = 300, 200
 
 _STYLE = f"""
@@ -69,7 +69,7 @@ def _serve(view: View, plotter: Any, port: int, browser: bool) -> None:
     key = secrets.token_urlsafe(16)
     os.environ["WSLINK_READY_MSG"] = ""
     before = sys.argv
-    # The server has no other way to take them.
+    # The server takes its arguments from there alone.
     sys.argv = [before[0], "--authKey", key]
     try:
         from trame.app import get_server
@@ -93,7 +93,7 @@ def _serve(view: View, plotter: Any, port: int, browser: bool) -> None:
 
 
 def _page(server: Any, view: View, plotter: Any) -> None:
-    """Make the page: what is chosen and told at the left, the picture beside it."""
+    """Make the page: inputs and values at the left, the picture beside them."""
     from trame.ui.html import DivLayout
     from trame.widgets import client, html
     from trame.widgets import vtk as widgets
@@ -106,7 +106,7 @@ def _page(server: Any, view: View, plotter: Any) -> None:
     fields = view.fields(view.states[first])
     state.field = next((one for one in ("von_mises", "displacement") if one in fields), next(iter(fields)))
 
-    # The place as the server itself has put it into the page.
+    # The place as last written into the page by the server.
     shown: list[Any] = []
 
     def draw(**_: Any) -> None:

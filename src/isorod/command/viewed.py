@@ -13,10 +13,10 @@ from isorod.output import animation, picture, reading
 from isorod.output.skin import Skin, skin
 from isorod.output.words import FIELDS
 
-# What is told of a field of so many components: its size, and they themselves, of tensors in VTK's order.
+# Parts of a field by its number of components: its magnitude, and the components, of tensors in VTK's order.
 _PARTS = {1: ("",), 3: ("", "x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "yz", "xz")}
 
-# Share of the largest value below which one is rounding.
+# Fraction of the largest value below which values are round-off.
 _ROUNDING = 1e-12
 
 
@@ -131,7 +131,7 @@ class View:
         return fields
 
     def scale(self, state: State) -> float:
-        """Return by how much motions are multiplied where nobody says it: 1; modes are to be seen."""
+        """Return the default deformation scale factor: 1, for modes automatic."""
         if not state.mode:
             return 1.0
         size = max(float(np.ptp(mesh.points, axis=0).max()) for mesh in self._read(state.step))
@@ -183,7 +183,7 @@ class View:
         from vtkmodules.vtkRenderingCore import vtkCellPicker
 
         picker = vtkCellPicker()
-        # A tenth of a pixel, so that nothing is seen through where pieces meet.
+        # A tenth of a pixel, so that no ray passes between adjacent cells.
         picker.SetTolerance(1e-4)
         picker.PickFromListOn()
         for actor, _ in self._drawn:
@@ -223,7 +223,7 @@ class View:
                 self.go(state, before.body, before.u, before.xi)
 
     def at_rest(self, state: State) -> str:
-        """Return in words where the place is at rest."""
+        """Return the undeformed position of the place as text."""
         if self.place is None:
             return ""
         point = self._read(state.step)[self.place.body].points[self.place.point]
@@ -234,11 +234,11 @@ class View:
         if self.place is None:
             return []
         mesh = self._read(state.step)[self.place.body]
-        found = [(field, field.of(mesh)[self.place.point]) for field in self.fields(state).values()]
-        return [(field.name, self._number(field, value)) for field, value in found if np.isfinite(value)]
+        values = [(field, field.of(mesh)[self.place.point]) for field in self.fields(state).values()]
+        return [(field.name, self._number(field, value)) for field, value in values if np.isfinite(value)]
 
     def note(self, state: State) -> str:
-        """Return what stands with stresses: how large their error is."""
+        """Return the note on the stress error; empty without stresses."""
         stresses = any(field.source in plot.STRESSES for field in self.fields(state).values())
         return plot.note_of(self._read(state.step)) if stresses else ""
 
