@@ -9,7 +9,7 @@ from isorod.files.document import Document, Place, shown
 
 
 def put(document: Document, changes: Sequence[str]) -> None:
-    """Change what a document says.
+    """Change values of a document.
 
     Parameters
     ----------

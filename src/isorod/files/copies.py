@@ -1,4 +1,4 @@
-"""Copies of a rod of a scene file, and of all that the file says of it."""
+"""Copies of a rod of a scene file, and of everything in the file that refers to it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy, deepcopy
@@ -32,7 +32,7 @@ class Motion(NamedTuple):
     shift: Array
 
     def __call__(self, rod: "Rod") -> "Rod":
-        """Return a rod's copy; where it is mirrored the section runs round the other way, so that it does not fold."""
+        """Return a rod's copy; in a mirrored one the section runs in the opposite direction, without a fold."""
         points = rod.control_points @ self.turn.T + self.shift
         if np.linalg.det(self.turn) < 0.0:
             points = points[:, -np.arange(rod.section_points)]

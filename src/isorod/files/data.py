@@ -221,19 +221,19 @@ def _polydata(path: Path) -> "vtkPolyData":
     return reader.GetOutput()
 
 
-def _joined(pieces: list[list[int]]) -> list[int]:
+def _joined(segments: list[list[int]]) -> list[int]:
     """Return the points of lines that continue each other, in order; raises `InputError` if they do not."""
-    order = pieces.pop(0)
-    while pieces:
-        for k, piece in enumerate(pieces):
-            if order[-1] in (piece[0], piece[-1]):
-                order += piece[1:] if piece[0] == order[-1] else piece[-2::-1]
-            elif order[0] in (piece[0], piece[-1]):
-                order = (piece[:-1] if piece[-1] == order[0] else piece[:0:-1]) + order
+    order = segments.pop(0)
+    while segments:
+        for k, segment in enumerate(segments):
+            if order[-1] in (segment[0], segment[-1]):
+                order += segment[1:] if segment[0] == order[-1] else segment[-2::-1]
+            elif order[0] in (segment[0], segment[-1]):
+                order = (segment[:-1] if segment[-1] == order[0] else segment[:0:-1]) + order
             else:
                 continue
-            del pieces[k]
+            del segments[k]
             break
         else:
-            raise InputError(f"{len(pieces) + 1} lines that do not meet, need one polyline")
+            raise InputError(f"{len(segments) + 1} lines that do not meet, need one polyline")
     return order

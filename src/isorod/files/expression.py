@@ -73,7 +73,7 @@ def bounded(expression: "sp.Expr", what: str) -> "sp.Expr":
 
 
 def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.Expr":
-    """Return what a text says of names, which are expressions of SymPy.
+    """Return the expression of a text in names, which are expressions of SymPy.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class Form:
     main
         Key that is meant where a word has a value and not a table; the first that must be given, or the first of all.
     kinds
-        Parameters that are more than their annotations say.
+        Parameters with more conditions than their annotations.
     defaults
         What a file need not say though the function wants to be told.
     keys

@@ -1,4 +1,4 @@
-"""What a scene file may say: words, and what of this package each calls.
+"""The words of a scene file, and the function or class of this package that each calls.
 
 A new curve, section, law, support, load, obstacle or measure is one more line here; its keys, their kinds and defaults
 are those of its signature, what they mean is in its docstring.
@@ -211,7 +211,7 @@ MEASURES = {
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
-# Those that the state of any load step tells.
+# Measures of the state of any load step.
 ALONG = (
     *("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy"),
     *("state", "dissipated"),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class OfBody(NamedTuple):
-    """What a file says of a body besides its law, in names of groups.
+    """A body in the file except its law, in names of groups.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def body_force(density: tuple[float, float, float]) -> "Load":
 
 
 class SolidPlan:
-    """What a file says of a finite element body.
+    """A finite element body as the file describes it.
 
     Attributes
     ----------

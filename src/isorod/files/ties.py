@@ -19,7 +19,7 @@ _LOOKS = 16
 # Ends that are nearer to each other along the rod, in its radii, meet it in one place.
 _ONE_PLACE = 0.2
 
-# How exactly, as a share of such a part.
+# The tolerance, as a fraction of such a part.
 _EXACT = 1e-9
 
 

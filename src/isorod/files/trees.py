@@ -17,7 +17,7 @@ from isorod.geometry import table
 # Points of a rim, and parts of a branch's radius by which the place where it leaves the other one is looked for.
 _RIM, _PARTS = 24, 50
 
-# Pieces shorter than this share of the radius are none.
+# Segments shorter than this fraction of the radius are left out.
 _SHORT = 0.1
 
 _COLUMNS = 7
@@ -147,7 +147,7 @@ def _paths(samples: Mapping[int, Sample]) -> list[tuple[list[int], int | None]]:
     found: list[tuple[list[int], int | None]] = [(trunk, None)]
     leave = {root: [path[0] for path in more]} | {n: rest[1:] for n, rest in below.items() if n != root}
     for k, (path, _) in enumerate(found):
-        # What is found on the way is gone through, too.
+        # Samples reached during the search are visited too.
         own = path if k == 0 else path[1:]
         found += [([number, *on(child)], k) for number in own for child in leave[number]]
     return found

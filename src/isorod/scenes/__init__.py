@@ -165,7 +165,7 @@ class Scene(Checked):
         return text
 
     def locating(self) -> AbstractContextManager[None]:
-        """Let errors of the model and its analysis say where in the scene they come from."""
+        """Add the place in the scene to errors of the model and its analysis."""
         return nullcontext()
 
     def closer(self, solution: Any) -> Any:
@@ -249,7 +249,7 @@ class Wound(Scene):
 
 
 class Preset(Scene):
-    """A scene with a field ``preset``, which says what fields of the element are that are not given."""
+    """A scene with a field ``preset``, which sets the fields of the element that are not given."""
 
     PAPER: ClassVar[Mapping[str, Any]]
     """The paper's element; its axis is as smooth as its degree allows where no continuity is given."""
@@ -284,7 +284,7 @@ class Preset(Scene):
 
 
 def preset(text: str) -> Any:
-    """Return the field ``preset``; ``text`` says what the paper's element is."""
+    """Return the field ``preset``; ``text`` describes the paper's element."""
     return option(None, f"paper: {text}, in what is not given (what suits the rod)")
 
 

@@ -61,7 +61,7 @@ class Biceps(Preset):
 
     tendon_length: float = option(4.0, "length along y of each of the two tendons of a branch [cm]")
     belly_length: float = option(12.0, "length along y of the muscle between them [cm]")
-    belly_radius: float = option(1.6, "radius of a belly, half way along [cm]")
+    belly_radius: float = option(1.6, "radius of a belly at its middle [cm]")
     tendon_radius: float = option(0.7, "radius of the tendons at the ends of a branch [cm]")
     gap: float = option(0.1, "gap between the bellies at rest [cm]")
     lower_distance: float = option(0.3, "distance of the centres of the lower ends, which overlap [cm]")
@@ -166,7 +166,7 @@ class Biceps(Preset):
         return np.concatenate([[0.0] * 2, breaks, [breaks[-1]] * 2])
 
     def _radii(self) -> Array:
-        """Return the control radii: half way along the belly the radius is its radius."""
+        """Return the control radii: at the middle of the belly the radius is its radius."""
         thick, thin = self.belly_radius, self.tendon_radius
         middle = thick * (4.0 - SHOULDER) / 3.0
         return np.array([thin, thin, SHOULDER * thick, middle, SHOULDER * thick, thin, thin])

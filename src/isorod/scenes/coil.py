@@ -81,7 +81,7 @@ class Coil(Scene):
 
     @property
     def way(self) -> float:
-        """What the spring is shortened by [length]: to solid, or, between plates, half as far."""
+        """Shortening of the spring [length]: to solid, or, between plates, half as far."""
         if self.travel is not None:
             return self.travel
         return 20.0 if self.ends == "closed" else 45.4
@@ -177,10 +177,10 @@ class Coil(Scene):
         way = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
         return [isorod.Support(end, displacement=way[-1, end], space=space, waypoints=way[:-1, end]) for end in ends]
 
-    def _helix(self, space: "isorod.Space", share: float) -> Array:
-        """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix after a share of the way."""
-        rod, down = space.rod, share * self.way / self.coils
-        sine = (self.height - share * self.way) / self._length
+    def _helix(self, space: "isorod.Space", fraction: float) -> Array:
+        """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix at a fraction of the travel."""
+        rod, down = space.rod, fraction * self.way / self.coils
+        sine = (self.height - fraction * self.way) / self._length
         if not abs(sine) < 1.0:
             raise InputError(f"travel: got {self.way:g}, the wire is not as long")
         wider = np.cos(np.arcsin(sine)) / np.cos(self.lead)
@@ -197,7 +197,7 @@ class Coil(Scene):
         return self.height / float(np.sin(self.lead))
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
-        """Return the force that pushes the end, now and on the way, and the force of the coils on each other."""
+        """Return the force on the moved end, at the end and over the load steps, and the force between the coils."""
         contact, *plates = solution.contacts
         pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {

@@ -54,7 +54,7 @@ class Knot(Scene):
     analysis: ClassVar[str] = "dynamics"
     units: ClassVar[dict[str, str]] = {
         "tension": "(unit of E x length^2; of the tails)",
-        "tension_by_loop": "(the same, as tension and bending of the loop's middle say it, without friction)",
+        "tension_by_loop": "(the same, from tension and bending of the loop's middle, without friction)",
         "loop_radius": "(length; radius of the centre line's curvature in the middle of the loop)",
         "kinetic_share": "(energy of motion that is left, over the stored)",
     }
