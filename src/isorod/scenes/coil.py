@@ -80,7 +80,7 @@ class Coil(Scene):
     quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
 
     @property
-    def way(self) -> float:
+    def shortening(self) -> float:
         """Shortening of the spring [length]: to solid, or, between plates, half as far."""
         if self.travel is not None:
             return self.travel
@@ -143,7 +143,7 @@ class Coil(Scene):
             # Plates that touch at rest, if only just, take the wire along from the first step.
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
             others.append(isorod.Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
-            others.append(isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.way))
+            others.append(isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.shortening))
         usual = 0.0 if self.ends == "closed" else _FRICTION
         friction = usual if self.friction is None else self.friction
         contacts = [isorod.Contact(0, other, points=points, friction=friction) for other in others]
@@ -156,7 +156,7 @@ class Coil(Scene):
         if self.ends == "closed":
             return [isorod.Support.end(space, end, "xy") for end in ("start", "end")]
         if self.ends == "clamped":
-            down = (0.0, 0.0, -self.way)
+            down = (0.0, 0.0, -self.shortening)
             return [isorod.Support.end(space, "start"), isorod.Support.end(space, "end", displacement=down)]
         return self._laid(space)
 
@@ -179,10 +179,10 @@ class Coil(Scene):
 
     def _helix(self, space: "isorod.Space", fraction: float) -> Array:
         """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix at a fraction of the travel."""
-        rod, down = space.rod, fraction * self.way / self.coils
-        sine = (self.height - fraction * self.way) / self._length
+        rod, down = space.rod, fraction * self.shortening / self.coils
+        sine = (self.height - fraction * self.shortening) / self._length
         if not abs(sine) < 1.0:
-            raise InputError(f"travel: got {self.way:g}, the wire is not as long")
+            raise InputError(f"travel: got {self.shortening:g}, the wire is not as long")
         wider = np.cos(np.arcsin(sine)) / np.cos(self.lead)
         laid = helix(self.coil_radius * wider, self.pitch - down, self.coils + 2)
         there = laid.sweep(section.circle(self.section_points, self.wire_radius))
@@ -202,7 +202,7 @@ class Coil(Scene):
         pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {
             "force": -float(pushed[2]),
-            "travels": [step.factor * self.way for step in solution.path],
+            "travels": [step.factor * self.shortening for step in solution.path],
             "forces": [step.push if plates else -float(step.reactions[1, 2]) for step in solution.path],
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),
