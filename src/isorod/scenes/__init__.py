@@ -237,7 +237,7 @@ class Wound(Scene):
         moved = isorod.Support.end(space, "end", displacement=(0.0, 0.0, -travel), history=history)
         return isorod.Model([isorod.Body(space, law)], [isorod.Support.end(space, "start"), moved])
 
-    def way(self, solution: "Equilibrium") -> tuple["Array", "Array", "Array"]:
+    def load_history(self, solution: "Equilibrium") -> tuple["Array", "Array", "Array"]:
         """Return times, travels over the whole one, and forces at each load step."""
         import numpy as np
 

@@ -80,7 +80,7 @@ class Set(Wound):
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the set, the forces over the load steps, and the residual stress across the wire."""
-        times, fractions, forces = self.way(solution)
+        times, fractions, forces = self.load_history(solution)
         # The last load step of unloading, extrapolated linearly to zero force.
         last = int(np.flatnonzero(np.isclose(times, 2.0))[0])
         slope = (fractions[last] - fractions[last - 1]) / (forces[last] - forces[last - 1])
