@@ -149,23 +149,23 @@ class Notice(event.Listener):  # type: ignore[misc]
 
     Attributes
     ----------
-    said
-        Whether it was said.
+    reported
+        Whether it was printed.
     shares
         Whether a second process compiles too (`share`).
     time
         How long it takes, in words.
     """
 
-    said = shares = False
+    reported = shares = False
     time = "some 10 seconds"
 
     def on_start(self, compilation: Any) -> None:
         """Print the line."""
         # Functions of scripts that another runs may be of no module.
-        if self.said or not (compilation.data["dispatcher"].py_func.__module__ or "").startswith("isorod"):
+        if self.reported or not (compilation.data["dispatcher"].py_func.__module__ or "").startswith("isorod"):
             return
-        self.said = True
+        self.reported = True
         if rank():
             return
         print(f"isorod: compiling ({self._how()})", file=sys.stderr, flush=True)

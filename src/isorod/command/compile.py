@@ -55,7 +55,7 @@ def _quietly(modules: Sequence[str]) -> int:
     """Compile the functions of modules that are not cached, beside a running process (`isorod.compiling.share`)."""
     from isorod import compiling
 
-    compiling.NOTICE.said = True
+    compiling.NOTICE.reported = True
     for name in modules:
         import_module(name)
         for kernel in reversed(compiling.KERNELS):
