@@ -96,7 +96,7 @@ def _list() -> int:
         scene = scenes.find(name)
         print(f"  {name:10s} {scenes.analyses(scene)[0]:10s} {scene.title}")
     print("\nisorod new NAME.toml --from EXAMPLE (as a scene file):")
-    for name, (analysis, title) in new.told().items():
+    for name, (analysis, title) in new.listed().items():
         print(f"  {name:16s} {analysis:10s} {title}")
     return 0
 

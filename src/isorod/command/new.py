@@ -20,7 +20,7 @@ GALLERY = tuple(name for name, file in _FILES.items() if file.parent == _FOLDER)
 EXAMPLES = tuple(_FILES)
 
 
-def told() -> dict[str, tuple[str, str]]:
+def listed() -> dict[str, tuple[str, str]]:
     """Return the analysis and the title of each example."""
     result = {}
     for name, file in _FILES.items():
