@@ -99,10 +99,10 @@ class Form:
     def function(self) -> Any:
         """What is called."""
         module, _, names = self.target.partition(":")
-        found: Any = import_module(module)
+        target: Any = import_module(module)
         for name in names.split("."):
-            found = getattr(found, name)
-        return found
+            target = getattr(target, name)
+        return target
 
     @cached_property
     def solution(self) -> Any:
@@ -113,12 +113,12 @@ class Form:
     def parameters(self) -> dict[str, Parameter]:
         """The keys it has in a file."""
         module = vars(sys.modules[self.function.__module__])
-        found = {}
+        result = {}
         for name, one in inspect.signature(self.function).parameters.items():
             if name not in ("self", *self.left):
                 kind = self.kinds.get(name) or evaluated(one.annotation, module)
-                found[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
-        return found | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
+                result[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
+        return result | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
 
     @property
     def principal(self) -> str | None:

@@ -244,8 +244,8 @@ class Wound(Scene):
         model, factors = solution.model, [one.factor for one in solution.path]
         assert model.times is not None, "solved with an end_time"
         times = [model.times.time(one) for one in factors]
-        shares = [model.share(model.motions[1].clock.table, one) for one in factors]
-        return np.array(times), np.array(shares), np.array([-one.reactions[1, 2] for one in solution.path])
+        fractions = [model.share(model.motions[1].clock.table, one) for one in factors]
+        return np.array(times), np.array(fractions), np.array([-one.reactions[1, 2] for one in solution.path])
 
 
 class Preset(Scene):

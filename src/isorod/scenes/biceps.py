@@ -238,16 +238,16 @@ class Biceps(Preset):
         still = solution.displacement.ndim == 1
         forces = solution.reactions if still else solution.reactions[-1]
         bulges = self._bulges(solution.model, np.atleast_2d(solution.displacement))
-        found: dict[str, object] = {
+        results: dict[str, object] = {
             "end_force": np.linalg.norm(forces, axis=1),
             "end_force_x": forces[:, 0],
             "end_force_y": forces[:, 1],
             "belly_bulge": float(bulges[-1]),
         }
         if not still:
-            return found | {"belly_bulge_history": bulges}
+            return results | {"belly_bulge_history": bulges}
         (contact,) = cast("isorod.Equilibrium", solution).contacts
-        return found | {"contact_force": contact.force}
+        return results | {"contact_force": contact.force}
 
     def _bulges(self, model: "isorod.Model", displacements: Array) -> Array:
         """Return half the growth of the bellies' extent in z, the larger of both branches, shape ``(states,)``."""

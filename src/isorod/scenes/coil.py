@@ -143,7 +143,9 @@ class Coil(Scene):
             # Plates that touch at rest, if only just, take the wire along from the first step.
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
             others.append(isorod.Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
-            others.append(isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.shortening))
+            others.append(
+                isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.shortening)
+            )
         usual = 0.0 if self.ends == "closed" else _FRICTION
         friction = usual if self.friction is None else self.friction
         contacts = [isorod.Contact(0, other, points=points, friction=friction) for other in others]
@@ -174,8 +176,8 @@ class Coil(Scene):
         turn = (last - first) / (self.coils + 2)
         nodes = np.arange(space.nodes).reshape(space.layers, -1)
         ends = nodes[places < first + turn + 1e-9].ravel(), nodes[places > last - turn - 1e-9].ravel()
-        way = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
-        return [isorod.Support(end, displacement=way[-1, end], space=space, waypoints=way[:-1, end]) for end in ends]
+        path = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
+        return [isorod.Support(end, displacement=path[-1, end], space=space, waypoints=path[:-1, end]) for end in ends]
 
     def _helix(self, space: "isorod.Space", fraction: float) -> Array:
         """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix at a fraction of the travel."""

@@ -152,9 +152,9 @@ class Knot(Scene):
         """Displacement of the nodes that lays the rod along the line without twist, shape ``(nodes, 3)``."""
         space, lengths = self.space, self._lengths
         axis = space.axis
-        share = np.linspace(0.0, 1.0, _POINTS * axis.elements + 1)
-        u = axis.breaks[0] + np.ptp(axis.breaks) * share
-        points = [np.interp(share * lengths[-1], lengths, self.radius * along) for along in self.line.T]
+        fractions = np.linspace(0.0, 1.0, _POINTS * axis.elements + 1)
+        u = axis.breaks[0] + np.ptp(axis.breaks) * fractions
+        points = [np.interp(fractions * lengths[-1], lengths, self.radius * along) for along in self.line.T]
         centers = nearest(axis, u, np.stack(points, axis=1))
         across = Frames(axis, centers, np.array([0.0, 1.0, 0.0]))(bspline.greville(axis.knots, axis.degree))
         rest = space.positions.reshape(space.layers, -1, 3)
