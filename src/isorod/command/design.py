@@ -112,7 +112,7 @@ def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
         objective = name, 1.0 if args.minimise else -1.0
     if not asked and objective is None:
         raise InputError("design: no objective or constraint; give --target, --limit, --minimise, --maximise, --table")
-    problem = optimise.Problem(own, varied, asked, objective, tell)
+    problem = optimise.Problem(own, varied, asked, objective, report_progress)
     with scene.locating():
         best, last, error = _found(problem, own, x, before, _concerned(asked, objective, table))
     after = last.values
@@ -154,7 +154,7 @@ def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
     }
     if table is not None:
         three = {"wanted": table.measured, "before": table.values(before.values), "after": table.values(after)}
-        told(record, table, three)
+        add_curves(record, table, three)
         if args.png and ending.rank() == 0:
             draw(scene, table, three, args.png)
     if args.output and ending.rank() == 0:
@@ -189,7 +189,7 @@ def _found(
             "or the branch of equilibria, changes with the parameters",
             stacklevel=2,
         )
-    say(warned)
+    issue_warnings(warned)
     return best, before, error
 
 
@@ -205,7 +205,7 @@ def read_table(args: argparse.Namespace, scene: Any, varied: Sequence[Any]) -> A
     return curves.curve(read(Path(args.table)), scene, varied) if args.table else None
 
 
-def told(record: dict[str, Any], table: Any, several: Mapping[str, Any]) -> None:
+def add_curves(record: dict[str, Any], table: Any, several: Mapping[str, Any]) -> None:
     """Add the curves to a record: their root mean square misfits, and their values by kind (``several``)."""
     from isorod.design.evaluations import MISFIT
 
@@ -301,7 +301,7 @@ def solve_anew(own: Any, x: Any) -> tuple[Any, float | None, list[warnings.Warni
     return after, worst, warned
 
 
-def say(warned: Sequence[warnings.WarningMessage]) -> None:
+def issue_warnings(warned: Sequence[warnings.WarningMessage]) -> None:
     """Issue recorded warnings; those that differ in numbers alone, as between load cases, once."""
     for warning in {re.sub(r"[\d.]+", "", str(warning.message)): warning for warning in warned}.values():
         warnings.warn(_FINER.sub(_CURE, str(warning.message)), warning.category, stacklevel=3)
@@ -319,7 +319,7 @@ def _apart(one: float, other: float) -> float:
     return abs(one - other) / (max(abs(one), abs(other)) or 1.0)
 
 
-def tell(words: str) -> None:
+def report_progress(words: str) -> None:
     """Report the progress on a terminal."""
     if sys.stderr.isatty():
         ending.announce(words)

@@ -48,7 +48,16 @@ def more(parser: Parser, scene: Any) -> None:
 
 def _identify(scene: Any, args: Any) -> dict[str, Any]:
     from isorod.command import solving
-    from isorod.command.design import SAME, again, differences_of, draw, read_table, say, solve_anew, tell
+    from isorod.command.design import (
+        SAME,
+        again,
+        differences_of,
+        draw,
+        issue_warnings,
+        read_table,
+        report_progress,
+        solve_anew,
+    )
     from isorod.design import curves, evaluations, identify, wanted
 
     several = wanted.varied(args.vary, scene)
@@ -60,9 +69,9 @@ def _identify(scene: Any, args: Any) -> dict[str, Any]:
     with scene.locating():
         with warnings.catch_warnings(action="ignore"):
             # The warnings that count are those of the last solve.
-            best = identify.identify(own, several, table, tell)
+            best = identify.identify(own, several, table, report_progress)
         after, error, warned = solve_anew(own, best.x)
-    say(warned)
+    issue_warnings(warned)
     off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())
     if off > SAME:
         warnings.warn(
