@@ -91,14 +91,14 @@ def _refuse(program: str, problem: BaseException) -> int:
 def _stop(program: str, number: int, *kept: str) -> int:
     """Print which signal came and what is kept; return the exit code."""
     if rank() == 0:
-        _say(program, "; ".join([_WORDS[signal.Signals(number)], *filter(None, kept)]))
+        _print_error(program, "; ".join([_WORDS[signal.Signals(number)], *filter(None, kept)]))
     return 128 + number
 
 
 def fail(program: str, message: str) -> int:
     """Print an error, once for all ranks; return the exit code."""
     if rank() == 0:
-        _say(program, message)
+        _print_error(program, message)
     elif _launched():
         time.sleep(_PATIENCE)
     return 2
@@ -189,7 +189,7 @@ def _die(number: int) -> None:
     time.sleep(1.0)
 
 
-def _say(program: str, message: str) -> None:
+def _print_error(program: str, message: str) -> None:
     # Quoted input may have line ends or any length; standard error may be closed.
     text = " ".join(word if len(word) <= _LONGEST else f"{word[: _LONGEST // 2]}..." for word in message.split())
     with suppress(OSError):

@@ -66,7 +66,7 @@ def solve_scene(
         model = scene.model()
         built = perf_counter()
         if scene.analysis != "dynamics":
-            _tell_of_large(model)
+            _announce_large(model)
         start = None if begin is None else begin(model)
         if start is not None:
             settings = {**settings, "start": start}
@@ -109,7 +109,7 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
     return seen, solution
 
 
-def _tell_of_large(model: Any) -> None:
+def _announce_large(model: Any) -> None:
     """Announce on standard error a model so large that its first iteration takes long."""
     sizes = [(3 * body.space.nodes, 3 * body.space.element_nodes.shape[1]) for body in model.bodies]
     # Operations of a band factorisation.

@@ -149,14 +149,14 @@ class FileScene(Scene):
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
         self._copied = Copies(copies.names, next(iter(own)) if len(own) == 1 else None).of
-        self._tell_spaces(copies.tables)
+        self._set_spaces(copies.tables)
         self._forks = {name: call(copies.places[name], schema.TIES, table) for name, table in copies.ties.items()}
         plans = {
             name: RodPlan(place, copies.tables[name], copies.motions.get(name)) for name, place in copies.places.items()
         }
         return plans, copies.names
 
-    def _tell_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
+    def _set_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
         """Make the options for the spaces of all rods and the file's own spaces agree."""
         rods = [*named.values()]
         for name in _SPACE:
