@@ -226,7 +226,7 @@ class FileScene(Scene):
         if "measure" in self.content and not fitting:
             raise place.error(f"no measures in {self.analysis}: its results are reported without")
         for _, at, table in self._named("measure"):
-            schema.refuse_untold(at, table, self.analysis, fitting)
+            schema.refuse_unavailable(at, table, self.analysis, fitting)
         for name, asked in self._choices("measure", fitting).items():
             if name in schema.RESERVED:
                 raise (place / name).error("a result has something else of this name; choose another")

@@ -219,7 +219,7 @@ ALONG = (
 )
 
 
-def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, available: Mapping[str, Form]) -> None:
+def refuse_unavailable(place: Place, table: Mapping[str, Any], analysis: str, available: Mapping[str, Form]) -> None:
     """Raise `InputError` where a table asks for what is not available in an analysis, but in others."""
     words = [word for word in table if word in MEASURES]
     if words and not available.keys() & {*words}:
