@@ -281,10 +281,10 @@ def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_th
         warnings.warn(f"of {model}, {load_steps}", stacklevel=1)
         return model
 
-    with pytest.warns(UserWarning, match=f"of {solving.CLOSER}, 5") as said:
-        assert rounds(monkeypatch, analyse, lambda k: k) == solving.CLOSER
+    with pytest.warns(UserWarning, match=f"of {solving.REFINEMENTS}, 5") as said:
+        assert rounds(monkeypatch, analyse, lambda k: k) == solving.REFINEMENTS
     assert len(said) == 1
-    assert begun == [None, *((k, k + 1) for k in range(solving.CLOSER))]
+    assert begun == [None, *((k, k + 1) for k in range(solving.REFINEMENTS))]
     with pytest.warns(UserWarning, match="of 0, 5"):
         assert solving._solve_refined(scene := Scene(), 0, analyse, {"load_steps": 5}) == (scene, 0)
 

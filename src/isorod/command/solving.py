@@ -22,7 +22,7 @@ LARGE_STRESS = 0.01
 _LARGE_BAND = 5e10
 
 # Local refinements at contact patches that are under-resolved, at most.
-CLOSER = 3
+REFINEMENTS = 3
 
 
 def solve(
@@ -88,7 +88,7 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
     seen = scene
     solution, warned = _solve_and_record_warnings(analyse, model, settings)
     # A checkpoint has the state of one space.
-    for _ in range(0 if settings.get("checkpoint") else CLOSER):
+    for _ in range(0 if settings.get("checkpoint") else REFINEMENTS):
         try:
             refined = scene.closer(solution)
             if refined is None:
