@@ -90,7 +90,7 @@ def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings
     # A checkpoint has the state of one space.
     for _ in range(0 if settings.get("checkpoint") else REFINEMENTS):
         try:
-            refined = scene.closer(solution)
+            refined = scene.refined_at_contact(solution)
             if refined is None:
                 break
             model = refined.model()

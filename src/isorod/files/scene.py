@@ -51,7 +51,7 @@ class FileScene(Scene):
     spaces
         All that the space of a rod is told in the place of that, by its name (`on`).
     patches
-        Where something small presses on rods, by their number (`closer`).
+        Where something small presses on rods, by their number (`refined_at_contact`).
     changes
         Values in the place of the file's own (`isorod.files.changes`).
     case
@@ -299,7 +299,7 @@ class FileScene(Scene):
                 chosen[name]["rings"] = list(space.rod.rings)
         return replace(self, spaces=chosen, **rest)
 
-    def closer(self, solution: Any) -> "FileScene | None":
+    def refined_at_contact(self, solution: Any) -> "FileScene | None":
         """Return the scene on spaces that resolve contact patches (except given spaces); None if they are resolved."""
         # Over time at the largest stored energy: at the end nothing may touch.
         solution = getattr(solution, "largest", None) or solution

@@ -168,7 +168,7 @@ class Scene(Checked):
         """Add the place in the scene to errors of the model and its analysis."""
         return nullcontext()
 
-    def closer(self, solution: Any) -> Any:
+    def refined_at_contact(self, solution: Any) -> Any:
         """Return the same scene on spaces that resolve the patches of a solution's contacts; None where they do."""
         return None
 
