@@ -45,7 +45,7 @@ def run(scene: Any, theirs: Sequence[str], args: Namespace, solve: Solve, keep: 
 def _one(
     number: int, name: str, scene: Any, theirs: Sequence[str], args: Namespace, solve: Solve, keep: Keep
 ) -> dict[str, Any]:
-    """Solve a case, keep its results and print its record if that is wanted; return its row of the table."""
+    """Solve a case, write and print its results if requested; return its row of the table."""
     from isorod.command import printing, sheet
     from isorod.output import results
 

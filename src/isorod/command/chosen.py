@@ -18,7 +18,7 @@ More = Callable[[Parser, Any], None]
 
 
 class Chosen(NamedTuple):
-    """A scene with its options, all options as parsed, and the words that say which (the scene's name left out)."""
+    """A scene with its options, all options as parsed, and the words without the scene's name."""
 
     scene: Any
     args: argparse.Namespace
@@ -95,14 +95,14 @@ def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
 
 
 def with_load_steps(parser: Parser, scene: Any) -> None:
-    """Add the option of load steps; what is not typed is as the scene says."""
+    """Add the option of load steps; the scene's value is the default."""
     parser.add_argument(
         "--load-steps", type=int, metavar="int", help=f"initial number of equal load steps ({scene.load_steps})"
     )
 
 
 def with_analysis(parser: Parser, scene: Any) -> None:
-    """Add the options of a scene's analyses, but for what keeps and refines them; None is as the scene says."""
+    """Add the options of a scene's analyses, except those of output and refinement; None: the scene's value."""
     analyses = scenes.analyses(scene)
     if {"statics", "modal"} & {*analyses}:
         with_load_steps(parser, scene)
@@ -141,7 +141,7 @@ def with_analysis(parser: Parser, scene: Any) -> None:
 
 
 def settings(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
-    """Return the keyword arguments of the scene's analysis: what is typed before what a file says."""
+    """Return the keyword arguments of the scene's analysis: typed options override those of a file."""
     own = scene.settings()
     typed: dict[str, Any]
     if scene.analysis == "modal":

@@ -78,7 +78,7 @@ def _rod(scene: Any, requested: str | None) -> "tuple[str, Body]":
     """Return the name and the body of the requested rod."""
     if scene.analysis == "geometry":
         raise InputError("section: this scene is geometry alone, without the laws that a stiffness needs")
-    # The scene of a file says where in it errors come from.
+    # A scene file adds the place in the file to errors.
     with scene.locating():
         bodies = scene.model().bodies
     names = scene.rod_names() or [str(k) for k in range(len(bodies))]

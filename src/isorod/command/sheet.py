@@ -95,14 +95,14 @@ def read(path: str, identity: Mapping[str, Any], overwrite: bool) -> Records:
     path
         Of the table; its name ends in ``.csv``.
     identity
-        By which a sweep is known again: what all its records say, at the top or in ``sweep``.
+        What identifies a sweep: entries of all its records, at the top or in ``sweep``.
     overwrite
         Remove what is there.
 
     Raises
     ------
     InputError
-        If the files cannot be written, or are of something else.
+        If the files cannot be written, or are not of this sweep.
     """
     if Path(path).suffix != ".csv":
         raise InputError(f"output {path}: the name of a sweep's table ends in .csv")

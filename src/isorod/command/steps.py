@@ -119,7 +119,7 @@ def implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
 
 
 def _lowest(model: "Model") -> float | None:
-    """Return the lowest angular frequency of a model at rest that is none of a rigid motion; None if none is found."""
+    """Return the lowest angular frequency of a model at rest except rigid motions; None if there is none."""
     from isorod import modal
 
     bodies = [replace(one, velocity=(0.0,) * 3, spin=(0.0,) * 3, spin_center=None) for one in model.bodies]

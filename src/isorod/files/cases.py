@@ -21,7 +21,7 @@ _NAME = re.compile(r"[\w-]+")
 
 
 def put(document: Document, case: str | None, assignments: Sequence[str]) -> list[str]:
-    """Change what a document says to what it is in one of its load cases, and by what is typed; return their names.
+    """Apply a load case and typed changes to a document; return the names of its load cases.
 
     Parameters
     ----------

@@ -245,7 +245,7 @@ def _places(touching: NDArray[Any], closed: tuple[bool, bool]) -> Index:
     other = np.concatenate([number[:, columns * closed[1]], number[rows * closed[0]]])
     both = (one > 0) & (other > 0)
     graph = coo_array((np.ones(both.sum()), (one[both], other[both])), shape=(count + 1, count + 1))
-    # Of zero, where nothing touches, nothing is said, and it is the first.
+    # Without contact all are zero, and the first is taken.
     same = connected_components(graph, directed=False)[1]
     return np.asarray(same[number[:rows, :columns]], dtype=np.int64)
 

@@ -84,7 +84,7 @@ class Placed(NamedTuple):
     Attributes
     ----------
     places, tables
-        Where each stands, and what the file says of it.
+        The place of each in the file, and its table.
     motions
         Where copies are put.
     names

@@ -172,7 +172,7 @@ class Place:
 
     @contextmanager
     def locating(self, keys: "Mapping[str, Place] | None" = None) -> Iterator[None]:
-        """Let errors raised within be errors of this place, or of that of the key that the message speaks of."""
+        """Turn errors raised within into errors of this place, or of the key that the message names."""
         try:
             yield
         except (InputError, SolveError, ValueError, TypeError) as problem:
@@ -183,7 +183,7 @@ class Place:
             raise kind(self.about(text, keys or {})) from None
 
     def about(self, message: str, keys: "Mapping[str, Place]") -> str:
-        """Return what an error says as one of the key that it speaks of, or else of this place."""
+        """Return an error's message at the key that it names, or else at this place."""
         head, _, rest = message.partition("got ")
         # A key of one letter may be a word of a sentence.
         for text, shortest in ((head, 1), (rest, 2)):

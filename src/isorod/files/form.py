@@ -72,17 +72,17 @@ class Form:
     Parameters
     ----------
     target
-        Where it is, such as ``"isorod.geometry.coils:helix"``; imported when it is asked for.
+        Its place, such as ``"isorod.geometry.coils:helix"``; imported when it is needed.
     main
         Key that is meant where a word has a value and not a table; the first that must be given, or the first of all.
     kinds
         Parameters with more conditions than their annotations.
     defaults
-        What a file need not say though the function wants to be told.
+        Values of parameters that are optional in files, though required by the function.
     keys
         Parameters that have another name in files.
     left
-        Parameters that are none of the file's.
+        Parameters that files do not give.
     more
         Kinds of keys that are no parameters but for whoever reads the file, or that are other names of one.
     """
@@ -214,24 +214,24 @@ def call(place: Place, form: Form, table: Mapping[str, Any]) -> Call:
 
 
 def choice(place: Place, forms: Mapping[str, Form], value: Any) -> Call:
-    """Return the call that one of several words asks for.
+    """Return the call that a value names by one of several words.
 
-    Three ways to write it are the same: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
-    needs no more, the word alone.
+    Three notations are equivalent: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
+        needs no more, the word alone.
     """
     if isinstance(value, str):
         if value not in forms:
             raise place.unknown(value, forms)
         return call(place, forms[value], {})
     table = place.table(value)
-    said = [key for key in table if key in forms]
-    if not said:
+    chosen_words = [key for key in table if key in forms]
+    if not chosen_words:
         raise (
             (place / next(iter(table))).unknown_key(forms) if table else place.error(f"need one of {', '.join(forms)}")
         )
-    word, form, at = said[0], forms[said[0]], place / said[0]
+    word, form, at = chosen_words[0], forms[chosen_words[0]], place / chosen_words[0]
     inner, beside = table[word], {key: (one, place / key) for key, one in table.items() if key != word}
-    second = next((key for key in said[1:] if key not in form.parameters), None)
+    second = next((key for key in chosen_words[1:] if key not in form.parameters), None)
     if second is not None:
         raise (place / second).error(f"beside {word}: need one of the two")
     principal = form.principal

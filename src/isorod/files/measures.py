@@ -178,7 +178,7 @@ def stress(
         return swings.find(sought, solution)  # type: ignore[arg-type]
     values = _each(solution, sought.find)
     if choices.near():
-        # What there is to warn of was said of what it is near to.
+        # The model beside this one, of a derivative: that one has warned.
         return values
     # Of a motion that in the end.
     state: Any = solution

@@ -1,4 +1,4 @@
-"""Meshes of gmsh (``.msh``, versions 2.2 and 4.1, text or binary), read as data: gmsh would run what a file says."""
+"""Meshes of gmsh (``.msh``, versions 2.2 and 4.1, text or binary), read as data: gmsh itself would run its commands."""
 
 from collections.abc import Iterator
 from functools import lru_cache

@@ -39,7 +39,7 @@ _FEW = 16
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4
 
-# What is as near to an end of the rod as this share of it is the end (`isorod.space.trace`).
+# Within this fraction of the rod from an end a place counts as the end (`isorod.space.trace`).
 _ROUNDED = 1e-6
 
 
@@ -127,7 +127,7 @@ class RodPlan:
         self.section = self._section(table, radius is not None)
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
-        # Whether its space may be another where something small presses on it (`isorod.space.closer`).
+        # Whether its space may be refined at small contact patches (`isorod.space.closer`).
         self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:

@@ -46,12 +46,12 @@ class FileScene(Scene):
     path
         The file.
     elements, order, section_points, section_degree, degree, continuity, quadrature
-        What the space of every rod (`isorod.space.space.Space`) is told in the place of what the file says; where not
-        given, what it says, if that is the same for all rods.
+        Options of the space of every rod (`isorod.space.space.Space`), in the place of the file's; where not
+        given, the file's, if these are the same for all rods.
     spaces
-        All that the space of a rod is told in the place of that, by its name (`on`).
+        All options of the space of a rod in the place of those, by its name (`on`).
     patches
-        Where something small presses on rods, by their number (`refined_at_contact`).
+        Small contact patches on rods, by their number (`refined_at_contact`).
     changes
         Values in the place of the file's own (`isorod.files.changes`).
     case
@@ -62,9 +62,9 @@ class FileScene(Scene):
     name
         Of the file, without its folder and ending.
     title
-        What the file says it is.
+        The file's title.
     content
-        All that the file says, as `tomllib` reads it, and what its spaces are told besides.
+        The file's content, as `tomllib` reads it, with the options of spaces.
     data
         SHA-256 sum of each data file, by its name in the scene's file.
     cases

@@ -162,7 +162,7 @@ ANALYSES = {
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
-# Those that tell amplitudes, and of each that measures something the class of its solutions.
+# Those of amplitudes, and of each that measures something the class of its solutions.
 SWINGING = ("harmonic", "random")
 SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"} | dict.fromkeys(SWINGING, "Response")
 

@@ -171,7 +171,7 @@ def _outside(points: Array, radii: Array, other: Branch) -> tuple[Array, Array]:
         if (_depth(at(begin + step) + np.interp(begin, distances, radii) * circle @ across, other) > 1.0).any():
             break
         begin += step
-    # What is left of a piece between samples may be too short to be one.
+    # The rest of a segment between samples may be too short.
     rest = distances > begin + _SHORT * radii[0]
     return np.vstack([at(begin), points[rest]]), np.append(np.interp(begin, distances, radii), radii[rest])
 

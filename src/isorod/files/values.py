@@ -1,4 +1,4 @@
-"""Values of a scene file, held to what the annotation of a parameter says."""
+"""Values of a scene file, checked against the annotation of a parameter."""
 
 import re
 from collections.abc import Callable

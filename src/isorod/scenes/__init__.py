@@ -42,7 +42,7 @@ GEOMETRY_UNITS = {
 
 
 def option(default: Any, text: str, **more: Any) -> Any:
-    """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit.
+    """Return a dataclass field that is a command line option; ``text`` is its help, with the unit.
 
     ``more`` may have a ``flag`` in the place of the field's name, a ``metavar``, and in ``was`` the option's former
     name, which is taken with a warning; ``radians`` where that was an angle in radians, and degrees are taken now.
@@ -64,7 +64,7 @@ class Scene(Checked):
     load_steps
         Initial number of equal load steps of statics.
     content
-        All that the scene's file says; None where there is none.
+        Content of the scene's file; None where there is none.
     cases, case
         The names of its load cases, and which of them it is; none and None where it has none.
     """

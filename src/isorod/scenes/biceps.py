@@ -109,7 +109,7 @@ class Biceps(Preset):
         "end_elements": 0,
         "quadrature": "auto",
     }
-    # Contact wants points round the section, and the smallest elements say how long steps may be.
+    # Contact wants points round the section, and the smallest elements limit the time step.
     SUITS: ClassVar[Mapping[str, Any]] = {
         "section_points": 8,
         "order": 2,

@@ -19,17 +19,17 @@ from isorod.scenes import Scene, option
 LENGTHS = "coil_radius", "wire_radius", "pitch"
 ENDS = "laid", "clamped", "closed"
 
-# The tip of a closed end is farther from the next turn than it would be if it touched, by this share of the wire.
+# The tip of a closed end is farther from the next turn than in contact, by this fraction of the wire.
 _CLEAR = 0.05
 
-# Of steel on steel.  What plates alone hold is held otherwise on the way, which friction would remember.
+# Of steel on steel.  Between plates stabilisation acts along the load path, which friction would remember.
 _FRICTION = 0.15
 
 # Poisson's ratio above which the volume of seats matters: beside 24 elements a turn, the force of one turn pushed by 5
 # mm is 0.35, 0.9, 2.9 % too high at 0.49, 0.499, 0.4999; after a tenth of that 0.8, 2 and 6 %.
 _SQUEEZED = 0.49
 
-# Straight lines of the nodes of seats on their way: with one alone, forces of a turn early on the way are 3 % too low.
+# Straight segments of the path of seat nodes: with a single one, forces early in the travel are 3 % too low.
 _LEGS = 20
 
 # Plates are as far from the centre of the wire that lies on them, in its radii.

@@ -19,7 +19,7 @@ class Set(Wound):
     """Round wire in coils, pushed together past yield, let go, pushed again and let go: what is left of the travel.
 
     Both end faces are clamped and one is moved, back each time to where the wire would be free if it were a bar in
-    torsion (`left`).  There the force is nearly none; the set is where the way back would meet none.
+    torsion (`left`).  There the force is nearly none; the set is where unloading, extrapolated, would reach zero.
     """
 
     analysis: ClassVar[str] = "statics"
