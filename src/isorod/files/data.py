@@ -64,18 +64,18 @@ def points(place: Place, value: Any) -> Points:
         return Points(values.value_of(place, value, Numbers))
     content, path = place.data(value), place.document.folder / value
     if path.suffix.lower() in _VTK:
-        found = _vtk(place, value, path)
+        read = _vtk(place, value, path)
     elif path.suffix.lower() in wires.ENDINGS:
-        found = _wire(place, value, path)
+        read = _wire(place, value, path)
     else:
-        found = _csv(place, value, content)
-    finite = np.isfinite(found.array if found.radius is None else np.column_stack([found.array, found.radius]))
+        read = _csv(place, value, content)
+    finite = np.isfinite(read.array if read.radius is None else np.column_stack([read.array, read.radius]))
     if not finite.all():
         raise place.error(f"{value}: point {np.argmin(finite.all(axis=1))} is not finite")
-    if found.radius is not None and not found.radius.min() > 0.0:
-        k = int(np.argmin(found.radius))
-        raise place.error(f"{value}: the radius of point {k} is {found.radius[k]:g}, need a positive length")
-    return found
+    if read.radius is not None and not read.radius.min() > 0.0:
+        k = int(np.argmin(read.radius))
+        raise place.error(f"{value}: the radius of point {k} is {read.radius[k]:g}, need a positive length")
+    return read
 
 
 def _bond(place: Place, value: Any) -> Points | float:
@@ -183,8 +183,8 @@ def _vtk(place: Place, name: str, path: Path) -> Points:
         raise place.error(f"{name}: {problem}") from None
     array = np.array(vtk_to_numpy(mesh.GetPoints().GetData()), dtype=float)[order]
     data = mesh.GetPointData()
-    found = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
-    radius = next((found[one] for one in _RADIUS if found.get(one) is not None), None)
+    arrays = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
+    radius = next((arrays[one] for one in _RADIUS if arrays.get(one) is not None), None)
     return Points(array, None if radius is None else np.array(vtk_to_numpy(radius), dtype=float).reshape(-1)[order])
 
 
