@@ -122,7 +122,7 @@ def test_bad_input_to_other_scenes_is_one_line(arguments, message, refused):
         (["list", "more"], "more"),
         (["list", "-snes_monitor"], "PETSc options go with 'isorod run SCENE'"),
         (["-snes_monitor", "run", "ring"], "option -snes_monitor: PETSc options go with 'isorod run SCENE'"),
-        (["--json", "run", "ring"], "option --json: it goes behind the command: isorod run SCENE --json"),
+        (["--json", "run", "ring"], "option --json: put it after the command: isorod run SCENE --json"),
         (
             ["run", "--json", "rng"],
             "scene missing; known: biceps, blade, clasp, coil, creep, flower, knot, ring, rope, set, spring, strand; "

@@ -267,7 +267,7 @@ def rounds(monkeypatch, analyse, scenes, first=0):
     def closer_at(solution):
         return SimpleNamespace(number=solution + 1, model=lambda: scenes(solution + 1))
 
-    scene = SimpleNamespace(analysis="statics", closer=closer_at)
+    scene = SimpleNamespace(analysis="statics", refined_at_contact=closer_at)
     seen, found = solving._solve_refined(scene, first, analyse, {"load_steps": 5})
     assert getattr(seen, "number", 0) == found
     return found
@@ -281,10 +281,10 @@ def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_th
         warnings.warn(f"of {model}, {load_steps}", stacklevel=1)
         return model
 
-    with pytest.warns(UserWarning, match=f"of {solving.CLOSER}, 5") as said:
-        assert rounds(monkeypatch, analyse, lambda k: k) == solving.CLOSER
+    with pytest.warns(UserWarning, match=f"of {solving.REFINEMENTS}, 5") as said:
+        assert rounds(monkeypatch, analyse, lambda k: k) == solving.REFINEMENTS
     assert len(said) == 1
-    assert begun == [None, *((k, k + 1) for k in range(solving.CLOSER))]
+    assert begun == [None, *((k, k + 1) for k in range(solving.REFINEMENTS))]
     with pytest.warns(UserWarning, match="of 0, 5"):
         assert solving._solve_refined(scene := Scene(), 0, analyse, {"load_steps": 5}) == (scene, 0)
 
@@ -322,10 +322,10 @@ def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, t
     moved = model.is_control_point.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
     moved[3 * int(model.first_node[1]) :] *= -1.0
     results = ContactOperator(model).results(0.02 * moved)
-    closer_ = scene.closer(SimpleNamespace(model=model, contacts=results))
+    closer_ = scene.refined_at_contact(SimpleNamespace(model=model, contacts=results))
     graded = [k for k, body in enumerate(closer_.model().bodies) if isinstance(body.space.basis, Graded)]
     assert graded == rods
-    assert scene.closer(SimpleNamespace(model=model, contacts=())) is None
+    assert scene.refined_at_contact(SimpleNamespace(model=model, contacts=())) is None
 
 
 def test_penalty_by_default_is_softer_where_control_points_are_closer():

@@ -179,7 +179,7 @@ def errors(result, modulus=MODULUS):
 @pytest.mark.slow
 def test_a_bar_on_a_pin_is_seen_at_the_third_look(tmp_path, monkeypatch):
     """At the first the radius is 40 % too small, and the largest pressure several times Hertz'."""
-    monkeypatch.setattr(solving, "CLOSER", 2)
+    monkeypatch.setattr(solving, "REFINEMENTS", 2)
     result = of_file(tmp_path / "bar.toml", ON_PIN, "ignore")
     assert result.cells_across > ENOUGH * 5.0
     assert errors(result, hertz.modulus(1000.0, 0.3)) == pytest.approx((0.0, 0.0), abs=0.05)

@@ -60,7 +60,7 @@ def test_a_former_name_is_taken_with_a_warning_that_says_the_present_one(name, f
     scene = scenes.find(name)()
     parser = Parser(prog="isorod")
     add_fields(parser, scene)
-    with pytest.warns(FutureWarning, match=f"{former.split('=')[0]}: say {now}"):
+    with pytest.warns(FutureWarning, match=f"{former.split('=')[0]}: renamed, use {now}"):
         found = parser.known([former])
     assert getattr(found, now[2:].partition(",")[0].replace("-", "_")) == pytest.approx(value, rel=1e-12)
 

@@ -153,7 +153,7 @@ def test_a_folder_takes_the_cells_that_are_asked_for(cells, kind, tmp_path):
 
 
 def test_the_former_name_of_curved_cells_warns():
-    with pytest.warns(FutureWarning, match="--cells bezier: say curved"):
+    with pytest.warns(FutureWarning, match="--cells bezier: renamed, use --cells curved"):
         assert _cells("bezier") == "curved"
 
 

@@ -188,7 +188,7 @@ def test_a_design_on_too_few_elements_says_how_far_it_is_off(command, beam):
     words = ("few.toml", "--vary", "rod.beam.section.circle=0.5:2", "--target", "deflection=-20")
     code, _, err = command._run(("design", *words))
     assert code == 0
-    assert "the optimal parameters are off by so much; give the file a finer space" in err
+    assert "the optimal parameters have an error of this size; give the file a finer space" in err
 
 
 def test_a_target_that_leaves_no_choice_is_met_at_once(command, beam):
@@ -230,7 +230,7 @@ def test_where_answers_tell_no_derivatives_they_are_differences(twin, monkeypatc
 
 
 REFUSED = [
-    (("--vary", "rod.beam.section.circle", "--png", "x.png"), "--png: what is drawn is a curve; give its --table"),
+    (("--vary", "rod.beam.section.circle", "--png", "x.png"), "--png: it plots a target curve; give one with --table"),
     (
         ("--vary", "rod.beam.section.circle", "--table", "beam.csv", "--minimise", "mass"),
         "--minimise: with --table the curve's misfit is least",
@@ -309,7 +309,7 @@ def test_a_fit_on_too_few_elements_says_how_far_it_is_off(command, beam):
     code, out, err = command._run(("identify", "beam.toml", "--table", "beam.csv", "--vary", "rod.beam.section.circle"))
     assert code == 0
     assert "; error about" in out and "+-" not in out
-    assert "the optimal parameters are off by so much" in err
+    assert "the optimal parameters have an error of this size" in err
 
 
 TABLES = [

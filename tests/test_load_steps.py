@@ -92,11 +92,11 @@ def test_a_run_writes_its_measures_over_time_and_draws_loops(scene, command, tmp
     ("changed", "said"),
     [
         ({"step": []}, "step: got [], need steps, each a table"),
-        ({"step": [{"time": 1.0}]}, "step[0]: it says nothing"),
+        ({"step": [{"time": 1.0}]}, "step[0]: it is empty"),
         ({"step": [{"hold": True}]}, "step[0].time: missing"),
         ({"step": [{"time": -1.0, "hold": True}]}, "step[0].time: got -1.0, need how long"),
         ({"step": [{"time": 1.0, "hold": False}]}, "step[0].hold: got false, need true"),
-        ({"step": [{"time": 1.0, "hold": True, "unload": True}]}, "step[0]: it says hold and unload"),
+        ({"step": [{"time": 1.0, "hold": True, "unload": True}]}, "step[0]: it has hold and unload"),
         ({"step": [{"time": 1.0, "hold": True, "cycle": 2}]}, "step[0].cycle: need values"),
         ({"step": [{"time": 1.0, "load": {"push": 1.0}, "cycle": 0}]}, "step[0].cycle: got 0"),
         ({"step": [{"time": 1.0, "load": {"push": "up"}}]}, "step[0].load.push: got 'up', need a factor"),
@@ -108,7 +108,7 @@ def test_a_run_writes_its_measures_over_time_and_draws_loops(scene, command, tmp
         ({"analysis": {"statics": {"end_time": 9.0}}}, "it ends at time 5, before end_time 9"),
         (
             {"gravity": {"acceleration": [0.0, 0.0, -1.0], "history": [[0, 0], [5, 1]]}},
-            "gravity.history: steps say it too",
+            "gravity.history: steps has it too",
         ),
     ],
 )

@@ -177,7 +177,7 @@ def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
     path = tmp_path / "force.csv"
     code, out, err = sweep("spring", *COARSE, "--nu", "0.7,0.3,0.4", "--travel", "1,1e6", "--output", path)
     assert code == 2
-    assert err.splitlines()[-1] == "isorod: 4 of 6 points could not be solved; the table says why"
+    assert err.splitlines()[-1] == "isorod: 4 of 6 points could not be solved; see the table's status column"
     assert re.fullmatch(r"isorod: warning: nu 0.3, travel 1: estimated error .*", err.splitlines()[0])
     table = rows(path)
     told = [(row["nu"], row["travel"], row["status"].partition(":")[0], bool(row["force"])) for row in table]

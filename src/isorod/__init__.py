@@ -24,9 +24,9 @@ def __getattr__(name: str) -> Any:
     module, original = _places().get(name, ("", ""))
     if not module:
         raise AttributeError(f"module 'isorod' has no attribute {name!r}", name=name, obj=sys.modules["isorod"])
-    found = import_module(f"isorod.{name}") if module == "isorod" else getattr(import_module(module), original)
-    globals()[name] = found
-    return found
+    exported = import_module(f"isorod.{name}") if module == "isorod" else getattr(import_module(module), original)
+    globals()[name] = exported
+    return exported
 
 
 def __dir__() -> list[str]:

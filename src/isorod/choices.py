@@ -64,9 +64,9 @@ def chosen(choose: Callable[[], T]) -> T:
         return choose()
     if choices.next is None:
         with _as_current(None):
-            found = choose()
-        choices.made.append(found)
-        return found
+            choice = choose()
+        choices.made.append(choice)
+        return choice
     if choices.next == len(choices.made):
         raise InputError("the discretisation changes with the parameter")
     choices.next += 1
@@ -81,9 +81,9 @@ def same(of: Any, build: Callable[[], T]) -> T:
         return build()
     if choices.next is None:
         before = len(choices.made)
-        found = build()
-        choices.built[of] = found, len(choices.made) - before
-        return found
+        result = build()
+        choices.built[of] = result, len(choices.made) - before
+        return result
     if of not in choices.built:
         return build()
     known, count = choices.built[of]

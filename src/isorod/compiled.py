@@ -1,4 +1,4 @@
-"""What compiled code shares: Numba's options, types of arrays, and the cofactors of a tensor."""
+"""Common parts of compiled code: Numba's options, types of arrays, and the cofactors of a tensor."""
 
 from typing import Any
 

@@ -28,7 +28,7 @@ _LONGEST = tuple(
     for name in ("assembly.stiffness_kernel", "assembly.field_kernel", "assembly.block_kernel", "petsc.band_kernel")
 )
 
-# Modules with something to compile from which on it is shared with another process.
+# Number of modules to compile from which a second process takes part.
 _MANY = 5
 
 
@@ -145,35 +145,35 @@ def rank() -> int:
 
 
 class Notice(event.Listener):  # type: ignore[misc]
-    """Says in one line on standard error that something is compiled, when that is first so, and has it shared.
+    """Prints one line on standard error when the first function is compiled, and starts a second process.
 
     Attributes
     ----------
-    said
-        Whether it was said.
+    reported
+        Whether it was printed.
     shares
-        Whether another process is to compile too (`share`): what there is to compile is looked for then alone.
+        Whether a second process compiles too (`share`).
     time
         How long it takes, in words.
     """
 
-    said = shares = False
+    reported = shares = False
     time = "some 10 seconds"
 
-    def on_start(self, found: Any) -> None:
-        """Say it."""
+    def on_start(self, compilation: Any) -> None:
+        """Print the line."""
         # Functions of scripts that another runs may be of no module.
-        if self.said or not (found.data["dispatcher"].py_func.__module__ or "").startswith("isorod"):
+        if self.reported or not (compilation.data["dispatcher"].py_func.__module__ or "").startswith("isorod"):
             return
-        self.said = True
+        self.reported = True
         if rank():
             return
         print(f"isorod: compiling ({self._how()})", file=sys.stderr, flush=True)
         if self.shares:
             share()
 
-    def on_end(self, found: Any) -> None:
-        """Say nothing."""
+    def on_end(self, compilation: Any) -> None:
+        """Do nothing."""
 
     def _how(self) -> str:
         if keeping.lasting():

@@ -54,7 +54,7 @@ class Checked:
 
 
 def expect(name: str, value: object, kind: Any) -> None:
-    """Raise `InputError` if a value is not of the kind that an annotation says.
+    """Raise `InputError` if a value is not of the kind that its annotation names.
 
     Numbers may be of any type that is real, sequences arrays; nothing is asked of kinds that cannot be told apart.
     """

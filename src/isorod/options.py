@@ -20,11 +20,11 @@ AT_THE_START = re.compile(
     r"|no_signal_handler|skip_petscrc|petsc_\w+|display|nox\w*|saws_\w+|tmp|shared_tmp|not_shared_tmp|version|v)$"
 )
 
-# What launchers of several processes set, and what one process by itself says to Open MPI.
+# Variables set by launchers of several processes, and settings of Open MPI for a single process.
 _LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK", "PMI_FD")
 _ALONE = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1"}
 
-# What tells a process which of several it is.
+# Variables with the rank of a process.
 _RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 
 # Options that PETSc reads further options from, or puts before the names of others.
@@ -38,7 +38,7 @@ _OWN = Path("~/.petscrc")
 def initialize(arguments: Sequence[str]) -> None:
     """Give PETSc its part of the command line, and start it if it does not run yet.
 
-    Files of options are those that are named, and ``~/.petscrc``; a line on stderr says which.  Nothing needs this to
+    Files of options are those that are named, and ``~/.petscrc``; a line on stderr names them.  Nothing needs this to
     be called but options: importing what uses PETSc starts it.
 
     Raises
@@ -92,7 +92,7 @@ def _page_read() -> Iterator[None]:
         failed = False
     except Exception:
         os.dup2(kept, 2)
-        raise InputError(f"PETSc options: {_first_said(_text(place))}") from None
+        raise InputError(f"PETSc options: {_first_message(_text(place))}") from None
     finally:
         os.dup2(kept, 2)
         os.close(kept)
@@ -106,36 +106,36 @@ def _text(file: IO[bytes]) -> str:
     return file.read().decode(errors="replace")
 
 
-def _first_said(page: str) -> str:
-    """Return what a page of PETSc's says before it speaks of versions and options."""
+def _first_message(page: str) -> str:
+    """Return the part of a PETSc error message before versions and options."""
     lines = [re.sub(r"^\[\d+\]PETSC ERROR: ", "", one).strip() for one in page.splitlines()]
-    said = [one for one in lines if one and not one.startswith("---")]
-    upto = next((k for k, one in enumerate(said) if re.match(r"WARNING!|Option left|See http", one)), len(said))
-    plain = "".join(letter if letter.isprintable() else "?" for letter in " ".join(said[:upto]))
+    messages = [one for one in lines if one and not one.startswith("---")]
+    upto = next((k for k, one in enumerate(messages) if re.match(r"WARNING!|Option left|See http", one)), len(messages))
+    plain = "".join(letter if letter.isprintable() else "?" for letter in " ".join(messages[:upto]))
     return f"{plain:.300}" or "they cannot be read"
 
 
 def _own_file() -> Path | None:
     """Return the file of a person's own options, if there is one."""
     try:
-        found = _OWN.expanduser()
+        file = _OWN.expanduser()
     except RuntimeError:
         # There is no home.
         return None
-    return found if found.is_file() and os.access(found, os.R_OK) else None
+    return file if file.is_file() and os.access(file, os.R_OK) else None
 
 
 @contextmanager
 def _alone() -> Iterator[None]:
     """Let Open MPI start neither a daemon nor a network for a process that nothing has started as one of several.
 
-    It takes 0.3 s.  What is already said in the environment stays, and what is said here is not there for children.
+    It saves 0.3 s.  Variables that are set already stay; those set here are removed again, so children do not see them.
     """
     launched = any(name in os.environ for name in _LAUNCHED)
     # In TMPDIR it makes a folder for itself, and ends the program with a page where it cannot.
-    wanted = {} if launched else _ALONE | os.environ | {"TMPDIR": _temporary()}
-    before = {name: os.environ.get(name) for name in (*_ALONE, "TMPDIR") if name in wanted}
-    os.environ.update((name, wanted[name]) for name in before)
+    variables = {} if launched else _ALONE | os.environ | {"TMPDIR": _temporary()}
+    before = {name: os.environ.get(name) for name in (*_ALONE, "TMPDIR") if name in variables}
+    os.environ.update((name, variables[name]) for name in before)
     try:
         yield
     finally:
@@ -163,12 +163,12 @@ def petsc_errors() -> Iterator[None]:
         petsc = sys.modules.get("petsc4py.PETSc")
         kind = getattr(petsc, "Error", None) if petsc else None
         # Some builds of slepc4py return beside raising, of which Python makes an error of its own.
-        told = problem.__cause__ if isinstance(problem, SystemError) else problem
-        if kind is None or not isinstance(told, kind):
+        error = problem.__cause__ if isinstance(problem, SystemError) else problem
+        if kind is None or not isinstance(error, kind):
             raise
-        lines = [re.sub(r"^\[\d+\] ", "", text).strip() for text in str(told).splitlines()]
-        said = [text for text in lines if text and not re.match(r"error code|\w+\(\) (line|at)", text)]
-        raise InputError(f"PETSc: {' '.join(said) or lines[0]} (see -help)") from None
+        lines = [re.sub(r"^\[\d+\] ", "", text).strip() for text in str(error).splitlines()]
+        messages = [text for text in lines if text and not re.match(r"error code|\w+\(\) (line|at)", text)]
+        raise InputError(f"PETSc: {' '.join(messages) or lines[0]} (see -help)") from None
 
 
 @contextmanager

@@ -69,11 +69,11 @@ def _minors(entries: Array) -> Array:
     return result
 
 
-def motions_of(places: Array, carriers: NDArray[np.bool_]) -> Array:
+def motions_of(places: Array, control: NDArray[np.bool_]) -> Array:
     """Return translations and turns about the origin of nodes at places ``(nodes, 3)``, shape ``(3 nodes, 6)``."""
     columns = np.zeros((*places.shape, 6))
     for a in range(3):
-        columns[carriers, a, a] = 1.0
+        columns[control, a, a] = 1.0
         b, c = (a + 1) % 3, (a + 2) % 3
         columns[:, b, 3 + a], columns[:, c, 3 + a] = -places[:, c], places[:, b]
     return columns.reshape(-1, 6)

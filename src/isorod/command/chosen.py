@@ -18,10 +18,10 @@ More = Callable[[Parser, Any], None]
 
 
 class Chosen(NamedTuple):
-    """A scene with its options, all options as parsed, and the words that say which (the scene's name left out)."""
+    """A scene with its options, all options as parsed, and the words without the scene's name."""
 
     scene: Any
-    found: argparse.Namespace
+    args: argparse.Namespace
     words: list[str]
 
 
@@ -47,9 +47,9 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
         # With --json standard output is the record's alone.
         parser.print_help(sys.stderr if "--json" in ours else None)
     words = [*ours[:place], *ours[place + 1 :]]
-    found = parser.known(words)
+    args = parser.known(words)
     notes.name(scene.named)
-    return Chosen(scene.with_options(**field_values(found, scene)), found, words)
+    return Chosen(scene.with_options(**field_values(args, scene)), args, words)
 
 
 def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
@@ -95,14 +95,14 @@ def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
 
 
 def with_load_steps(parser: Parser, scene: Any) -> None:
-    """Add the option of load steps; what is not typed is as the scene says."""
+    """Add the option of load steps; the scene's value is the default."""
     parser.add_argument(
         "--load-steps", type=int, metavar="int", help=f"initial number of equal load steps ({scene.load_steps})"
     )
 
 
 def with_analysis(parser: Parser, scene: Any) -> None:
-    """Add the options of a scene's analyses, but for what keeps and refines them; None is as the scene says."""
+    """Add the options of a scene's analyses, except those of output and refinement; None: the scene's value."""
     analyses = scenes.analyses(scene)
     if {"statics", "modal"} & {*analyses}:
         with_load_steps(parser, scene)
@@ -140,21 +140,21 @@ def with_analysis(parser: Parser, scene: Any) -> None:
         )
 
 
-def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
-    """Return the keyword arguments of the scene's analysis: what is typed before what a file says."""
+def settings(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
+    """Return the keyword arguments of the scene's analysis: typed options override those of a file."""
     own = scene.settings()
     typed: dict[str, Any]
     if scene.analysis == "modal":
-        typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}
-        typed |= {name: getattr(found, name, None) for name in ("load_steps", "at_rest")}
+        typed = {"modes": args.modes, "lumped": args.mass and args.mass == "lumped"}
+        typed |= {name: getattr(args, name, None) for name in ("load_steps", "at_rest")}
     elif scene.analysis == "buckling":
-        typed = {"modes": found.modes, "linear_at": found.linear_at}
+        typed = {"modes": args.modes, "linear_at": args.linear_at}
     elif scene.analysis in ("harmonic", "random"):
         typed = {}
     elif scene.analysis == "dynamics":
-        typed = {"integrator": found.integrator}
+        typed = {"integrator": args.integrator}
     else:
-        if found.load_steps is not None and found.load_steps < 1:
-            raise InputError(f"load steps: got {found.load_steps}, need at least 1")
-        typed = {"load_steps": found.load_steps, "stable": getattr(found, "stable", None) or None}
+        if args.load_steps is not None and args.load_steps < 1:
+            raise InputError(f"load steps: got {args.load_steps}, need at least 1")
+        typed = {"load_steps": args.load_steps, "stable": getattr(args, "stable", None) or None}
     return own | {name: value for name, value in typed.items() if value is not None}

@@ -9,7 +9,7 @@ from isorod.errors import InputError
 
 
 def main() -> int:
-    """Compile what is not kept yet and say in one line what, where and how long; return the exit code.
+    """Compile what is not cached yet, and print number, place and time in one line; return the exit code.
 
     Raises
     ------
@@ -52,10 +52,10 @@ def _make_laws() -> None:
 
 
 def _quietly(modules: Sequence[str]) -> int:
-    """Compile what modules have and nothing of which is kept, beside a process that runs (`isorod.compiling.share`)."""
+    """Compile the functions of modules that are not cached, beside a running process (`isorod.compiling.share`)."""
     from isorod import compiling
 
-    compiling.NOTICE.said = True
+    compiling.NOTICE.reported = True
     for name in modules:
         import_module(name)
         for kernel in reversed(compiling.KERNELS):

@@ -1,4 +1,4 @@
-"""What a shell offers after ``isorod ...`` and the tab key: commands, scenes, options and their values."""
+"""Shell completion of ``isorod``: commands, scenes, options and their values."""
 
 import os
 import shlex
@@ -21,7 +21,7 @@ _OPTIONS = ("run", "show", "sweep", "matrices", "section")
 
 
 def install() -> int:
-    """Write the completion where bash looks for it; say what other shells take.  Return the exit code."""
+    """Write the completion where bash looks for it; print how other shells use it.  Return the exit code."""
     data = os.environ.get("XDG_DATA_HOME") or os.path.expanduser("~/.local/share")
     path = Path(data) / "bash-completion" / "completions" / "isorod"
     try:
@@ -35,7 +35,7 @@ def install() -> int:
 
 
 def main() -> int:
-    """Print what may stand where the cursor is in ``COMP_LINE``, a word a line; return the exit code."""
+    """Print the completions at the cursor in ``COMP_LINE``, one a line; return the exit code."""
     line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT") or 0) or None]
     with suppress(InputError, ValueError):
         words = shlex.split(line)[1:]

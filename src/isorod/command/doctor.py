@@ -69,12 +69,12 @@ def _imported(module: str, get: str) -> tuple[Any, Check]:
     """Return a module, None if it does not import, and its line: its version, or what is wrong."""
     name = module.partition(".")[0]
     try:
-        found = import_module(module)
+        module_object = import_module(module)
     except Exception as error:  # a broken install raises anything
         missing = isinstance(error, ModuleNotFoundError) and module.startswith(error.name or module)
         why = " ".join(f"does not import: {type(error).__name__}: {error}".split())[:180]
         return None, Check(name, "missing" if missing else why, False, get, required=True)
-    return found, Check(name, getattr(found, "__version__", "?"), required=True)
+    return module_object, Check(name, getattr(module_object, "__version__", "?"), required=True)
 
 
 def _mpi(module: Any, check: Check) -> Check:
@@ -155,11 +155,11 @@ def _optional(module: str, hint: str) -> Check:
 
 def _compiler() -> Check:
     """Check what dolfinx compiles its forms with."""
-    found = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+    compiler = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
     headers = (Path(sysconfig.get_path("include")) / "Python.h").is_file()
-    ok = found is not None and headers
+    ok = compiler is not None and headers
     hint = "" if ok else f"with Python.h, for dolfinx; {_get('gcc libc6-dev python3-dev', 'c-compiler')}"
-    return Check("C compiler", found or "missing", ok, hint)
+    return Check("C compiler", compiler or "missing", ok, hint)
 
 
 def report() -> list[Check]:

@@ -1,4 +1,4 @@
-"""What the commands that draw have in common: the options of a picture, and where it goes."""
+"""Common parts of the commands that draw: the options of a picture, and its file."""
 
 import argparse
 import os
@@ -12,7 +12,7 @@ from isorod.output.results import check_folder
 
 
 def of_results(command: str, files: str) -> Parser:
-    """Return the parser of a command that draws what a run has left, with the names of its ``files``."""
+    """Return the parser of a command that draws results of a run, with the names of its ``files``."""
     result = Parser(
         prog=f"isorod {command}",
         description=pages.PAGES[command],
@@ -39,22 +39,22 @@ def add_options(parser: Parser) -> None:
     )
 
 
-def prepare(command: str, found: argparse.Namespace, files: tuple[str, ...] = ("png",), curves: bool = False) -> bool:
+def prepare(command: str, args: argparse.Namespace, files: tuple[str, ...] = ("png",), curves: bool = False) -> bool:
     """Return whether a window opens, as no file is named; raise `InputError` where nothing can be drawn.
 
     ``files`` are the options that name one in its place; ``curves`` are drawn without pyvista.
     """
-    named = [name for name in files if getattr(found, name) is not None]
+    named = [name for name in files if getattr(args, name) is not None]
     for name in named:
-        path = Path(getattr(found, name))
+        path = Path(getattr(args, name))
         if not os.path.isdir(path.absolute().parent) or (os.path.exists(path) and not os.path.isfile(path)):
             reason = "it is no plain file" if os.path.exists(path) else "there is no such folder"
             raise InputError(f"{path}: cannot be written ({reason}); name another")
         check_folder(str(path.absolute().parent), f"{path}: cannot be written")
     if curves:
-        picture.check_size(found.size, command)
+        picture.check_size(args.size, command)
     else:
-        picture.check(found.view, found.size, command)
+        picture.check(args.view, args.size, command)
     if not named:
         picture.need_display("--png FILE")
     return not named

@@ -18,7 +18,7 @@ from types import FrameType
 from isorod import memory
 from isorod.errors import InputError, SolveError
 
-# What launchers of MPI programs tell each rank before MPI is there to be asked: its number, and how many there are.
+# Environment variables that MPI launchers set before MPI starts: the rank's number, and the number of ranks.
 _RANK = "OMPI_COMM_WORLD_RANK", "PMI_RANK"
 _SIZE = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
 
@@ -28,10 +28,10 @@ _WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "ended by SIGTERM"}
 _FULL = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
 # Seconds that other ranks wait before they end with an error: launchers end all at the first that does, and rank 0 may
-# not have said it yet.  Where it has, Open MPI ends them at once; MPICH's may wait until they end.
+# not have printed it yet.  Where it has, Open MPI ends them at once; MPICH's may wait until they end.
 _PATIENCE = 3.0
 
-# Longer words of an error are cut: nothing but input that is wrong has them.
+# Longer words of an error are cut: they come from wrong input.
 _LONGEST = 1000
 
 
@@ -49,7 +49,7 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
     command
         What to run; returns an exit code.
     kept
-        What to say when a signal ends it; notes of the exception come after it.
+        Message when a signal ends it; notes of the exception follow.
     at_once
         End in a signal at once, also within long calls of compiled libraries, and clean up nothing.  So it is always on
         several ranks: one that unwinds would wait for others that wait for it.
@@ -60,7 +60,7 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
             try:
                 return command()
             finally:
-                # Here, where a full disk can still be said in a line, and not at Python's own end.
+                # Here a full disk can still be reported in one line, unlike at Python's own exit.
                 if sys.stdout is not None:
                     sys.stdout.flush()
         except BaseException as problem:
@@ -73,7 +73,7 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
 
 
 def _refuse(program: str, problem: BaseException) -> int:
-    """Say what was wrong and return the exit code; raise again what is an error of the program's."""
+    """Print the error and return the exit code; raise again an error of the program itself."""
     match problem:
         case InputError() | SolveError():
             return fail(program, str(problem))
@@ -89,23 +89,23 @@ def _refuse(program: str, problem: BaseException) -> int:
 
 
 def _stop(program: str, number: int, *kept: str) -> int:
-    """Say which signal came and what is kept; return the exit code."""
+    """Print which signal came and what is kept; return the exit code."""
     if rank() == 0:
-        _say(program, "; ".join([_WORDS[signal.Signals(number)], *filter(None, kept)]))
+        _print_error(program, "; ".join([_WORDS[signal.Signals(number)], *filter(None, kept)]))
     return 128 + number
 
 
 def fail(program: str, message: str) -> int:
-    """Say an error, once for all ranks; return the exit code."""
+    """Print an error, once for all ranks; return the exit code."""
     if rank() == 0:
-        _say(program, message)
+        _print_error(program, message)
     elif _launched():
         time.sleep(_PATIENCE)
     return 2
 
 
 def announce(words: str) -> None:
-    """Say on standard error what is to come, once for all ranks."""
+    """Print a notice on standard error, once for all ranks."""
     if rank() == 0:
         print(f"isorod: {words}", file=sys.stderr, flush=True)
 
@@ -189,9 +189,9 @@ def _die(number: int) -> None:
     time.sleep(1.0)
 
 
-def _say(program: str, message: str) -> None:
-    # What is quoted of the input may have line ends, or be of any length; and nobody may listen.
-    text = " ".join(one if len(one) <= _LONGEST else f"{one[: _LONGEST // 2]}..." for one in message.split())
+def _print_error(program: str, message: str) -> None:
+    # Quoted input may have line ends or any length; standard error may be closed.
+    text = " ".join(word if len(word) <= _LONGEST else f"{word[: _LONGEST // 2]}..." for word in message.split())
     with suppress(OSError):
         print(f"{program}: {text}", file=sys.stderr, flush=True)
 

@@ -30,7 +30,7 @@ def read(words: Sequence[str], left: Sequence[str] = ()) -> list[Point]:
     words
         Behind the name of the command.
     left
-        Options that are none of a run's, and keep their values whatever these are.
+        Options that are not a run's: their values are not split.
 
     Raises
     ------
@@ -72,10 +72,10 @@ def read(words: Sequence[str], left: Sequence[str] = ()) -> list[Point]:
 
 
 def _values(name: str, value: str) -> tuple[str, ...] | None:
-    """Return the values of a word, None if it has one alone."""
-    found = _RANGE.fullmatch(value)
-    if found:
-        return _range(name, value, *found.groups())
+    """Return the values of a word, None if it has a single one."""
+    match = _RANGE.fullmatch(value)
+    if match:
+        return _range(name, value, *match.groups())
     # Lists and tables of TOML have commas of their own.
     if "," not in value or re.match(r"\s*[\[{\"']", value):
         return None
@@ -99,4 +99,4 @@ def _range(name: str, text: str, first: str, last: str, count: str) -> tuple[str
     if low == high:
         raise InputError(f"{name}: got {text}, whose ends are the same")
     inner = (float(low + k * (high - low) / (number - 1)) for k in range(1, number - 1))
-    return first.strip(), *(f"{one:.15g}" for one in inner), last.strip()
+    return first.strip(), *(f"{value:.15g}" for value in inner), last.strip()

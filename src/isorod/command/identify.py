@@ -1,4 +1,4 @@
-"""``isorod identify``: numbers of a scene, as constants of its laws, from measured curves."""
+"""``isorod identify``: numbers of a scene, such as constants of its laws, from measured curves."""
 
 import json
 import warnings
@@ -20,18 +20,18 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     if chosen.usage("identify", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("identify", ours, theirs, more)
+    scene, args, _ = chosen.choose("identify", ours, theirs, more)
     if scenes.analyses(scene)[0] not in ("statics", "modal"):
         raise InputError(f"identify: not in {scene.analysis}; it is in statics and modal analysis")
     if scene.cases and not scene.case:
         raise InputError("identify: the file has load cases; choose one with --case")
-    if found.table is None:
+    if args.table is None:
         raise InputError("identify: the table of measured values is missing: --table test.csv")
     options.initialize(theirs)
-    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
-        record = _identify(scene, found)
+    with printing.apart() if args.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record = _identify(scene, args)
     if ending.rank() == 0:
-        print(json.dumps(record) if found.json else "\n".join(lines(record)), flush=True)
+        print(json.dumps(record) if args.json else "\n".join(lines(record)), flush=True)
         notes.show()
     return 0
 
@@ -40,42 +40,51 @@ def more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analysis, and of the identification."""
     chosen.with_analysis(parser, scene)
     add = parser.add_argument
-    add("--table", metavar="FILE.csv", help="measured values: a column each of numbers of the scene, and of answers")
+    add("--table", metavar="FILE.csv", help="measured values: a column for each number of the scene and each result")
     add("--vary", action="append", default=[], metavar="NAME=LOWER:UPPER", help="parameters to identify, with bounds")
     add("--json", action="store_true", help="print the result as one line of JSON")
-    add("--png", metavar="FILE", help="draw the curves measured and answered")
+    add("--png", metavar="FILE", help="plot the measured and the computed curves")
 
 
-def _identify(scene: Any, found: Any) -> dict[str, Any]:
+def _identify(scene: Any, args: Any) -> dict[str, Any]:
     from isorod.command import solving
-    from isorod.command.design import SAME, again, differences_of, draw, read_table, say, solve_anew, tell
+    from isorod.command.design import (
+        SAME,
+        again,
+        differences_of,
+        draw,
+        issue_warnings,
+        read_table,
+        report_progress,
+        solve_anew,
+    )
     from isorod.design import curves, evaluations, identify, wanted
 
-    several = wanted.varied(found.vary, scene)
-    table = read_table(found, scene, several)
+    several = wanted.varied(args.vary, scene)
+    table = read_table(args, scene, several)
     names = [one.name for one in several]
     own = evaluations.Evaluations(
-        curves.scenes_of(scene, table), names, chosen.settings(scene, found), solving.solve_scene
+        curves.scenes_of(scene, table), names, chosen.settings(scene, args), solving.solve_scene
     )
     with scene.locating():
         with warnings.catch_warnings(action="ignore"):
-            # Said of what is solved at the end.
-            best = identify.identify(own, several, table, tell)
+            # The warnings that count are those of the last solve.
+            best = identify.identify(own, several, table, report_progress)
         after, error, warned = solve_anew(own, best.x)
-    say(warned)
+    issue_warnings(warned)
     off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())
     if off > SAME:
         warnings.warn(
-            f"solved as new answers are up to {100.0 * off:.2g} % of the largest value off those of the fit: the "
-            "discretisation, or the branch of the answer, changes with the numbers",
+            f"solved anew, results differ from the fit by up to {100.0 * off:.2g} % of the largest value: the "
+            "discretisation, or the branch of equilibria, changes with the parameters",
             stacklevel=2,
         )
     if own.untold:
         warnings.warn(differences_of(own.untold), stacklevel=2)
     two = {"measured": table.measured, "answered": table.values(best.answers)}
-    if found.png and ending.rank() == 0:
-        draw(scene, table, two, found.png)
-    # As many values as numbers leave no misfit by which to tell it.
+    if args.png and ending.rank() == 0:
+        draw(scene, table, two, args.png)
+    # With as many values as parameters there is no misfit from which to estimate the deviation.
     exact = sum(map(len, table.measured.values())) == len(several)
     deviation = [None if exact else float(one) for one in np.sqrt(np.diag(best.covariance))]
     values = dict(zip(own.names, map(float, best.x), strict=True))
@@ -101,16 +110,16 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
 
 
 def lines(record: Mapping[str, Any]) -> list[str]:
-    """Return the result in words: numbers with their standard errors, curves beside what was measured."""
+    """Return the result as text: parameters with their standard errors, curves beside the measured ones."""
     from isorod.command.design import curve_lines
 
     text, width = [], max(len(name) for name in record["parameters"])
-    for name, one in record["parameters"].items():
-        bound = ", at its bound: what is best lies beyond" if name in record["bounds"] else ""
-        spread = "" if one["standard_error"] is None else f" +- {one['standard_error']:.2g}"
-        text.append(f"{name:{width}}  {one['found']:.8g}{spread} (began at {one['before']:g}){bound}")
-    for name, one in record["curves"].items():
-        text += curve_lines(name, record["given"], one)
+    for name, row in record["parameters"].items():
+        bound = ", at its bound: the optimum lies beyond" if name in record["bounds"] else ""
+        spread = "" if row["standard_error"] is None else f" +- {row['standard_error']:.2g}"
+        text.append(f"{name:{width}}  {row['found']:.8g}{spread} (began at {row['before']:g}){bound}")
+    for name, row in record["curves"].items():
+        text += curve_lines(name, record["given"], row)
     error = record["error_estimate"]
     text.append(
         f"misfit {100.0 * record['misfit']:.2g} % of the largest; {record['solves']} solves"

@@ -16,7 +16,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     if chosen.usage("matrices", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("matrices", ours, theirs, more)
+    scene, args, _ = chosen.choose("matrices", ours, theirs, more)
     if scene.analysis == "geometry":
         raise InputError("matrices: this scene is geometry only, which has none; 'isorod list' names others")
     with np.errstate(all="ignore"), options.petsc_errors():
@@ -24,13 +24,13 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         from isorod.command.solving import origin, refuse_unused
         from isorod.output import matrix_files
 
-        matrix_files.check_folder(found.output)
-        matrices = _matrices(scene, found)
+        matrix_files.check_folder(args.output)
+        matrices = _matrices(scene, args)
         refuse_unused()
         if ending.rank() == 0:
-            readme = matrix_files.write(matrices, found.output, origin(scene))
+            readme = matrix_files.write(matrices, args.output, origin(scene))
             notes.show()
-            print(_summary(readme, found.output))
+            print(_summary(readme, args.output))
     return 0
 
 
@@ -47,41 +47,41 @@ def more(parser: Parser, scene: Any) -> None:
     parser.add_argument("--output", metavar="DIR", required=True, help="write into this folder, a new or an empty one")
 
 
-def _matrices(scene: Any, found: argparse.Namespace) -> Any:
-    """Return the matrices that are asked for."""
+def _matrices(scene: Any, args: argparse.Namespace) -> Any:
+    """Return the requested matrices."""
     from isorod.command import solving
     from isorod.output.matrices import matrices
 
-    # What a file says of its analysis is read before anything is solved.
+    # Settings of the analysis are read before anything is solved.
     settings = scene.settings()
-    lumped = found.mass == "lumped" or (found.mass is None and bool(settings.get("lumped")))
+    lumped = args.mass == "lumped" or (args.mass is None and bool(settings.get("lumped")))
     with scene.locating():
         model = scene.model()
         if scene.analysis == "dynamics":
             model = model.in_motion(settings.get("integrator", "explicit"))
-        if scene.analysis == "modal" and not (found.at_rest or settings.get("at_rest")):
+        if scene.analysis == "modal" and not (args.at_rest or settings.get("at_rest")):
             from isorod.modal import loaded
 
-            steps = getattr(found, "load_steps", None) or settings.get("load_steps", 1)
+            steps = getattr(args, "load_steps", None) or settings.get("load_steps", 1)
             return matrices(model, loaded.find(model, steps), lumped)
-        if scene.analysis != "statics" or found.at_rest:
+        if scene.analysis != "statics" or args.at_rest:
             return matrices(model, None, lumped)
         if model.contacts:
             raise InputError(
                 "matrices about a solution with contact: the active contact set is not stored; use --at-rest for the "
                 "undeformed state"
             )
-    solution, _ = solving.solve(scene, chosen.settings(scene, found))
+    solution, _ = solving.solve(scene, chosen.settings(scene, args))
     return solution.matrices(lumped)
 
 
 def _summary(readme: dict[str, Any], folder: str) -> str:
-    """Return in words what was written."""
+    """Return a summary of the files written."""
     entries = "; ".join(f"{name} of {count:,} entries" for name, count in readme["entries"].items())
     mass = "" if "mass" in readme["entries"] else f"; mass {readme['mass']}"
     names = ", ".join(name for name in readme["files"] if not name.endswith(".csv"))
     return (
         f"{readme['unknowns']:,} unknowns ({readme['degrees_of_freedom']:,} degrees of freedom), "
         f"about {readme['about']}; {entries}{mass}\n"
-        f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json says what they are"
+        f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json describes them"
     )

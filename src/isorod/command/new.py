@@ -20,7 +20,7 @@ GALLERY = tuple(name for name, file in _FILES.items() if file.parent == _FOLDER)
 EXAMPLES = tuple(_FILES)
 
 
-def told() -> dict[str, tuple[str, str]]:
+def listed() -> dict[str, tuple[str, str]]:
     """Return the analysis and the title of each example."""
     result = {}
     for name, file in _FILES.items():
@@ -46,18 +46,18 @@ def main(name: str, origin: str) -> int:
     copies = {path: _FILES[origin]}
     beside = _FILES[origin].parent.glob(f"{origin}.*")
     copies |= {path.parent / file.name: file for file in beside if file.suffix != ".toml"}
-    there = next((one for one in copies if os.path.lexists(one)), None)
+    there = next((copy for copy in copies if os.path.lexists(copy)), None)
     if there is not None:
         raise InputError(f"{there}: is there already, and is not overwritten; name another")
     written: list[Path] = []
     try:
-        for one, file in copies.items():
-            with open(one, "xb") as handle:
-                written.append(one)
+        for copy, file in copies.items():
+            with open(copy, "xb") as handle:
+                written.append(copy)
                 handle.write(file.read_bytes())
     except OSError as problem:
-        for one in written:
-            one.unlink()
+        for copy in written:
+            copy.unlink()
         raise refusal(f"{path}: cannot be written", problem) from None
     print(f"{' and '.join(map(str, copies))} written; now: isorod run {path}")
     return 0

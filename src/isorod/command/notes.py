@@ -1,4 +1,4 @@
-"""Warnings of a command: kept until there is a result, as an error is said alone; words that go from files are not."""
+"""Warnings of a command: kept until there is a result (an error is printed alone), except deprecations."""
 
 import sys
 import warnings
@@ -18,12 +18,12 @@ def keep() -> None:
 
 
 def name(named: Callable[[str], str]) -> None:
-    """Say what there is to warn of in the names that a scene has."""
+    """Use the names of a scene in the warnings."""
     _NAMED.append(named)
 
 
 def show() -> None:
-    """Say what there is to warn of, a line each."""
+    """Print the warnings, a line each."""
     for text in _NOTES:
         for named in _NAMED:
             text = named(text)

@@ -1,4 +1,4 @@
-"""What ``isorod COMMAND --help`` says of each command: what it does, reads and writes, and an example."""
+"""The help pages of ``isorod COMMAND --help``: what each command does, reads and writes, and an example."""
 
 _SCENE = "SCENE [--option value ...]"
 _PETSC = "[-petsc_option value ...]"
@@ -19,13 +19,13 @@ USAGES = {
 
 # A SCENE is a ready one, or a file.
 SCENES = """\
-A SCENE is one of those that 'isorod list' tells, or a file NAME.toml ('isorod new' writes one)."""
+A SCENE is a name from 'isorod list', or a file NAME.toml ('isorod new' writes one)."""
 
 PETSC = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_type gmres, -log_view, -help ...)."
 
 PAGES = {
     "run": """\
-Solves a scene, and prints its answer with an estimate of the error.
+Solves a scene, and prints its results with an error estimate.
 reads    the scene, and the data files that its file names
 writes   with --output DIR: record (results.jsonl), fields (.vtu), curves (.csv); else nothing
 example  isorod run spring --coils 4.5 --travel 3
@@ -37,14 +37,14 @@ reads    the scene, and the data files that its file names
 writes   with --png FILE: a picture; else a window opens
 example  isorod show my.toml --png my.png --view 1,0,0""",
     "plot": """\
-Plots what a run has left: fields on the deformed shape, animations, or curves.
+Plots results of a run: fields on the deformed shape, animations, or curves.
 reads    a results folder (isorod run SCENE --output DIR), or a .vtu, .pvd or .csv file of it
 writes   with --png or --gif: a file; else a window opens
 example  isorod plot results --colour displacement --png shape.png
          isorod plot results --curve --png curve.pdf""",
     "view": """\
-Shows what a run has left in a browser: to turn, to step through times, load steps and modes, and to read off
-fields at places that are clicked on. The server is on this machine alone; Ctrl-C ends it.
+Shows results of a run in a browser: rotate, step through times, load steps and modes, and read off
+fields at the points clicked. The server listens on this machine only; Ctrl-C ends it.
 reads    a results folder (isorod run SCENE --output DIR), or a .vtu or .pvd file of it
 writes   nothing
 example  isorod view results
@@ -55,16 +55,16 @@ reads    the scene, and the data files that its file names
 writes   with --output FILE.csv: the table, and beside it a record of each point (.jsonl); with --png: a plot
 example  isorod sweep spring --travel 0:10:21 --nu 0.3,0.4 --output force.csv --png force.png""",
     "design": """\
-Changes numbers of a scene, within bounds, until what is measured meets targets and limits, with the least, or the
-largest, of something: mass, volume, or what is measured.
+Varies numbers of a scene, within bounds, until its results meet targets and limits; optionally minimises or
+maximises mass, volume or a result.
 reads    the scene, and the data files that its file names
 writes   with --output FILE.toml: the scene file with the optimal parameters; else nothing
 example  isorod design spring --vary wire_radius=0.6:1.5,coils=2:6 --target force=8 --minimise volume
          isorod design my.toml --vary rod.beam.section.circle=2:8 --limit "deflection>-1" --minimise volume
-more     isorod run SCENE --derivatives: the numbers that may vary, and the derivatives by them""",
+more     isorod run SCENE --derivatives: the numbers that may vary, and the derivatives with respect to them""",
     "identify": """\
-Finds numbers of a scene, as the constants of its laws, with which it answers as was measured: by least squares, with
-standard errors. The table has a column of each number that was set (as --set names it), and of what was measured.
+Fits numbers of a scene, such as constants of its laws, to measured results: least squares, with standard
+errors. The table has a column for each number that was set (named as for --set) and each measured result.
 reads    the scene, the data files that its file names, and the table
 writes   nothing
 example  isorod identify my.toml --table test.csv --vary rod.beam.law.NeoHookean
@@ -72,7 +72,7 @@ more     isorod run SCENE --derivatives: the numbers that may vary""",
     "matrices": """\
 Writes stiffness and mass of a scene, for other programs.
 reads    the scene, and the data files that its file names
-writes   into --output DIR: matrices, and what their rows are
+writes   into --output DIR: matrices, and the meaning of their rows
 example  isorod matrices blade --output blade""",
     "mesh": """\
 Writes curved hexahedra of a scene's rods.
@@ -99,7 +99,7 @@ example  isorod list""",
 Writes a commented scene file to begin with, and the data that it reads; overwrites nothing.
 writes   NAME.toml (my.toml)
 example  isorod new bar.toml && isorod run bar.toml
-         isorod new knot.toml --from trefoil       ('isorod list' tells the examples)""",
+         isorod new knot.toml --from trefoil       ('isorod list' shows the examples)""",
     "compile": """\
 Compiles all functions ahead of the first run, which otherwise does so when it needs them.
 writes   beside the package, or into NUMBA_CACHE_DIR

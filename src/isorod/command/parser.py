@@ -24,7 +24,7 @@ class Parser(argparse.ArgumentParser):
     Attributes
     ----------
     elsewhere
-        Options that other scenes have, and why they are none of this one.
+        Options of other scenes, and why this one does not have them.
     own
         Options of the scene.
     """
@@ -53,7 +53,7 @@ class Parser(argparse.ArgumentParser):
         several = any(action.nargs == "*" for action in self._get_positional_actions())
         # Names of files, any number of them, may stand between options.
         parse = self.parse_known_intermixed_args if several else self.parse_known_args
-        found, unknown = parse(arguments)
+        namespace, unknown = parse(arguments)
         if unknown:
             word = unknown[0].split("=")[0]
             if word in self.elsewhere:
@@ -63,13 +63,13 @@ class Parser(argparse.ArgumentParser):
             near = difflib.get_close_matches(word.strip("-"), names, 1)
             known = f"; of the scene there are: {', '.join(self.own)}" if self.own else ""
             self.error(f"option {word} is not known" + (f"; did you mean {names[near[0]]}?" if near else known))
-        return found
+        return namespace
 
     @property
     def options(self) -> list[str]:
         """All options of the help, with two dashes."""
-        told = (action for action in self._actions if action.help is not argparse.SUPPRESS)
-        return [name for action in told for name in action.option_strings if name.startswith("--")]
+        visible = (action for action in self._actions if action.help is not argparse.SUPPRESS)
+        return [name for action in visible for name in action.option_strings if name.startswith("--")]
 
     def choices(self, word: str) -> list[str]:
         """Return the values that an option can have, if these are few."""
@@ -110,7 +110,7 @@ def add_fields(parser: Parser, scene: Any) -> None:
 
 
 class _Former(argparse.Action):
-    """An option by its former name: its value is taken, with a warning that says what to type."""
+    """An option by its former name: its value is used, with a warning that names the present option."""
 
     def __init__(self, *arguments: Any, now: str, factor: float, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -119,13 +119,13 @@ class _Former(argparse.Action):
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         """Keep the value under the present name."""
         degrees = "" if self._factor == 1.0 else ", in degrees"
-        warnings.warn(f"{option_string}: say {self._now}{degrees}", FutureWarning, stacklevel=2)
+        warnings.warn(f"{option_string}: renamed, use {self._now}{degrees}", FutureWarning, stacklevel=2)
         setattr(namespace, self.dest, values if self._factor == 1.0 else values * self._factor)
 
 
-def field_values(found: argparse.Namespace, scene: Any) -> dict[str, Any]:
+def field_values(args: argparse.Namespace, scene: Any) -> dict[str, Any]:
     """Return a scene's options as parsed."""
-    return {field.name: getattr(found, field.name) for field in scene.option_fields}
+    return {field.name: getattr(args, field.name) for field in scene.option_fields}
 
 
 def split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

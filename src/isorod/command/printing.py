@@ -18,13 +18,13 @@ _WIDTH, _INDENT = 80, 20
 # Numbers of a list that are shown, and contacts.
 _MOST, _FEW = 12, 3
 
-# Shapes that are so near to what was written, as a share of the radius, are as written.
+# Deviation from the input geometry, over the radius, below which it is round-off.
 _ROUNDING = 1e-9
 
-# So small a part of the largest of several numbers is rounding.
+# Fraction of the largest of several numbers below which others are round-off.
 _NOISE = 1e-10
 
-# Gaps and jumps of ties that are a smaller share of the size of their surface are rounding of places.
+# Gaps and jumps of ties below this fraction of the size of their surface are round-off.
 _NOTHING = 1e-12
 
 
@@ -59,7 +59,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     record
         From `isorod.command.solving`.
     scene
-        Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
+        Its ``units`` give the results to print, their order and units.
     """
     rows = [
         *_answer(record, scene.units, scene.stresses),
@@ -133,14 +133,14 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
 
 
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
-    """Return how far stresses away from edges are off, or that nobody knows though they were asked for."""
+    """Return the stress error away from edges as text, or that it is unknown though stresses were requested."""
     if "stress_error_estimate" in record:
         return f", of stresses {percent(record['stress_error_estimate'])}"
     return f" (of stresses, {', '.join(stresses)}, not known: compare with more elements)" if stresses else ""
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Return what modes are about, if not a model at rest that nothing acts on, and whether that is stable."""
+    """Return the state modes are about, unless it is the undeformed one, and its stability."""
     if record["about"] != "the state of rest":
         yield "about", record["about"]
     falling = sum(one < 0.0 for one in record["frequencies"][record["rigid"] :])
@@ -151,7 +151,7 @@ def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _buckling(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
-    """Return what load factors mean, what the shapes are, and what they are about."""
+    """Return critical loads, mode shapes, linear load factors, and the state they are about."""
     if "critical_load" in record:
         sizes = ", ".join(f"{one:.6g}" for one in record["critical_loads"][:_MOST])
         yield "critical load", f"{sizes} ({scene.named(record['critical_load'])})"
@@ -165,7 +165,7 @@ def _buckling(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]
 
 
 def _numbers(values: Any, digits: int = 6) -> str:
-    """Return the first of several numbers, those of them that are rounding beside the largest as 0."""
+    """Return the first numbers as text, those at round-off of the largest as 0."""
     flat = np.ravel(values)
     noise = _NOISE * np.abs(flat).max(initial=0.0) if flat.size > 1 else 0.0
     return ", ".join(f"{0.0 if abs(item) < noise else item:.{digits}g}" for item in flat[:_MOST])
@@ -176,33 +176,33 @@ def _place(place: Mapping[str, float]) -> str:
     return f", the largest: at u = {place['u']:.4g}, angle {place['angle']:.4g}, radius {place['radius']:.4g}"
 
 
-def _contact(one: Mapping[str, Any]) -> str:
-    """Return how a contact presses, and how well its patch is seen."""
+def _contact(contact: Mapping[str, Any]) -> str:
+    """Return peak pressure, penetration and resolution of a contact patch as text."""
     return (
-        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth "
-        f"{percent(one['relative_penetration'])} of radius, {one['points_across']:.2g} points wide"
+        f"peak {contact['peak']:.3g} ({100.0 * contact['peak_error']:.0f} %), depth "
+        f"{percent(contact['relative_penetration'])} of radius, {contact['points_across']:.2g} points wide"
     )
 
 
-def _tie(one: Mapping[str, Any]) -> str:
-    """Return what a tie carries, and how far apart its surfaces are and move."""
-    force, moment = (_numbers(one[name], 4) for name in ("force", "moment"))
-    slip = f", slip {one['slip']:.3g}" if one["slip"] else ""
-    gap, jump = (0.0 if one[name] < _NOTHING * np.sqrt(one["area"]) else one[name] for name in ("gap", "jump"))
+def _tie(tie: Mapping[str, Any]) -> str:
+    """Return force, moment, gap, jump and slip of a tie as text."""
+    force, moment = (_numbers(tie[name], 4) for name in ("force", "moment"))
+    slip = f", slip {tie['slip']:.3g}" if tie["slip"] else ""
+    gap, jump = (0.0 if tie[name] < _NOTHING * np.sqrt(tie["area"]) else tie[name] for name in ("gap", "jump"))
     return f"force {force}; moment {moment}; gap {gap:.2g}, jump {jump:.2g}{slip}"
 
 
 def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
-    """Return how far rods are from what was written, where it is more than rounding."""
-    found = record.get("deviation", ())
-    if not found:
+    """Return the largest deviation from the input geometry, unless it is round-off."""
+    deviations = record.get("deviation", ())
+    if not deviations:
         return
-    worst = max(found, key=lambda one: one["relative"])
+    worst = max(deviations, key=lambda one: one["relative"])
     if worst["relative"] > _ROUNDING:
         what = {"line": "centre line", "section": "outline", "sweep": "sections along the line"}
         part = max(what, key=lambda name: worst[name])
         rods = scene.rod_names()
-        which = f" of {rods[found.index(worst)]}" if len(rods) > 1 else ""
+        which = f" of {rods[deviations.index(worst)]}" if len(rods) > 1 else ""
         yield "deviation", f"{worst[part]:.2g} at most, {percent(worst['relative'])} of the radius: {what[part]}{which}"
 
 
@@ -244,10 +244,10 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"{_count(record['rigid'], 'rigid-body mode')}" if record.get("rigid") else "no mode missed (Sturm count)"
 
 
-def _element(found: Mapping[str, Any]) -> str:
-    chosen = [name.replace("_", " ") for name in found["chosen"]]
-    mixed = "; mixed formulation" if found["formulation"] == "mixed" else ""
-    return f"{found['element']}{mixed}" + (f" (chosen: {', '.join(chosen)})" if chosen else "")
+def _element(discretisation: Mapping[str, Any]) -> str:
+    chosen = [name.replace("_", " ") for name in discretisation["chosen"]]
+    mixed = "; mixed formulation" if discretisation["formulation"] == "mixed" else ""
+    return f"{discretisation['element']}{mixed}" + (f" (chosen: {', '.join(chosen)})" if chosen else "")
 
 
 def _count(number: int, what: str, several: str = "") -> str:

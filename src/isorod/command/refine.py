@@ -68,8 +68,8 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
             )
     solved: dict[int, tuple[Any, dict[str, float]]] = {}
     begin, remembers = None, model.remembers and scene.analysis == "statics"
-    # A half is for the spaces, the other for the load steps: of these there are few while spaces are refined.
-    share = 0.5 * tolerance if remembers else tolerance
+    # Half of the tolerance is for the spaces, half for the load steps, which are few while spaces are refined.
+    spaces_tolerance = 0.5 * tolerance if remembers else tolerance
     few = {"load_steps": 1, **settings} if remembers else settings
 
     def solve(spaces: Sequence[Space], settings: Mapping[str, Any] = few) -> Any:
@@ -81,8 +81,8 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         begin = partial(solving.start_at, solution) if model.contacts else None
         return solution
 
-    first = [_start(space, share) for space in spaces]
-    solution, reached, steps, short = adapt.reach(solve, first, share, bool(scene.stresses))
+    first = [_start(space, spaces_tolerance) for space in spaces]
+    solution, reached, steps, short = adapt.reach(solve, first, spaces_tolerance, bool(scene.stresses))
     history = [(name, value, before.error) for before, step in pairwise(steps) for name, value in step.changed.items()]
     refined, seconds = solved[id(solution)]
     if scene.analysis == "modal" and (bound := solution.contact_error()) > tolerance:
@@ -93,7 +93,7 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         )
     error = steps[-1].error
     if remembers:
-        solution = solve(reached, {"steps_tolerance": share, **settings})
+        solution = solve(reached, {"steps_tolerance": spaces_tolerance, **settings})
         refined, seconds = solved[id(solution)]
         error += solution.steps_error
         if error > tolerance:

@@ -1,4 +1,4 @@
-"""``isorod run``: a scene is solved, its record printed and kept."""
+"""``isorod run``: solves a scene, prints its record and writes its results."""
 
 import argparse
 import warnings
@@ -25,32 +25,32 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     if chosen.usage("run", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("run", ours, theirs, more)
-    if found.output is not None:
+    scene, args, _ = chosen.choose("run", ours, theirs, more)
+    if args.output is not None:
         from isorod.output import results, vtk
 
-        results.check_folder(found.output)
+        results.check_folder(args.output)
         if scenes.analyses(scene) != ("geometry",):
             vtk.require()
     if scene.cases and scene.case is None:
         from isorod.command import cases
 
-        return cases.run(scene, theirs, found, _analysis, _kept)
+        return cases.run(scene, theirs, args, _analysis, _kept)
     solve = _geometry if scene.analysis == "geometry" else _analysis
-    # What overflows ends as a number that is not finite, and no such number is reported.
-    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
-        record, solution = solve(scene, theirs, found)
+    # Overflow gives numbers that are not finite, which are refused before they are reported.
+    with printing.apart() if args.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record, solution = solve(scene, theirs, args)
     problems = [record["short"]] if "short" in record else []
     if ending.rank() == 0:
-        text, lost = _report(record, solution, found, scene)
+        text, lost = _report(record, solution, args, scene)
         problems += [lost] if lost else []
         print(text, flush=bool(problems))
-    # What took hours is printed, whatever else failed.
+    # The result of a long run has been printed, whatever else failed.
     return ending.fail("isorod", "; ".join(problems)) if problems else 0
 
 
 def more(parser: Parser, scene: Any) -> None:
-    """Add options of the scene's analyses, and of what becomes of the result."""
+    """Add options of the scene's analyses, and of their output."""
     chosen.with_analysis(parser, scene)
     analyses = scenes.analyses(scene)
     kept = bool({"dynamics", "statics"} & {*analyses})
@@ -91,7 +91,7 @@ def more(parser: Parser, scene: Any) -> None:
             nargs="?",
             const="",
             metavar="NAME,...",
-            help="derivatives of the answer by these numbers of the scene, or by each, of what is solved",
+            help="derivatives of the results with respect to these numbers of the scene, or to all",
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument(
@@ -108,14 +108,14 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _cells(text: str) -> str:
-    """Return the kind of cells by its name, which was another one for curved ones."""
+    """Return the kind of cells by its name; the former name of curved ones is accepted."""
     if text == "bezier":
-        warnings.warn("--cells bezier: say curved, which they are", FutureWarning, stacklevel=2)
+        warnings.warn("--cells bezier: renamed, use --cells curved", FutureWarning, stacklevel=2)
         return "curved"
     return text
 
 
-def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], None]:
+def _geometry(scene: Any, theirs: Sequence[str], args: argparse.Namespace) -> tuple[dict[str, Any], None]:
     if theirs:
         raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
     from isorod.command import solving
@@ -123,39 +123,39 @@ def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     return solving.geometry(scene), None
 
 
-def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Any]:
+def _analysis(scene: Any, theirs: Sequence[str], args: argparse.Namespace) -> tuple[dict[str, Any], Any]:
     """Solve a scene; return its record, and the solution."""
     begin = perf_counter()
     options.initialize(theirs)
-    names = _by(scene, getattr(found, "derivatives", None))
-    # Those of a file are held to the analysis, which starts PETSc.
-    settings = chosen.settings(scene, found)
-    if scene.analysis == "dynamics" or getattr(found, "checkpoint", None) or getattr(found, "resume", False):
-        settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+    names = _by(scene, getattr(args, "derivatives", None))
+    # Settings of a file are checked by the analysis, whose import starts PETSc.
+    settings = chosen.settings(scene, args)
+    if scene.analysis == "dynamics" or getattr(args, "checkpoint", None) or getattr(args, "resume", False):
+        settings |= {"checkpoint": args.checkpoint, "every": args.checkpoint_every, "resume": args.resume}
     settings |= {"progress": True}
-    if scene.analysis == "statics" and found.output is not None:
+    if scene.analysis == "statics" and args.output is not None:
         settings |= {"keep": True}
     from isorod.command import solving
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
-    shown = bool(scene.stresses) or found.output is not None
-    if getattr(found, "refine", False):
+    shown = bool(scene.stresses) or args.output is not None
+    if getattr(args, "refine", False):
         warnings.warn("--refine: the error is estimated without it; leave it out", FutureWarning, stacklevel=2)
-    if getattr(found, "tolerance", None) is not None:
+    if getattr(args, "tolerance", None) is not None:
         if scene.analysis == "dynamics":
             raise InputError("--tolerance: not for dynamics; compare runs with other elements and orders")
         if settings.get("checkpoint") is not None:
             raise InputError("--checkpoint: it is of one run, and --tolerance takes several; leave one out")
         from isorod.command.refine import refine
 
-        scene, solution, seconds, error, history, short = refine(scene, settings, found.tolerance)
+        scene, solution, seconds, error, history, short = refine(scene, settings, args.tolerance)
         seen = scene
         refined = {"error_estimate": error, "refinements": history} | ({"short": short} if short else {})
         refined |= solving.stress_estimate(solution) if shown else {}
     else:
         seen, solution, seconds = solving.solve_scene(scene, settings)
-        if not getattr(found, "no_estimate", True):
+        if not getattr(args, "no_estimate", True):
             refined = solving.estimate(solution, shown)
     solving.warn_of_embedded(scene, solution)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
@@ -170,7 +170,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
 
 def _by(scene: Any, text: str | None) -> dict[str, float] | None:
-    """Return the numbers by which derivatives are wanted, None where none are; all are where no name is given."""
+    """Return the parameters of the requested derivatives: None for none, all where no name is given."""
     if text is None:
         return None
     from isorod.design import derivatives, parameters
@@ -181,24 +181,24 @@ def _by(scene: Any, text: str | None) -> dict[str, float] | None:
     return {name: value for one in text.split(",") for name, value in parameters.named(scene, one.strip()).items()}
 
 
-def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> tuple[str, str]:
-    """Write the record, fields and curves where they are wanted; return the record as JSON or in words.
+def _report(record: dict[str, Any], solution: Any, args: argparse.Namespace, scene: Any) -> tuple[str, str]:
+    """Write the requested record, fields and curves; return the record as JSON or text.
 
-    Beside it stands why nothing could be written, if so: empty if all is.
+    The second text is why nothing could be written; empty if all is.
     """
     from isorod.command import printing
     from isorod.output import results
 
     # Before anything is written: a record that cannot be one is an error.
     text, lost = results.line(record), ""
-    if found.output is not None:
+    if args.output is not None:
         try:
-            record = _kept(record, solution, found, scene)
+            record = _kept(record, solution, args, scene)
         except (InputError, MemoryError) as problem:
             lost = str(problem) or memory.SHORT
         text = results.line(record)
     notes.show()
-    if found.json:
+    if args.json:
         return text, lost
     words = [printing.summary(record, scene)]
     if "derivatives" in record:
@@ -208,36 +208,36 @@ def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, sc
     return "\n".join(words), lost
 
 
-def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> dict[str, Any]:
+def _kept(record: dict[str, Any], solution: Any, args: argparse.Namespace, scene: Any) -> dict[str, Any]:
     """Write the record, fields and curves into the results folder; return the record with the names of the files."""
     from isorod.output import folder, results
 
-    with results.folder(found.output) as place:
+    with results.folder(args.output) as place:
         if solution is None:
             return folder.add(place, record, [], [])
-        # The scene of a file has names for supports.
+        # A scene file has names for supports.
         curves = {scene.named(name): values for name, values in solution.curves().items()}
         curves |= _measured(scene, solution, record)
         model = solution.model
-        # What a rank has of a body distributed over several is none that a file could show.
+        # Bodies distributed over several ranks are not written.
         solids = [] if any(solid.comm.size > 1 for solid in model.solids) else model.solids
-        return folder.add(place, record, model.bodies, folder.frames(solution), curves, found.cells, solids)
+        return folder.add(place, record, model.bodies, folder.frames(solution), curves, args.cells, solids)
 
 
 def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, Array]":
-    """Return what a scene measures as curves: at each output of a motion, at each load step kept, not known at rest."""
+    """Return results as curves: over the outputs of a motion, or over load steps (NaN for the unloaded state)."""
     import numpy as np
 
     if "times" in record:
         rows = {name: np.asarray(record[name]) for name in scene.units if name in record}
-        rows = {name: found for name, found in rows.items() if found.shape[:1] == np.shape(record["times"])}
+        rows = {name: arrays for name, arrays in rows.items() if arrays.shape[:1] == np.shape(record["times"])}
     elif scene.analysis == "statics" and scene.along:
         with warnings.catch_warnings():
-            # Said of the last one.
+            # The last state has issued its warnings already.
             warnings.simplefilter("ignore")
             each = [scene.measure(one, scene.along) for _, one in solution.frames() if hasattr(one, "reactions")]
-        found = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
-        rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in found.items()}
+        arrays = {name: np.array([np.asarray(one[name], dtype=float) for one in each]) for name in scene.along}
+        rows = {name: np.append(np.full_like(one[:1], np.nan), one, axis=0) for name, one in arrays.items()}
     elif "response" in record:
         return swinging(scene, record["response"])
     else:
@@ -253,10 +253,10 @@ def _measured(scene: Any, solution: Any, record: dict[str, Any]) -> "dict[str, A
 
 
 def swinging(scene: Any, response: Any) -> "dict[str, Array]":
-    """Return amplitude and phase, or spectral density, of what a scene measures, by names with their units."""
+    """Return amplitude and phase, or spectral density, of a scene's results, by names with their units."""
     curves: dict[str, Array] = {}
-    for name, one in response.items():
+    for name, columns in response.items():
         unit = scene.units.get(name.partition("[")[0], "").strip("()")
         units = {"amplitude": f" ({unit})", "density": f" ({unit}^2 / frequency)"} if unit else {}
-        curves |= {f"{name} {what}{units.get(what, '')}": values for what, values in one.items()}
+        curves |= {f"{name} {what}{units.get(what, '')}": values for what, values in columns.items()}
     return curves

@@ -17,7 +17,7 @@ _MATRICES = {
     "mass": "mass per length [mass/length; mass; mass length]",
 }
 
-# Of what there is, so small a share is rounding.
+# Fraction of the size below which values are round-off.
 _NOTHING = 1e-12
 
 _ORDER = (
@@ -26,7 +26,7 @@ _ORDER = (
 )
 _FIRST = (
     "The first direction is the section's x: at the start of an arc or a helix away from its axis; of other curves "
-    "towards their `normal`, or, without, x turned as z is turned to the curve on the shortest way."
+    "towards their `normal`, or, without one, x under the smallest rotation that takes z to the curve's tangent."
 )
 
 
@@ -34,14 +34,14 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Print the properties of a section of a scene's rod; return the exit code."""
     if chosen.usage("section", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("section", ours, theirs, more)
-    if found.output is not None and Path(found.output).suffix != ".csv":
-        raise InputError(f"--output: got {found.output}, need a file that ends in .csv")
+    scene, args, _ = chosen.choose("section", ours, theirs, more)
+    if args.output is not None and Path(args.output).suffix != ".csv":
+        raise InputError(f"--output: got {args.output}, need a file that ends in .csv")
     from isorod.output import results
     from isorod.output.section_properties import FORCES, section_properties
 
-    name, body = _rod(scene, found.rod)
-    properties = section_properties(body, _parameter(found.u), progress=ending.rank() == 0)
+    name, body = _rod(scene, args.rod)
+    properties = section_properties(body, _parameter(args.u), progress=ending.rank() == 0)
     record: dict[str, Any] = {
         "scene": scene.name,
         "rod": name,
@@ -53,21 +53,21 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     # Before anything is written: a record that cannot be one is an error.
     line = results.line(record)
     if ending.rank() == 0:
-        if found.output is not None:
-            results.write_whole(Path(found.output), _csv(record).encode())
+        if args.output is not None:
+            results.write_whole(Path(args.output), _csv(record).encode())
         notes.show()
-        print(line if found.json else _words(record))
+        print(line if args.json else _words(record))
     return 0
 
 
-# What is told of a section.
+# Properties in the record of a section.
 _KEPT = (
     "u area centroid frame stiffness mass EA GA GJ EI tension_centre shear_centre principal_angle error functions"
 ).split()
 
 
 def more(parser: Parser, scene: Any) -> None:
-    """Add which section is meant, and what becomes of it."""
+    """Add the options that choose the section and its output."""
     parser.add_argument("--rod", metavar="NAME", help="rod of the scene: its name in a file, or its number (the first)")
     parser.add_argument("--u", default="start", metavar="U", help="axis parameter, start or end (start)")
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
@@ -75,10 +75,10 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _rod(scene: Any, requested: str | None) -> "tuple[str, Body]":
-    """Return the name and the body of the rod that is meant."""
+    """Return the name and the body of the requested rod."""
     if scene.analysis == "geometry":
         raise InputError("section: this scene is geometry alone, without the laws that a stiffness needs")
-    # The scene of a file says where in it errors come from.
+    # A scene file adds the place in the file to errors.
     with scene.locating():
         bodies = scene.model().bodies
     names = scene.rod_names() or [str(k) for k in range(len(bodies))]
@@ -114,7 +114,7 @@ def _words(record: Mapping[str, Any]) -> str:
     """Return a record on one screen of 80 columns."""
 
     def several(values: Any, size: float = 1.0) -> str:
-        # What rounding leaves of nothing is nothing.
+        # Round-off is printed as 0.
         return ", ".join(f"{value if abs(value) > _NOTHING * size else 0.0:.6g}" for value in values)
 
     size = record["area"] ** 0.5

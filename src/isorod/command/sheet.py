@@ -20,7 +20,7 @@ NO_ERROR = 1e-9
 
 SOLVED = "solved"
 
-# What has as many numbers as there are modes; all other three are those of a vector.
+# Results with one number per mode; any other three numbers are a vector.
 _LISTS = ("frequencies", "factors")
 
 Records = dict[int, dict[str, Any]]
@@ -35,9 +35,9 @@ def cells(values: Sequence[float]) -> list[str]:
 
 
 def columns(record: Mapping[str, Any]) -> dict[str, str]:
-    """Return the row of a point by column; of what is over time the numbers at the end."""
+    """Return the row of a point by column; of time histories the last values."""
     sweep = record["sweep"]
-    found = dict(sweep["values"])
+    row = dict(sweep["values"])
     for name in sweep.get("units", ()):
         if name in record:
             value = np.asarray(record[name], dtype=float)
@@ -46,17 +46,17 @@ def columns(record: Mapping[str, Any]) -> dict[str, str]:
             single = value.ndim == 0 or len(values) == 1
             parts = "xyz" if value.shape[-1:] == (3,) and name not in _LISTS else [*map(str, range(len(values)))]
             names = [name] if single else [f"{name}[{k}]" for k in parts]
-            found |= zip(names, cells(values), strict=True)
+            row |= zip(names, cells(values), strict=True)
     if sweep.get("estimated"):
         error = record.get("error_estimate")
-        found["error_estimate"] = "" if error is None else f"{error if error >= NO_ERROR else 0.0:.2g}"
-    return found | {"unknowns": str(record.get("unknowns", "")), "status": sweep["status"]}
+        row["error_estimate"] = "" if error is None else f"{error if error >= NO_ERROR else 0.0:.2g}"
+    return row | {"unknowns": str(record.get("unknowns", "")), "status": sweep["status"]}
 
 
 def table(records: Records, notes: Sequence[str]) -> bytes:
     """Return the table of all points, below notes and what is varied as lines that begin with ``#``."""
     rows = [columns(records[k]) for k in sorted(records)]
-    # Points have answers of their own where lists are as long as something that is varied.
+    # The length of lists may depend on a varied parameter: the longest row has all columns.
     names = [*max(rows, key=len)]
     varied = results.row(list(records[min(records)]["sweep"]["values"])).decode()
     head = "".join(f"# {one}\n" for one in notes) + f"# varied: {varied}"
@@ -95,20 +95,20 @@ def read(path: str, identity: Mapping[str, Any], overwrite: bool) -> Records:
     path
         Of the table; its name ends in ``.csv``.
     identity
-        By which a sweep is known again: what all its records say, at the top or in ``sweep``.
+        What identifies a sweep: entries of all its records, at the top or in ``sweep``.
     overwrite
         Remove what is there.
 
     Raises
     ------
     InputError
-        If the files cannot be written, or are of something else.
+        If the files cannot be written, or are not of this sweep.
     """
     if Path(path).suffix != ".csv":
         raise InputError(f"output {path}: the name of a sweep's table ends in .csv")
     results.check_folder(str(Path(path).parent))
     kept = records_of(path)
-    found: Records = {}
+    records: Records = {}
     if overwrite:
         for one in (Path(path), kept):
             try:
@@ -118,7 +118,7 @@ def read(path: str, identity: Mapping[str, Any], overwrite: bool) -> Records:
     elif not kept.exists() and Path(path).exists():
         raise _other(f"{path} is there, without the records of a sweep ({kept.name})")
     if not kept.exists():
-        return found
+        return records
     for number, record in enumerate(results.read(kept), 1):
         sweep = record.get("sweep")
         if not isinstance(sweep, dict) or not {"point", "values", "status"} <= sweep.keys():
@@ -127,8 +127,8 @@ def read(path: str, identity: Mapping[str, Any], overwrite: bool) -> Records:
             there = record.get(name, sweep.get(name))
             if there != here:
                 raise _other(f"{kept} is of another sweep ({name}: {there}; here {here})")
-        found[sweep["point"]] = record
-    return found
+        records[sweep["point"]] = record
+    return records
 
 
 def _other(what: str) -> InputError:

@@ -12,8 +12,8 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Show the rods of a scene in a window, or write a picture of them; return the exit code."""
     if chosen.usage("show", ours, theirs):
         return 0
-    scene, found, _ = chosen.choose("show", ours, theirs, more)
-    window = drawing.prepare("show", found)
+    scene, args, _ = chosen.choose("show", ours, theirs, more)
+    window = drawing.prepare("show", args)
     from isorod.output import picture, shape, solids
 
     model, start, words = None, None, [scene.title]
@@ -27,13 +27,13 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         if scene.analysis == "dynamics":
             start = scene.settings().get("displacement")
         words += [solids.told(one, name) for one, name in zip(model.solids, scene.solid_names(), strict=True)]
-    with picture.stage(found.size, window) as plotter:
-        shape.draw(plotter, rods, model, start, "\n".join(words), found.view, found.size)
+    with picture.stage(args.size, window) as plotter:
+        shape.draw(plotter, rods, model, start, "\n".join(words), args.view, args.size)
         if window:
             picture.wait(plotter)
         else:
-            picture.save(picture.taken(plotter), Path(found.png))
-            print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
+            picture.save(picture.taken(plotter), Path(args.png))
+            print(f"{args.png}: {args.size[0]} x {args.size[1]} pixels")
     print(*(f"solid {line}\n" for line in words[1:]), sep="", end="")
     notes.show()
     return 0

@@ -1,4 +1,4 @@
-"""Running a scene: from its parameters to a solution and a record of it."""
+"""Running a scene: from its parameters to a solution and its record."""
 
 import sys
 import warnings
@@ -12,17 +12,17 @@ from isorod.errors import InputError, SolveError
 from isorod.output import results
 from isorod.output.words import STRESS_ERROR
 
-# Error above which a result is warned of: what nobody chose is right to that, or says that it is not.
+# Estimated error above which a result is warned of: the accuracy of the default discretisation.
 LARGE = 0.005
 
-# The same of stresses, where these are asked for.
+# The same for stresses, if requested.
 LARGE_STRESS = 0.01
 
-# Operations of a factorisation that is said to take long before it begins, some ten seconds.
+# Operations of a factorisation, some ten seconds, from which a model is announced as large.
 _LARGE_BAND = 5e10
 
-# How often spaces are made finer where patches of contact are too small to be seen.
-CLOSER = 3
+# Local refinements at contact patches that are under-resolved, at most.
+REFINEMENTS = 3
 
 
 def solve(
@@ -47,7 +47,7 @@ def solve(
 def solve_scene(
     scene: Any, settings: Mapping[str, Any], begin: Callable[[Any], Any] | None = None
 ) -> tuple[Any, Any, dict[str, float]]:
-    """Return what `solve` does, and before it the scene of the solution: on spaces that see patches of contact."""
+    """Return the solution's scene, on spaces that resolve contact patches, and what `solve` returns."""
     from isorod import compiling
     from isorod.compiled import cofactors
 
@@ -58,15 +58,15 @@ def solve_scene(
             f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
         ) from None
     compiling.NOTICE.shares = True
-    # Numba takes half a second before the first function, whichever that is.
+    # Numba takes half a second before the first function: not counted in the run.
     _ = cofactors.compiled
-    # The scene of a file says where in it errors come from.
+    # A scene file adds the place in the file to errors.
     with scene.locating():
         started = perf_counter()
         model = scene.model()
         built = perf_counter()
         if scene.analysis != "dynamics":
-            _tell_of_large(model)
+            _announce_large(model)
         start = None if begin is None else begin(model)
         if start is not None:
             settings = {**settings, "start": start}
@@ -74,69 +74,69 @@ def solve_scene(
         scene, solution = _solve_refined(scene, model, analyse, settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - started
-    # With ``check``: what proves a result is a part of getting it.
+    # Verification is a part of the run, so its time counts.
     seconds["total"] = perf_counter() - started
     return scene, solution, seconds
 
 
 def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
-    """Return a scene and the solution of its model, if need be on spaces that see where small patches of contact press.
+    """Return a scene and the solution of its model, on locally refined spaces if contact patches are under-resolved.
 
-    Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
+    Each solve starts from the previous solution.  The warnings are those of the solution returned: of the last but one,
     and one more, where the last fails.
     """
     seen = scene
     solution, warned = _solve_and_record_warnings(analyse, model, settings)
     # A checkpoint has the state of one space.
-    for _ in range(0 if settings.get("checkpoint") else CLOSER):
+    for _ in range(0 if settings.get("checkpoint") else REFINEMENTS):
         try:
-            closer = scene.closer(solution)
-            if closer is None:
+            refined = scene.refined_at_contact(solution)
+            if refined is None:
                 break
-            model = closer.model()
+            model = refined.model()
             if scene.analysis != "dynamics":
                 settings = {**settings, "start": start_at(solution, model)}
             solution, warned = _solve_and_record_warnings(analyse, model, settings)
-            seen = closer
+            seen = refined
         except (InputError, SolveError) as problem:
             warnings.warn(
                 f"local refinement of small contact patches failed, results are without it: {problem}",
                 stacklevel=3,
             )
             break
-    for one in warned:
-        warnings.warn(str(one.message), one.category, stacklevel=3)
+    for warning in warned:
+        warnings.warn(str(warning.message), warning.category, stacklevel=3)
     return seen, solution
 
 
-def _tell_of_large(model: Any) -> None:
-    """Say on standard error how large a model is before whose first iteration nothing else would be said for long."""
+def _announce_large(model: Any) -> None:
+    """Announce on standard error a model so large that its first iteration takes long."""
     sizes = [(3 * body.space.nodes, 3 * body.space.element_nodes.shape[1]) for body in model.bodies]
-    # As many operations as a factorisation of a band takes.
+    # Operations of a band factorisation.
     if sum(dofs * functions**2 for dofs, functions in sizes) < _LARGE_BAND:
         return
     from petsc4py import PETSc
 
     if PETSc.COMM_WORLD.getRank() == 0:
         dofs, functions = max(sizes, key=lambda one: one[0] * one[1] ** 2)
-        said = f"{dofs:,} degrees of freedom, {functions:,} of them in an element: each iteration takes long"
-        print(f"isorod: {said}", file=sys.stderr, flush=True)
+        text = f"{dofs:,} degrees of freedom, {functions:,} of them in an element: each iteration takes long"
+        print(f"isorod: {text}", file=sys.stderr, flush=True)
 
 
 def _solve_and_record_warnings(
     analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]
 ) -> tuple[Any, list[Any]]:
-    """Return a solution and what it warns of."""
+    """Return a solution and its warnings."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         return analyse(model, **settings), warned
 
 
 def start_at(solution: Any, model: Any) -> Any:
-    """Return the displacement ``(dofs,)`` of an equilibrium, or of that which modes are about, as on another model.
+    """Return the displacement ``(dofs,)`` of an equilibrium, or of the one modes are about, projected on another model.
 
-    The model is of the same rods on other spaces.  None where modes are about rest, and where friction has taken more
-    than one load step, which are taken anew.
+    The model has the same rods on other spaces.  None for modes about the undeformed state, and for friction over
+    several load steps, whose history has to be repeated.
     """
     from numpy import concatenate
 
@@ -155,35 +155,35 @@ def start_at(solution: Any, model: Any) -> Any:
 
 
 def warn_of_embedded(scene: Any, solution: Any) -> None:
-    """Warn of rods that begin within others to which their ends are welded (`isorod.checks.embedded`)."""
+    """Warn of rods whose welded ends begin within the other body (`isorod.checks.embedded`)."""
     if not solution.model.ties:
         return
     from isorod.checks import embedded
 
-    share, part = embedded.of(solution)
-    if part is not None and share > LARGE:
+    error, part = embedded.of(solution)
+    if part is not None and error > LARGE:
         cure = (
             ""
             if part.wholly is None
             else ", or tie its outer surface in the place of its end, along = [{:.4g}, {:.4g}]"
         )
-        said = (
+        text = (
             f"body {part.body} is within body {part.other} for {part.depth:.3g} from the end on that is welded to it, "
-            f"and held at that end alone: this makes an error of about {100.0 * share:.2g} %; end it where it leaves "
+            f"and held at that end alone: this makes an error of about {100.0 * error:.2g} %; end it where it leaves "
             f"the other{cure.format(*part.wholly or ())}"
         )
-        warnings.warn(said, stacklevel=2)
+        warnings.warn(text, stacklevel=2)
 
 
 def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
-    """Return what a record says of a solution's errors, the time alone where none is available; warn of large ones.
+    """Return the error estimates of a record, the time alone where none is available; warn of large errors.
 
     Parameters
     ----------
     solution
         The solution.
     stresses
-        Whether stresses are a part of the answer.
+        Whether stresses are among the results.
     """
     if not hasattr(solution, "estimate"):
         return {}
@@ -192,8 +192,8 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
         warnings.warn("nothing loads or moves the model: it stays at rest", stacklevel=2)
     start = perf_counter()
     error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
-    found = {"error_estimate": error, STRESS_ERROR: stress}
-    found = {name: value for name, value in found.items() if value is not None}
+    fields = {"error_estimate": error, STRESS_ERROR: stress}
+    fields = {name: value for name, value in fields.items() if value is not None}
     if error is None and any(one.friction for one in solution.model.contacts):
         warnings.warn(
             "no error estimate: no finer space is available; check convergence with more elements",
@@ -212,11 +212,11 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
         elif place is not None:
             cure = f"refine the rods, or the mesh, first of all near ({', '.join(f'{x + 0.0:.3g}' for x in place)})"
         warnings.warn(f"estimated error {100.0 * error:.2g} %: {cure}", stacklevel=2)
-    return found | {"estimate_seconds": perf_counter() - start}
+    return fields | {"estimate_seconds": perf_counter() - start}
 
 
 def stress_estimate(solution: Any) -> dict[str, float]:
-    """Return what a record says of the error of a solution's stresses, whose error itself is estimated otherwise."""
+    """Return a record's estimate of the stress error alone."""
     stress = solution.errors().stress if hasattr(solution, "errors") else None
     return {} if stress is None else {STRESS_ERROR: stress}
 
@@ -233,7 +233,7 @@ def geometry(scene: Any) -> dict[str, Any]:
 
 
 def _deviation(rods: Sequence[Any]) -> list[dict[str, float]]:
-    """Return how far each rod is from what was written."""
+    """Return the deviation of each rod from its input geometry."""
     return [rod.deviation._asdict() for rod in rods]
 
 
@@ -249,7 +249,7 @@ def record(
     settings
         Keyword arguments the analysis was given.
     petsc
-        What PETSc was started with.
+        PETSc's options.
     """
     model = solution.model
     bodies = {}
@@ -278,7 +278,7 @@ def record(
 
 
 def refuse_unused() -> None:
-    """Raise `InputError` if what was solved has not used one of PETSc's options."""
+    """Raise `InputError` if one of PETSc's options was not used."""
     from isorod.petsc.library import unused_options
 
     left = unused_options()
@@ -287,11 +287,11 @@ def refuse_unused() -> None:
 
 
 def origin(scene: Any) -> dict[str, Any]:
-    """Return what a scene is, and by which versions, when and on which machine something is made of it."""
+    """Return a scene's description with versions, date and machine."""
     return {**_scene(scene), **results.provenance()}
 
 
 def _scene(scene: Any) -> dict[str, Any]:
-    """Return what a scene is."""
+    """Return a scene's name, options, analysis and names."""
     names = {"names": scene.names} if scene.names else {}
     return {"scene": scene.name, **scene.options, "analysis": scene.analysis, **names}

@@ -1,4 +1,4 @@
-"""Which steps a motion of a file takes where it names none: explicit ones where waves ask for them anyway."""
+"""Choice of the time integration where a file names none: explicit where waves need steps as short anyway."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 # An implicit step takes as long as so many explicit ones: 340 with two iterations, of bars of 10 and of 80 elements.
 _COST = 300.0
 
-# Steps of a piece of a table, at least; modes whose frequency is asked for; the error aimed at, and that which is let
-# pass; how often implicit steps are taken anew, shorter.
-_IN_A_PIECE, _MODES, _AIM, _LARGE, _ATTEMPTS = 5, 8, 0.002, 0.005, 4
+# Steps in an interval of a table, at least; modes computed; the target of the error, and its limit;
+# attempts with shorter implicit steps.
+_IN_AN_INTERVAL, _MODES, _AIM, _LARGE, _ATTEMPTS = 5, 8, 0.002, 0.005, 4
 
-# A frequency is one of a rigid motion below this share of the largest found.
+# A frequency below this fraction of the largest is that of a rigid motion.
 _RIGID = 1e-4
 
 
@@ -53,20 +53,20 @@ def solve(model: "Model", **settings: Any) -> "History":
     from isorod import dynamics
 
     known = settings.pop("integrator", None)
-    found = _choose(model, settings["end_time"], settings.get("outputs", 50), known)
-    step = found.time_step
+    steps = _choose(model, settings["end_time"], settings.get("outputs", 50), known)
+    step = steps.time_step
     for attempt in range(_ATTEMPTS):
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            history = dynamics.solve(model, **settings | {"time_step": step, "integrator": found.integrator})
+            history = dynamics.solve(model, **settings | {"time_step": step, "integrator": steps.integrator})
         error = history.time_error
         if error is None or step is None or error <= _LARGE or attempt == _ATTEMPTS - 1:
             break
         # Errors are of second order in the step, where they are small.
         step = 0.5 * step if error > 0.1 else step * float(np.sqrt(0.5 * _LARGE / error))
-    for one in warned:
-        warnings.warn(one.message, one.category, stacklevel=3)
-    history.solver["steps"] = f"{found.integrator}, of {history.time_step:.3g}, chosen: {found.why}"
+    for warning in warned:
+        warnings.warn(warning.message, warning.category, stacklevel=3)
+    history.solver["steps"] = f"{steps.integrator}, of {history.time_step:.3g}, chosen: {steps.why}"
     return history
 
 
@@ -74,7 +74,7 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
     """Return the steps that are right for a motion.
 
     Implicit steps follow the lowest frequency to the end (the displacement is off by ``w T (w dt)^2 / 12``), and a
-    piece of a table in some steps; explicit ones are taken where these would not be longer than ``_COST`` of theirs,
+    interval of a table in some steps; explicit ones are taken where these would not be longer than ``_COST`` of theirs,
     and where bodies touch: impacts are waves.
     """
     if known is not None:
@@ -92,12 +92,12 @@ def _choose(model: "Model", end_time: float, outputs: int, known: str | None) ->
         critical = system.critical_step(np.zeros(model.dofs), 1.0)
     except InputError as problem:
         return implicit(model, end_time, outputs, f"explicit steps do not take this ({problem})")
-    wanted = implicit(model, end_time, outputs, "")
-    assert wanted.time_step is not None
-    longer = f"steps of {wanted.time_step:.3g} follow the lowest frequency and the tables, {critical:.3g} is critical"
-    if wanted.time_step < _COST * critical:
+    steps = implicit(model, end_time, outputs, "")
+    assert steps.time_step is not None
+    longer = f"steps of {steps.time_step:.3g} follow the lowest frequency and the tables, {critical:.3g} is critical"
+    if steps.time_step < _COST * critical:
         return Steps("explicit", None, longer)
-    return wanted._replace(why=longer)
+    return steps._replace(why=longer)
 
 
 def implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
@@ -105,13 +105,13 @@ def implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
     from isorod.model.history import TimeTable
 
     tables = [one.history for one in (*model.supports, *model.loads) if isinstance(one.history, TimeTable)]
-    pieces = [
-        gap / _IN_A_PIECE
+    intervals = [
+        gap / _IN_AN_INTERVAL
         for table in tables
         for gap in np.diff([time for time in table.times if time <= end_time])
         if gap > 0.0
     ]
-    step = min([end_time / outputs, *pieces])
+    step = min([end_time / outputs, *intervals])
     lowest = _lowest(model)
     if lowest is not None:
         step = min(step, float(np.sqrt(12.0 * _AIM / max(lowest * end_time, 1.0)) / lowest))
@@ -119,16 +119,16 @@ def implicit(model: "Model", end_time: float, outputs: int, why: str) -> Steps:
 
 
 def _lowest(model: "Model") -> float | None:
-    """Return the lowest angular frequency of a model at rest that is none of a rigid motion; None if none is found."""
+    """Return the lowest angular frequency of a model at rest except rigid motions; None if there is none."""
     from isorod import modal
 
     bodies = [replace(one, velocity=(0.0,) * 3, spin=(0.0,) * 3, spin_center=None) for one in model.bodies]
     still = replace(model, bodies=bodies, supports=_stilled(model.supports), loads=(), contacts=())
     try:
-        found = modal.solve(still, _MODES, at_rest=True)
+        modes = modal.solve(still, _MODES, at_rest=True)
     except (InputError, SolveError):
         return None
-    frequencies = np.asarray(found.frequencies)
+    frequencies = np.asarray(modes.frequencies)
     elastic = frequencies[frequencies > _RIGID * frequencies.max(initial=0.0)]
     return float(2.0 * np.pi * elastic.min()) if elastic.size else None
 

@@ -24,7 +24,7 @@ _HOW = (
     "combination is solved, the values of the last option fastest."
 )
 
-# Options that change nothing of the numbers: with a value, and without.
+# Options without effect on the numbers: with a value, and without.
 _VALUED, _PLAIN = ("--output", "--png"), ("--json", "--overwrite")
 
 # Entries of a list that are printed, and warnings.
@@ -45,20 +45,20 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     if cases and not any(word.partition("=")[0] == "--case" for word in words):
         words += ["--case", ",".join(cases)]
     points = grid.read(words, _VALUED)
-    scene, found = _understood(points, theirs)
+    scene, args = _understood(points, theirs)
     if scenes.analyses(scene) == ("geometry",):
         raise InputError("sweep: this scene is geometry only, and has no numbers to solve for")
-    if found.png is not None:
+    if args.png is not None:
         from isorod.output import curves
 
-        curves.check(Path(found.png))
+        curves.check(Path(args.png))
     options.initialize(theirs)
     with np.errstate(all="ignore"):
-        return _run(points, _identity(words, scene, theirs), scene, found, theirs)
+        return _run(points, _identity(words, scene, theirs), scene, args, theirs)
 
 
 def _without_old(ours: Sequence[str]) -> list[str]:
-    """Return our words without options that are gone, which have no effect and a warning for one release."""
+    """Return our words without removed options, which have no effect and give a warning for one release."""
     kept, words = [], iter(ours)
     for word in words:
         if word == "--cold":
@@ -87,7 +87,7 @@ def more(parser: Parser, scene: Any) -> None:
 
 
 def _understood(points: Sequence[grid.Point], theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
-    """Return scene and options of the first point, having made sure that each value is one of its option's kind."""
+    """Return scene and options of the first point, after a check of each value's type."""
     first = points[0]
     place, scene, parser = chosen.find("sweep", first.words, theirs, more)
     for point in points:
@@ -98,7 +98,7 @@ def _understood(points: Sequence[grid.Point], theirs: Sequence[str]) -> tuple[An
 
 
 def _run(
-    points: Sequence[grid.Point], identity: dict[str, Any], scene: Any, found: argparse.Namespace, theirs: Sequence[str]
+    points: Sequence[grid.Point], identity: dict[str, Any], scene: Any, args: argparse.Namespace, theirs: Sequence[str]
 ) -> int:
     """Solve all points whose records are not there yet, and print all."""
     from petsc4py import PETSc
@@ -111,8 +111,8 @@ def _run(
     head = [identity["command"], *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
     head += [curves.SPEED] if _is_speed(scene, points[0].values) else []
     # Of several ranks the first has the files.
-    path = found.output if first else None
-    there = {} if path is None else sheet.read(path, identity, found.overwrite)
+    path = args.output if first else None
+    there = {} if path is None else sheet.read(path, identity, args.overwrite)
     _warn_of_commits(there)
     records = PETSc.COMM_WORLD.tompi4py().bcast(there)
     known = {*records}
@@ -125,10 +125,10 @@ def _run(
         if path is not None:
             results.make_folder(str(Path(path).parent))
             results.append(sheet.records_of(path), record)
-        if found.json and first:
+        if args.json and first:
             print(line, flush=True)
 
-    for record in records.values() if found.json and first else ():
+    for record in records.values() if args.json and first else ():
         print(results.line(record), flush=True)
     progress = Progress(len(known), total, "point")
     refused: list[dict[str, Any]] = []
@@ -137,7 +137,7 @@ def _run(
         for number, point in enumerate(points):
             if number in known:
                 continue
-            with printing.apart() if found.json else nullcontext():
+            with printing.apart() if args.json else nullcontext():
                 record = _solve(number, point, theirs)
             record["sweep"] |= {name: one for name, one in identity.items() if name not in record}
             if not solved and record["sweep"]["status"] == sheet.SOLVED:
@@ -164,37 +164,39 @@ def _run(
         message = refused[0]["sweep"]["status"].removeprefix("refused: ")
         raise InputError(message if total == 1 else f"none of {total} points can be solved; the first: {message}")
     if first:
-        _print(records, found, perf_counter() - start, len(known))
+        _print(records, args, perf_counter() - start, len(known))
         columns = {}
-        if found.png is not None or curves.SPEED in head:
+        if args.png is not None or curves.SPEED in head:
             columns = curves.columns(table.decode().splitlines(), "sweep")
-        if curves.SPEED in head and not found.json:
+        if curves.SPEED in head and not args.json:
             for met in campbell.crossings(columns):
                 print(met)
-        if found.png is not None:
+        if args.png is not None:
             from isorod.output import picture
 
-            results.make_folder(str(Path(found.png).parent))
+            results.make_folder(str(Path(args.png).parent))
             units = {name: unit.strip("()") for name, unit in scene.units.items()}
-            curves.draw(
-                columns, str(scene.title if scene.content else scene.name), picture.SIZE, Path(found.png), units
-            )
+            curves.draw(columns, str(scene.title if scene.content else scene.name), picture.SIZE, Path(args.png), units)
     failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in records.values())
-    return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
+    return (
+        ending.fail("isorod", f"{failed} of {total} points could not be solved; see the table's status column")
+        if failed
+        else 0
+    )
 
 
 def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, Any]:
-    """Run a point as `isorod run` does; return its record, which says of one that cannot be solved why."""
+    """Run a point as `isorod run` does; return its record, with the reason where it fails."""
     from isorod.command import sheet, solving
     from isorod.output import results
 
     about: dict[str, Any] = {"point": number, "values": point.values}
     record: dict[str, Any] = {**results.provenance(), "petsc_options": " ".join(theirs)}
     with sheet.attempted(about) as warned, options.petsc_errors():
-        scene, found, _ = chosen.choose("sweep", point.words, theirs, more)
-        estimated = scene.analysis != "dynamics" and not found.no_estimate
+        scene, args, _ = chosen.choose("sweep", point.words, theirs, more)
+        estimated = scene.analysis != "dynamics" and not args.no_estimate
         about |= {"units": dict(scene.units), "estimated": estimated}
-        settings = chosen.settings(scene, found)
+        settings = chosen.settings(scene, args)
         solution, seconds = solving.solve(scene, settings)
         solved = solving.record(scene, solution, seconds, settings, theirs)
         solving.warn_of_embedded(scene, solution)
@@ -204,7 +206,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
 
 
 def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
-    """Return by what a sweep is known again: what is typed but for what changes no number, the file, versions.
+    """Return what identifies a sweep: its words except those without effect on numbers, the file, versions.
 
     Not the commit: a checkout may be committed to, or be edited, while a sweep runs (`_warn_of_commits`).
     """
@@ -226,7 +228,7 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
 
 
 def _is_speed(scene: Any, varied: Mapping[str, Any]) -> bool:
-    """Return whether what is varied first is all of the velocity of a spin, whose modes are wanted."""
+    """Return whether the first varied option alone gives the velocity of a spin in modal analysis."""
     name, (first, *rest) = "spin.velocity.", varied
     if scene.analysis != "modal" or not first.startswith(name) or not scene.content:
         return False
@@ -244,9 +246,9 @@ def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:
         warnings.warn(f"points that are there are of commit {', '.join(others)}; this is {here}", stacklevel=2)
 
 
-def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
+def _print(records: Mapping[int, Mapping[str, Any]], args: argparse.Namespace, seconds: float, before: int) -> None:
     """Print the table, unless JSON was asked for, and warnings."""
-    if not found.json:
+    if not args.json:
         for line in table([records[k] for k in sorted(records)]):
             print(line)
         print(_summary(records, seconds, before))

@@ -8,7 +8,7 @@ _PEAKS, _MOST = 6, 12
 
 
 def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield peaks, resonances and what they are about."""
+    """Yield peaks, resonances and the state they are about."""
     for name, peaks in record.get("peaks", {}).items():
         if not peaks:
             continue
@@ -18,13 +18,13 @@ def rows(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if "apparent" in record:
         frequencies = (f"{name.replace('_', ' ')} {one:.6g}" for name, one in record["apparent"].items())
         yield "root mean squares", "of the values above; they pass zero upwards at " + ", ".join(frequencies)
-    found = [
+    resonances = [
         f"{frequency:.6g} ({100.0 * ratio:.3g} %)"
         for frequency, ratio in zip(record["resonances"], record["ratios"], strict=True)
     ]
-    if found:
-        more = f" and {len(found) - _MOST} more" if len(found) > _MOST else ""
-        yield "resonances", ", ".join(found[:_MOST]) + more + ", of critical damping"
+    if resonances:
+        more = f" and {len(resonances) - _MOST} more" if len(resonances) > _MOST else ""
+        yield "resonances", ", ".join(resonances[:_MOST]) + more + ", of critical damping"
     yield "about", record["about"]
     left = record["left_out"]
     more = left["shapes"] - left["modes"]

@@ -1,4 +1,4 @@
-"""``isorod view``: results to turn, step through and read off, in a browser on this machine."""
+"""``isorod view``: an interactive view of results in a browser on this machine."""
 
 import os
 import secrets
@@ -16,7 +16,7 @@ from isorod.command.viewed import Place, View
 from isorod.errors import InputError
 from isorod.output import picture, reading, vtk
 
-# Width of what of the page is not the picture, and of the smallest picture, pixels.
+# Width of the panel beside the picture, and of the smallest picture, pixels.
 _PANEL, _SMALLEST = 300, 200
 
 _STYLE = f"""
@@ -40,19 +40,19 @@ small {{color: #555}}
 
 def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Show a result until Ctrl-C; return the exit code."""
-    found = parser().known(ours)
-    if not 0 <= found.port < 65536:
-        raise InputError(f"--port: got {found.port}, need 0 to 65535")
-    result = reading.find(found.place, found.run)
+    args = parser().known(ours)
+    if not 0 <= args.port < 65536:
+        raise InputError(f"--port: got {args.port}, need 0 to 65535")
+    result = reading.find(args.place, args.run)
     if not result.steps:
-        raise InputError(f"{found.place}: this run of {result.name} wrote no fields; isorod plot --curve draws curves")
+        raise InputError(f"{args.place}: this run of {result.name} wrote no fields; isorod plot --curve draws curves")
     for name in ("trame", "trame_vtk"):
         if find_spec(name) is None:
             raise InputError(f"view needs {name}, which is not installed: pip install 'isorod[view]'")
     vtk.require("results")
     picture.without_display()
     with picture.stage(picture.SIZE) as plotter:
-        _serve(View(result, plotter), plotter, found.port, found.browser)
+        _serve(View(result, plotter), plotter, args.port, args.browser)
     return 0
 
 
@@ -69,7 +69,7 @@ def _serve(view: View, plotter: Any, port: int, browser: bool) -> None:
     key = secrets.token_urlsafe(16)
     os.environ["WSLINK_READY_MSG"] = ""
     before = sys.argv
-    # The server has no other way to take them.
+    # The server takes its arguments from there alone.
     sys.argv = [before[0], "--authKey", key]
     try:
         from trame.app import get_server
@@ -93,7 +93,7 @@ def _serve(view: View, plotter: Any, port: int, browser: bool) -> None:
 
 
 def _page(server: Any, view: View, plotter: Any) -> None:
-    """Make the page: what is chosen and told at the left, the picture beside it."""
+    """Make the page: inputs and values at the left, the picture beside them."""
     from trame.ui.html import DivLayout
     from trame.widgets import client, html
     from trame.widgets import vtk as widgets
@@ -106,8 +106,8 @@ def _page(server: Any, view: View, plotter: Any) -> None:
     fields = view.fields(view.states[first])
     state.field = next((one for one in ("von_mises", "displacement") if one in fields), next(iter(fields)))
 
-    # The place as the server itself has put it into the page.
-    told: list[Any] = []
+    # The place as last written into the page by the server.
+    shown: list[Any] = []
 
     def draw(**_: Any) -> None:
         now = view.states[int(state.step)]
@@ -127,11 +127,11 @@ def _page(server: Any, view: View, plotter: Any) -> None:
         place = view.place or Place(0, 0)
         state.body, state.u = place.body, "" if place.u is None else f"{place.u:.6g}"
         state.xi = ", ".join(f"{x:.4g}" for x in place.xi)
-        told[:] = state.body, state.u, state.xi
+        shown[:] = state.body, state.u, state.xi
         control.update()
 
     def go(**_: Any) -> None:
-        if told == [state.body, state.u, state.xi] or not str(state.u).strip():
+        if shown == [state.body, state.u, state.xi] or not str(state.u).strip():
             return
         try:
             first, second = (float(word) for word in (str(state.xi).strip() or "0, 0").split(","))

@@ -13,10 +13,10 @@ from isorod.output import animation, picture, reading
 from isorod.output.skin import Skin, skin
 from isorod.output.words import FIELDS
 
-# What is told of a field of so many components: its size, and they themselves, of tensors in VTK's order.
+# Parts of a field by its number of components: its magnitude, and the components, of tensors in VTK's order.
 _PARTS = {1: ("",), 3: ("", "x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "yz", "xz")}
 
-# Share of the largest value below which one is rounding.
+# Fraction of the largest value below which values are round-off.
 _ROUNDING = 1e-12
 
 
@@ -108,17 +108,17 @@ class View:
                 self._limits[field[2:]] = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
 
     def _skins_of(self, step: int) -> list[Skin]:
-        found = []
+        skins = []
         for mesh in self._read(step):
             bare = mesh.copy(deep=False)
             bare.clear_data()
             bare.point_data["place"] = np.arange(mesh.n_points)
-            found.append(skin(bare))
-        return found
+            skins.append(skin(bare))
+        return skins
 
     def fields(self, state: State) -> dict[str, Field]:
         """Return what can be shown of a state, by names as in the file with the part behind."""
-        found, meshes = {}, self._read(state.step)
+        fields, meshes = {}, self._read(state.step)
         sources = {"displacement": state.motion} if state.mode else {name: name for name in plot.field_names(meshes)}
         for name, source in sources.items():
             if name.startswith(("mode_", "quarter_")):
@@ -127,11 +127,11 @@ class View:
             values = next(mesh.point_data[source] for mesh in meshes if source in mesh.point_data)
             for part in _PARTS.get(1 if values.ndim == 1 else values.shape[1], ("",)):
                 field = Field(f"{title} {part}".rstrip(), "" if state.mode else unit, source, part)
-                found[f"{name} {part}".rstrip()] = field
-        return found
+                fields[f"{name} {part}".rstrip()] = field
+        return fields
 
     def scale(self, state: State) -> float:
-        """Return by how much motions are multiplied where nobody says it: 1; modes are to be seen."""
+        """Return the default deformation scale factor: 1, for modes automatic."""
         if not state.mode:
             return 1.0
         size = max(float(np.ptp(mesh.points, axis=0).max()) for mesh in self._read(state.step))
@@ -183,7 +183,7 @@ class View:
         from vtkmodules.vtkRenderingCore import vtkCellPicker
 
         picker = vtkCellPicker()
-        # A tenth of a pixel, so that nothing is seen through where pieces meet.
+        # A tenth of a pixel, so that no ray passes between adjacent cells.
         picker.SetTolerance(1e-4)
         picker.PickFromListOn()
         for actor, _ in self._drawn:
@@ -223,7 +223,7 @@ class View:
                 self.go(state, before.body, before.u, before.xi)
 
     def at_rest(self, state: State) -> str:
-        """Return in words where the place is at rest."""
+        """Return the undeformed position of the place as text."""
         if self.place is None:
             return ""
         point = self._read(state.step)[self.place.body].points[self.place.point]
@@ -234,11 +234,11 @@ class View:
         if self.place is None:
             return []
         mesh = self._read(state.step)[self.place.body]
-        found = [(field, field.of(mesh)[self.place.point]) for field in self.fields(state).values()]
-        return [(field.name, self._number(field, value)) for field, value in found if np.isfinite(value)]
+        values = [(field, field.of(mesh)[self.place.point]) for field in self.fields(state).values()]
+        return [(field.name, self._number(field, value)) for field, value in values if np.isfinite(value)]
 
     def note(self, state: State) -> str:
-        """Return what stands with stresses: how large their error is."""
+        """Return the note on the stress error; empty without stresses."""
         stresses = any(field.source in plot.STRESSES for field in self.fields(state).values())
         return plot.note_of(self._read(state.step)) if stresses else ""
 

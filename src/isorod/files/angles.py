@@ -17,15 +17,15 @@ def degrees(place: Place, value: Any) -> tuple[float, ...]:
 
 
 def radians(place: Place, value: Any) -> tuple[float, ...]:
-    """Return a rotation vector in radians, with a warning that says what to write in its place."""
+    """Return a rotation vector in radians, with a warning that gives the text to write in its place."""
     vector = _vector(place, value)
-    said = ", ".join(f"{math.degrees(one):.9g}" for one in vector)
+    degrees_text = ", ".join(f"{math.degrees(one):.9g}" for one in vector)
     doubt = ""
     if math.hypot(*vector) > 2.0 * math.pi:
         typed = ", ".join(f"{one:.9g}" for one in vector)
         doubt = f"; this is more than a whole turn: if degrees were meant, write rotation = [{typed}]"
     warnings.warn(
-        str(place.error(f"radians, taken for the last time: write rotation = [{said}], in degrees{doubt}")),
+        str(place.error(f"radians, taken for the last time: write rotation = [{degrees_text}], in degrees{doubt}")),
         FutureWarning,
         stacklevel=2,
     )
@@ -36,10 +36,10 @@ def _table(place: Place, value: Any) -> Any:
     """Return a number in degrees, or rows whose last one is in degrees, in radians."""
     if isinstance(value, str):
         raise place.error(f"got {shown(value)}, need {ANGLES.words}")
-    found = np.array(values.value_of(place, value, Numbers), dtype=float)
-    if found.ndim:
-        found[..., -1] = np.radians(found[..., -1])
-    return found if found.ndim else math.radians(found)
+    numbers = np.array(values.value_of(place, value, Numbers), dtype=float)
+    if numbers.ndim:
+        numbers[..., -1] = np.radians(numbers[..., -1])
+    return numbers if numbers.ndim else math.radians(numbers)
 
 
 def _vector(place: Place, value: Any) -> tuple[float, ...]:

@@ -20,8 +20,8 @@ _SIZES = ("force", "moment", "pressure", "body_force", "density", "per_length", 
 _NAME = re.compile(r"[\w-]+")
 
 
-def put(document: Document, case: str | None, said: Sequence[str]) -> list[str]:
-    """Change what a document says to what it is in one of its load cases, and by what is typed; return their names.
+def put(document: Document, case: str | None, assignments: Sequence[str]) -> list[str]:
+    """Apply a load case and typed changes to a document; return the names of its load cases.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def put(document: Document, case: str | None, said: Sequence[str]) -> list[str]:
         Its content is changed; afterwards no cases stand in it.
     case
         The case; None for what all have in common.
-    said
+    assignments
         Changes (`isorod.files.changes.put`): of a case before it is read, of all else before it chooses what acts.
 
     Raises
@@ -37,9 +37,10 @@ def put(document: Document, case: str | None, said: Sequence[str]) -> list[str]:
     InputError
         If there is no such case, or it chooses or changes what is not there.
     """
-    ours = [one.lstrip().partition(".")[0] == "case" for one in said]
+    ours = [one.lstrip().partition(".")[0] == "case" for one in assignments]
     own, rest = (
-        [one for one, of_case in zip(said, ours, strict=True) if of_case == case_too] for case_too in (True, False)
+        [one for one, of_case in zip(assignments, ours, strict=True) if of_case == case_too]
+        for case_too in (True, False)
     )
     changes.put(document, own)
     place, tables = document.top / "case", document.content.pop("case", {})
@@ -58,7 +59,7 @@ def put(document: Document, case: str | None, said: Sequence[str]) -> list[str]:
     return [*tables]
 
 
-def _put(document: Document, place: Place, table: dict[str, Any], said: Sequence[str]) -> None:
+def _put(document: Document, place: Place, table: dict[str, Any], assignments: Sequence[str]) -> None:
     content = document.content
     rest = {key: value for key, value in table.items() if key not in _CHOSEN}
     for key in ("title", "analysis"):
@@ -67,14 +68,14 @@ def _put(document: Document, place: Place, table: dict[str, Any], said: Sequence
     before = {kind: {*content.get(kind, {})} for kind in _CHOSEN.values()}
     _merge(document, content, rest, (), place)
     # What is typed may be of a load that does not act here.
-    changes.put(document, said)
+    changes.put(document, assignments)
     for key, kind in _CHOSEN.items():
         if key in table:
             _choose(content, place / key, table[key], kind, {*rest.get(kind, {})} & before[kind], rest)
 
 
 def _merge(document: Document, into: dict[str, Any], table: dict[str, Any], path: tuple[str, ...], at: Place) -> None:
-    """Put what a case says in the place of what the file says, key by key, and note where it stands."""
+    """Replace values of the file by those of a case, key by key, and note where they stand."""
     for key, value in table.items():
         document.moved((*path, key), (at / key).path)
         if isinstance(value, dict) and isinstance(into.get(key), dict):
@@ -84,35 +85,35 @@ def _merge(document: Document, into: dict[str, Any], table: dict[str, Any], path
 
 
 def _choose(
-    content: dict[str, Any], place: Place, said: Any, kind: str, changed: set[str], rest: dict[str, Any]
+    content: dict[str, Any], place: Place, requested: Any, kind: str, changed: set[str], rest: dict[str, Any]
 ) -> None:
     """Leave of a kind what a case names alone; loads may be named with factors."""
-    factors = said if isinstance(said, dict) and kind == "load" else None
-    if factors is None and not (isinstance(said, list) and all(isinstance(one, str) for one in said)):
+    factors = requested if isinstance(requested, dict) and kind == "load" else None
+    if factors is None and not (isinstance(requested, list) and all(isinstance(one, str) for one in requested)):
         also = ", or a factor for each: {NAME = 1.5}" if kind == "load" else ""
-        raise place.error(f"got {shown(said)}, need names in a list{also}")
+        raise place.error(f"got {shown(requested)}, need names in a list{also}")
     there = dict(content.get(kind, {}))
     alone = [one for one in _ALONE if one in content] if kind == "load" else []
-    for name in said:
+    for name in requested:
         if name not in there and name not in alone:
             raise place.unknown(name, [*there, *alone])
-    left = next((name for name in changed if name not in said), None)
+    left = next((name for name in changed if name not in requested), None)
     if left is not None:
         raise place.error(f"{left} is changed in this case, but not among them")
     solid = next(
         (one for one, own in content.get("solid", {}).items() if isinstance(own, dict) and "load" in own), None
     )
     if kind == "load" and solid is not None and "load" not in rest.get("solid", {}).get(solid, {}):
-        raise place.error(f"solid {solid} has loads of its own; say what they are here: solid.{solid}.load = ...")
-    kept = {name: deepcopy(there[name]) for name in there if name in said}
+        raise place.error(f"solid {solid} has loads of its own; give them here: solid.{solid}.load = ...")
+    kept = {name: deepcopy(there[name]) for name in there if name in requested}
     for one in alone:
-        if one not in said:
+        if one not in requested:
             del content[one]
     for name, factor in (factors or {}).items():
         if isinstance(factor, bool) or not isinstance(factor, int | float):
             raise (place / name).error(f"got {shown(factor)}, need a number")
         if name == "spin" and factor != 1.0:
-            raise (place / name).error("a spin has no factor; say its velocity in the case: spin.velocity = ...")
+            raise (place / name).error("a spin has no factor; give its velocity in the case: spin.velocity = ...")
         if name in alone:
             content[name] = _times(place / name, content[name], float(factor))
         else:
@@ -123,7 +124,7 @@ def _choose(
 
 
 def _times(place: Place, table: Any, factor: float, size: bool = False) -> Any:
-    """Return what a load says with its forces and moments times a factor."""
+    """Return the table of a load with its forces and moments times a factor."""
     if factor == 1.0:
         return table
     if isinstance(table, dict):
@@ -133,5 +134,5 @@ def _times(place: Place, table: Any, factor: float, size: bool = False) -> Any:
     if isinstance(table, list):
         return [_times(place, one, factor, True) for one in table]
     if isinstance(table, bool) or not isinstance(table, int | float):
-        raise place.error(f"a factor needs numbers, and the load has {shown(table)}; say its values in the case")
+        raise place.error(f"a factor needs numbers, and the load has {shown(table)}; give its values in the case")
     return factor * table

@@ -9,7 +9,7 @@ from isorod.files.document import Document, Place, shown
 
 
 def put(document: Document, changes: Sequence[str]) -> None:
-    """Change what a document says.
+    """Change values of a document.
 
     Parameters
     ----------
@@ -74,10 +74,10 @@ def _keys(path: str) -> list[str]:
 
 def _value(text: str) -> Any:
     try:
-        found = tomllib.loads(f"value = {text}")
+        parsed = tomllib.loads(f"value = {text}")
     except ValueError:
         return text
-    return found["value"] if len(found) == 1 else text
+    return parsed["value"] if len(parsed) == 1 else text
 
 
 def _table(value: Any) -> Any:

@@ -187,41 +187,46 @@ class _Grid:
         self._closed = angle.size > 2 and bool(np.ptp(angle) + 1.5 * np.diff(angle).max() > 2.0 * np.pi)
         self.number = _places(self._pressure > 0.0, (closed, self._closed))
 
-    def extent(self, way: int) -> tuple[float, float]:
+    def extent(self, direction: int) -> tuple[float, float]:
         """Return how long a place is along the rod (0) or round it (1) at most, and how far apart points are there."""
-        return max((max(self._lines(k, way), default=(0.0, 0.0)) for k in _count(self.number)), default=(0.0, 0.0))
+        return max(
+            (max(self._lines(k, direction), default=(0.0, 0.0)) for k in _count(self.number)), default=(0.0, 0.0)
+        )
 
-    def _lines(self, place: int, way: int) -> Iterator[tuple[float, float]]:
+    def _lines(self, place: int, direction: int) -> Iterator[tuple[float, float]]:
         """Yield how long each row or column of points is in a place, and the distance of its points."""
         inside, pressure, at = self.number == place, self._pressure, self._places
-        if way == 0:
+        if direction == 0:
             inside, pressure, at = inside.T, pressure.T, at.swapaxes(0, 1)
         for on, p, x in zip(inside, pressure, at, strict=True):
             if not on.any():
                 continue
-            if way == 1 and self._closed:
+            if direction == 1 and self._closed:
                 # Begin where nothing touches.
                 first = int(np.argmin(on))
                 on, p, x = (np.roll(one, -first, axis=0) for one in (on, p, x))
-            way_along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1)))
+            distances = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1)))
             (k,) = np.nonzero(on)
             low, high = int(k[0]), int(k[-1])
-            ends = [_edge(way_along[::-1], p[::-1], len(p) - 1 - low), _edge(way_along, p, high)]
-            yield abs(ends[1] - ends[0]), abs(way_along[high] - way_along[low]) / max(high - low, 1)
+            ends = [_edge(distances[::-1], p[::-1], len(p) - 1 - low), _edge(distances, p, high)]
+            yield abs(ends[1] - ends[0]), abs(distances[high] - distances[low]) / max(high - low, 1)
 
 
-def _edge(way: Array, pressure: Array, last: int) -> float:
+def _edge(distances: Array, pressure: Array, last: int) -> float:
     """Return where the pressure ends behind the last point that has some, at a distance along a line of points.
 
     Near the edge of a smooth patch its square falls linearly (Hertz); it ends before the next point.
     """
-    if last + 1 >= way.size:
-        return float(way[last])
+    if last + 1 >= distances.size:
+        return float(distances[last])
     if last == 0 or not pressure[last - 1] > pressure[last]:
-        return float(0.5 * (way[last] + way[last + 1]))
+        return float(0.5 * (distances[last] + distances[last + 1]))
     square = pressure[last] ** 2 / (pressure[last - 1] ** 2 - pressure[last] ** 2)
-    beyond = (way[last] - way[last - 1]) * square
-    return float(way[last] + np.clip(abs(beyond), 0.0, abs(way[last + 1] - way[last])) * np.sign(way[-1] - way[0]))
+    beyond = (distances[last] - distances[last - 1]) * square
+    return float(
+        distances[last]
+        + np.clip(abs(beyond), 0.0, abs(distances[last + 1] - distances[last])) * np.sign(distances[-1] - distances[0])
+    )
 
 
 def _places(touching: NDArray[Any], closed: tuple[bool, bool]) -> Index:
@@ -240,7 +245,7 @@ def _places(touching: NDArray[Any], closed: tuple[bool, bool]) -> Index:
     other = np.concatenate([number[:, columns * closed[1]], number[rows * closed[0]]])
     both = (one > 0) & (other > 0)
     graph = coo_array((np.ones(both.sum()), (one[both], other[both])), shape=(count + 1, count + 1))
-    # Of zero, where nothing touches, nothing is said, and it is the first.
+    # Without contact all are zero, and the first is taken.
     same = connected_components(graph, directed=False)[1]
     return np.asarray(same[number[:rows, :columns]], dtype=np.int64)
 

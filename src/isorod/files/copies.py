@@ -1,4 +1,4 @@
-"""Copies of a rod of a scene file, and of all that the file says of it."""
+"""Copies of a rod of a scene file, and of everything in the file that refers to it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy, deepcopy
@@ -32,7 +32,7 @@ class Motion(NamedTuple):
     shift: Array
 
     def __call__(self, rod: "Rod") -> "Rod":
-        """Return a rod's copy; where it is mirrored the section runs round the other way, so that it does not fold."""
+        """Return a rod's copy; in a mirrored one the section runs in the opposite direction, without a fold."""
         points = rod.control_points @ self.turn.T + self.shift
         if np.linalg.det(self.turn) < 0.0:
             points = points[:, -np.arange(rod.section_points)]
@@ -84,7 +84,7 @@ class Placed(NamedTuple):
     Attributes
     ----------
     places, tables
-        Where each stands, and what the file says of it.
+        The place of each in the file, and its table.
     motions
         Where copies are put.
     names
@@ -102,24 +102,24 @@ class Placed(NamedTuple):
 
 def placed(rods: Iterator[tuple[str, Place, dict[str, Any]]]) -> Placed:
     """Return all rods of a file, of which names, places and tables are given."""
-    found = Placed({}, {}, {}, {}, {})
+    result = Placed({}, {}, {}, {}, {})
     for name, place, table in rods:
         tables = {name: table}
         if "tree" in table:
             tables, ties = branches(table, place, name)
-            found.ties.update(ties)
+            result.ties.update(ties)
         elif "copy" in table:
             made = call(place / "copy", schema.COPIES, (place / "copy").table(table["copy"])).make()
             tables = {one: deepcopy(table) for one in names(name, len(made))}
-            found.motions.update(zip(tables, made, strict=True))
+            result.motions.update(zip(tables, made, strict=True))
         if [*tables] != [name]:
-            found.names[name] = [*tables]
+            result.names[name] = [*tables]
         for one in tables:
-            if one in found.places:
+            if one in result.places:
                 raise place.error(f"{one} is the name of a copy of another rod, or of a branch; choose another")
-            found.places[one] = place
-        found.tables.update(tables)
-    return found
+            result.places[one] = place
+        result.tables.update(tables)
+    return result
 
 
 class Copies:
@@ -139,13 +139,13 @@ class Copies:
 
     def of(self, kind: str, calls: Mapping[str, Call]) -> dict[str, Call]:
         """Return what a file has of a kind, such as supports, for each copy of what it names."""
-        found: dict[str, Call] = {}
+        copied: dict[str, Call] = {}
         for name, one in calls.items():
             made = dict(zip(names(name, _MOST), self._each(one), strict=False)) or {name: one}
             if len(made) > 1:
                 self._known.setdefault(kind, {})[name] = [*made]
-            found |= made
-        return found
+            copied |= made
+        return copied
 
     def _each(self, one: Call) -> Iterator[Call]:
         """Yield a call for each copy of what it names; nothing where it names none."""
@@ -153,13 +153,13 @@ class Copies:
         for parameter in one.form.parameters.values():
             if not (isinstance(parameter.kind, Kind) and parameter.kind.name):
                 continue
-            said, kind = one.arguments.get(parameter.name), parameter.kind.name
-            if said is None and kind == "rod" and self._only:
-                said = Name(one.place, self._only)
-            if isinstance(said, Name):
-                head, dot, rest = said.name.partition(".")
+            value, kind = one.arguments.get(parameter.name), parameter.kind.name
+            if value is None and kind == "rod" and self._only:
+                value = Name(one.place, self._only)
+            if isinstance(value, Name):
+                head, dot, rest = value.name.partition(".")
                 same = self._known.get("rod" if kind == "surface" else kind, {}).get(head, ())
-                several |= {parameter.name: [Name(said.place, f"{name}{dot}{rest}") for name in same]} if same else {}
+                several |= {parameter.name: [Name(value.place, f"{name}{dot}{rest}") for name in same]} if same else {}
         sides = [*several.values()]
         owners = {side[0].name.partition(".")[0] for side in sides}
         if len({len(side) for side in sides}) > 1 or len(owners) < len(sides):

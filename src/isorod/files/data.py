@@ -64,18 +64,18 @@ def points(place: Place, value: Any) -> Points:
         return Points(values.value_of(place, value, Numbers))
     content, path = place.data(value), place.document.folder / value
     if path.suffix.lower() in _VTK:
-        found = _vtk(place, value, path)
+        read = _vtk(place, value, path)
     elif path.suffix.lower() in wires.ENDINGS:
-        found = _wire(place, value, path)
+        read = _wire(place, value, path)
     else:
-        found = _csv(place, value, content)
-    finite = np.isfinite(found.array if found.radius is None else np.column_stack([found.array, found.radius]))
+        read = _csv(place, value, content)
+    finite = np.isfinite(read.array if read.radius is None else np.column_stack([read.array, read.radius]))
     if not finite.all():
         raise place.error(f"{value}: point {np.argmin(finite.all(axis=1))} is not finite")
-    if found.radius is not None and not found.radius.min() > 0.0:
-        k = int(np.argmin(found.radius))
-        raise place.error(f"{value}: the radius of point {k} is {found.radius[k]:g}, need a positive length")
-    return found
+    if read.radius is not None and not read.radius.min() > 0.0:
+        k = int(np.argmin(read.radius))
+        raise place.error(f"{value}: the radius of point {k} is {read.radius[k]:g}, need a positive length")
+    return read
 
 
 def _bond(place: Place, value: Any) -> Points | float:
@@ -183,8 +183,8 @@ def _vtk(place: Place, name: str, path: Path) -> Points:
         raise place.error(f"{name}: {problem}") from None
     array = np.array(vtk_to_numpy(mesh.GetPoints().GetData()), dtype=float)[order]
     data = mesh.GetPointData()
-    found = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
-    radius = next((found[one] for one in _RADIUS if found.get(one) is not None), None)
+    arrays = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
+    radius = next((arrays[one] for one in _RADIUS if arrays.get(one) is not None), None)
     return Points(array, None if radius is None else np.array(vtk_to_numpy(radius), dtype=float).reshape(-1)[order])
 
 
@@ -221,19 +221,19 @@ def _polydata(path: Path) -> "vtkPolyData":
     return reader.GetOutput()
 
 
-def _joined(pieces: list[list[int]]) -> list[int]:
+def _joined(segments: list[list[int]]) -> list[int]:
     """Return the points of lines that continue each other, in order; raises `InputError` if they do not."""
-    order = pieces.pop(0)
-    while pieces:
-        for k, piece in enumerate(pieces):
-            if order[-1] in (piece[0], piece[-1]):
-                order += piece[1:] if piece[0] == order[-1] else piece[-2::-1]
-            elif order[0] in (piece[0], piece[-1]):
-                order = (piece[:-1] if piece[-1] == order[0] else piece[:0:-1]) + order
+    order = segments.pop(0)
+    while segments:
+        for k, segment in enumerate(segments):
+            if order[-1] in (segment[0], segment[-1]):
+                order += segment[1:] if segment[0] == order[-1] else segment[-2::-1]
+            elif order[0] in (segment[0], segment[-1]):
+                order = (segment[:-1] if segment[-1] == order[0] else segment[:0:-1]) + order
             else:
                 continue
-            del pieces[k]
+            del segments[k]
             break
         else:
-            raise InputError(f"{len(pieces) + 1} lines that do not meet, need one polyline")
+            raise InputError(f"{len(segments) + 1} lines that do not meet, need one polyline")
     return order

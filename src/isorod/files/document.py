@@ -76,11 +76,11 @@ class Document:
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as problem:
-            found = re.search(r"\(at line (\d+), column (\d+)\)", str(problem))
-            said = re.sub(r" \(at .*\)$", "", str(problem))
-            column = f", column {found[2]}" if found else ""
-            line = found[1] if found else text.rstrip().count("\n") + 1
-            raise InputError(f"{path}:{line}: not TOML: {said}{column}") from None
+            position = re.search(r"\(at line (\d+), column (\d+)\)", str(problem))
+            reason = re.sub(r" \(at .*\)$", "", str(problem))
+            column = f", column {position[2]}" if position else ""
+            line = position[1] if position else text.rstrip().count("\n") + 1
+            raise InputError(f"{path}:{line}: not TOML: {reason}{column}") from None
         if not self.content:
             raise InputError(f"{path}:1: empty file; 'isorod new' writes a scene to begin with")
         self._lines = lines.lines(text)
@@ -103,7 +103,7 @@ class Document:
 
 
 class Place:
-    """A place in a document: the way to a key, whether it is there or not."""
+    """A place in a document: the path to a key, which need not exist."""
 
     def __init__(self, document: Document, path: lines.Path) -> None:
         self.document, self.path = document, path
@@ -116,7 +116,7 @@ class Place:
         return words.removeprefix(".")
 
     def error(self, message: str) -> InputError:
-        """Return the error that says what is wrong here."""
+        """Return an error at this place."""
         where = f"{self.document.name}:{self.document.line(self.path)}: "
         return InputError(where + (f"{self}: {message}" if self.path else message))
 
@@ -127,11 +127,11 @@ class Place:
     def unknown_key(self, known: Collection[str]) -> InputError:
         """Return the error of this key, which is none of those known, with the nearest of them."""
         above, word = Place(self.document, self.path[:-1]), str(self.path[-1])
-        said = _unknown(word, known)
+        text = _unknown(word, known)
         if above.path and word in KEYS:
-            said = f"{word!r} is not known here; write it above the first [table], or as [{word}]"
+            text = f"{word!r} is not known here; write it above the first [table], or as [{word}]"
         where = f"{self.document.name}:{self.document.line(self.path)}: "
-        return InputError(where + (f"{above}: " if above.path else "") + said)
+        return InputError(where + (f"{above}: " if above.path else "") + text)
 
     def table(self, value: Any) -> dict[str, Any]:
         """Return a value that must be a table."""
@@ -172,25 +172,25 @@ class Place:
 
     @contextmanager
     def locating(self, keys: "Mapping[str, Place] | None" = None) -> Iterator[None]:
-        """Let errors raised within be errors of this place, or of that of the key that the message speaks of."""
+        """Turn errors raised within into errors of this place, or of the key that the message names."""
         try:
             yield
         except (InputError, SolveError, ValueError, TypeError) as problem:
-            said = str(problem)
-            if said.startswith(f"{self.document.name}:"):
+            text = str(problem)
+            if text.startswith(f"{self.document.name}:"):
                 raise
             kind = SolveError if isinstance(problem, SolveError) else InputError
-            raise kind(self.about(said, keys or {})) from None
+            raise kind(self.about(text, keys or {})) from None
 
-    def about(self, said: str, keys: "Mapping[str, Place]") -> str:
-        """Return what an error says as one of the key that it speaks of, or else of this place."""
-        head, _, rest = said.partition("got ")
+    def about(self, message: str, keys: "Mapping[str, Place]") -> str:
+        """Return an error's message at the key that it names, or else at this place."""
+        head, _, rest = message.partition("got ")
         # A key of one letter may be a word of a sentence.
         for text, shortest in ((head, 1), (rest, 2)):
             for key, at in keys.items():
                 if len(key) >= shortest and re.search(rf"\b{key.replace('_', '[_ ]')}\b", text):
-                    return str(at.error(re.sub(rf"^{key.replace('_', '[_ ]')}: ", "", said)))
-        return str(self.error(said))
+                    return str(at.error(re.sub(rf"^{key.replace('_', '[_ ]')}: ", "", message)))
+        return str(self.error(message))
 
 
 def shown(value: Any) -> str:
@@ -223,8 +223,8 @@ def _text(path: str) -> str:
         with open(path, "rb") as file:
             content = file.read(_LONGEST + 1)
     except (OSError, ValueError) as problem:
-        said = getattr(problem, "strerror", None) or problem
-        raise InputError(f"{path}: cannot be read ({said}); 'isorod new' writes a scene to begin with") from None
+        reason = getattr(problem, "strerror", None) or problem
+        raise InputError(f"{path}: cannot be read ({reason}); 'isorod new' writes a scene to begin with") from None
     if len(content) > _LONGEST:
         raise InputError(f"{path}: longer than {_LONGEST:,} bytes; arrays go into files beside it")
     try:

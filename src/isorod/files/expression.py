@@ -73,7 +73,7 @@ def bounded(expression: "sp.Expr", what: str) -> "sp.Expr":
 
 
 def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.Expr":
-    """Return what a text says of names, which are expressions of SymPy.
+    """Return the expression of a text in names, which are expressions of SymPy.
 
     Parameters
     ----------
@@ -99,16 +99,16 @@ def formula(text: str, names: Mapping[str, Any], what: str, known: str) -> "sp.E
     import sympy as sp
 
     try:
-        found = _read(tree, names, known, 0)
+        result = _read(tree, names, known, 0)
     except InputError as problem:
         raise InputError(f"{what}: {problem}") from None
-    if isinstance(found, sp.MatrixBase):
+    if isinstance(result, sp.MatrixBase):
         raise InputError(f"{what}: got {text!r:.60}, which is a tensor, need a number")
-    if found.has(sp.zoo, sp.nan, sp.oo):
+    if result.has(sp.zoo, sp.nan, sp.oo):
         raise InputError(f"{what}: got {text!r:.60}, which divides by zero or is not finite")
-    if found.has(sp.I):
+    if result.has(sp.I):
         raise InputError(f"{what}: got {text!r:.60}, which is not real")
-    return found
+    return result
 
 
 def _operations(expression: "sp.Expr") -> tuple[int, int, int]:
@@ -130,9 +130,9 @@ def _names() -> dict[str, Any]:
     from isorod.material import symbols as s
 
     known = [s.I1, s.I2, s.J, s.I4a, s.I4b, s.I8, *s.stretches, *s.F]
-    found = {str(one): one for one in known}
-    found |= {f"C{A}{B}": s.C[A, B] for A in range(3) for B in range(3)}
-    return found | {"I1bar": s.I1bar, "I2bar": s.I2bar}
+    known_names = {str(one): one for one in known}
+    known_names |= {f"C{A}{B}": s.C[A, B] for A in range(3) for B in range(3)}
+    return known_names | {"I1bar": s.I1bar, "I2bar": s.I2bar}
 
 
 def _read(node: ast.AST, names: Mapping[str, Any], known: str, depth: int) -> Any:

@@ -72,17 +72,17 @@ class Form:
     Parameters
     ----------
     target
-        Where it is, such as ``"isorod.geometry.coils:helix"``; imported when it is asked for.
+        Its place, such as ``"isorod.geometry.coils:helix"``; imported when it is needed.
     main
         Key that is meant where a word has a value and not a table; the first that must be given, or the first of all.
     kinds
-        Parameters that are more than their annotations say.
+        Parameters with more conditions than their annotations.
     defaults
-        What a file need not say though the function wants to be told.
+        Values of parameters that are optional in files, though required by the function.
     keys
         Parameters that have another name in files.
     left
-        Parameters that are none of the file's.
+        Parameters that files do not give.
     more
         Kinds of keys that are no parameters but for whoever reads the file, or that are other names of one.
     """
@@ -99,10 +99,10 @@ class Form:
     def function(self) -> Any:
         """What is called."""
         module, _, names = self.target.partition(":")
-        found: Any = import_module(module)
+        target: Any = import_module(module)
         for name in names.split("."):
-            found = getattr(found, name)
-        return found
+            target = getattr(target, name)
+        return target
 
     @cached_property
     def solution(self) -> Any:
@@ -113,12 +113,12 @@ class Form:
     def parameters(self) -> dict[str, Parameter]:
         """The keys it has in a file."""
         module = vars(sys.modules[self.function.__module__])
-        found = {}
+        result = {}
         for name, one in inspect.signature(self.function).parameters.items():
             if name not in ("self", *self.left):
                 kind = self.kinds.get(name) or evaluated(one.annotation, module)
-                found[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
-        return found | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
+                result[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
+        return result | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
 
     @property
     def principal(self) -> str | None:
@@ -214,24 +214,24 @@ def call(place: Place, form: Form, table: Mapping[str, Any]) -> Call:
 
 
 def choice(place: Place, forms: Mapping[str, Form], value: Any) -> Call:
-    """Return the call that one of several words asks for.
+    """Return the call that a value names by one of several words.
 
-    Three ways to write it are the same: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
-    needs no more, the word alone.
+    Three notations are equivalent: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
+        needs no more, the word alone.
     """
     if isinstance(value, str):
         if value not in forms:
             raise place.unknown(value, forms)
         return call(place, forms[value], {})
     table = place.table(value)
-    said = [key for key in table if key in forms]
-    if not said:
+    chosen_words = [key for key in table if key in forms]
+    if not chosen_words:
         raise (
             (place / next(iter(table))).unknown_key(forms) if table else place.error(f"need one of {', '.join(forms)}")
         )
-    word, form, at = said[0], forms[said[0]], place / said[0]
+    word, form, at = chosen_words[0], forms[chosen_words[0]], place / chosen_words[0]
     inner, beside = table[word], {key: (one, place / key) for key, one in table.items() if key != word}
-    second = next((key for key in said[1:] if key not in form.parameters), None)
+    second = next((key for key in chosen_words[1:] if key not in form.parameters), None)
     if second is not None:
         raise (place / second).error(f"beside {word}: need one of the two")
     principal = form.principal

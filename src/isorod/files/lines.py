@@ -36,7 +36,7 @@ def lines(text: str, spans: dict[Path, tuple[int, int]] | None = None) -> dict[P
 
     ``spans`` is filled with what `places` returns.
     """
-    found: dict[Path, int] = {}
+    numbers: dict[Path, int] = {}
     spans = {} if spans is None else spans
     begun: dict[Path, int] = {}
     key: list[str] = []
@@ -51,7 +51,7 @@ def lines(text: str, spans: dict[Path, tuple[int, int]] | None = None) -> dict[P
             elif word == ",":
                 frame.entry += 1
             elif word != "\n":
-                _note(found, entry := (*frame.path, frame.entry), line)
+                _note(numbers, entry := (*frame.path, frame.entry), line)
                 frames += _opened(entry, word)
                 spans |= {entry: span} if kind == "bare" else {}
         elif frame.value is not None:
@@ -66,17 +66,17 @@ def lines(text: str, spans: dict[Path, tuple[int, int]] | None = None) -> dict[P
             key += [word[1:-1]] if kind == "text" else [part for part in word.split(".") if part]
         elif word == "=":
             frame.value = (*frame.path, *key)
-            _note(found, frame.value, start)
+            _note(numbers, frame.value, start)
             key = []
         elif word == "}":
             frames.pop()
         elif word == "]" and key:
             frame.path = _header(key, brackets == 2, begun)
-            _note(found, frame.path, start)
+            _note(numbers, frame.path, start)
             key = []
         elif word in ("[", "\n"):
             brackets = brackets + 1 if word == "[" else 0
-    return found
+    return numbers
 
 
 @dataclass
@@ -92,9 +92,9 @@ def _opened(path: Path, word: str) -> list[_Frame]:
     return [_Frame(path, 0 if word == "[" else None)] if word in ("[", "{") else []
 
 
-def _note(found: dict[Path, int], path: Path, line: int) -> None:
+def _note(numbers: dict[Path, int], path: Path, line: int) -> None:
     for end in range(1, len(path) + 1):
-        found.setdefault(path[:end], line)
+        numbers.setdefault(path[:end], line)
 
 
 def _header(keys: list[str], several: bool, begun: dict[Path, int]) -> Path:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Component = Literal["x", "y", "z"]
 
-# What a section carries, in the order in which all of it is told.
+# Section forces, in the order of the results.
 Carried = Literal["axial", "shear_1", "shear_2", "torque", "bending_1", "bending_2"]
 Vector = Literal["force", "moment"]
 
@@ -108,10 +108,10 @@ def displacement(
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    found = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
+    values = _each(solution, lambda state: state.at(rod, "end" if u is None else u, xi))
     if hasattr(solution, "summary"):
-        return component_of(found, component)
-    return component_of(rounded(found, _largest(solution.displacement)), component)
+        return component_of(values, component)
+    return component_of(rounded(values, _largest(solution.displacement)), component)
 
 
 def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None, about: Tangent | None = None) -> Any:
@@ -129,7 +129,7 @@ def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None
         along the axis of the rotation and as long as its angle.
     """
 
-    def found(state: Any) -> Any:
+    def at_state(state: Any) -> Any:
         place, axis = "end" if u is None else u, about
         if about == "tangent":
             space = state.model.bodies[rod].space
@@ -139,7 +139,7 @@ def rotation(solution: "Equilibrium | History", rod: int, u: float | None = None
         turned = rounded(turned, np.degrees(_largest(state.displacement)) / state.model.size)
         return float(turned) if turned.ndim == 0 else turned
 
-    return _each(solution, found)
+    return _each(solution, at_state)
 
 
 def stress(
@@ -176,15 +176,15 @@ def stress(
         from isorod.files import swings
 
         return swings.find(sought, solution)  # type: ignore[arg-type]
-    found = _each(solution, sought.find)
+    values = _each(solution, sought.find)
     if choices.near():
-        # What there is to warn of was said of what it is near to.
-        return found
+        # The model beside this one, of a derivative: that one has warned.
+        return values
     # Of a motion that in the end.
     state: Any = solution
-    last, there = (state, found) if hasattr(state, "at") else (state[-1], found[-1])
+    last, there = (state, values) if hasattr(state, "at") else (state[-1], values[-1])
     sought.warn(last, there)
-    return found
+    return values
 
 
 def section_force(
@@ -204,14 +204,14 @@ def section_force(
         six where not given.  ``"force"`` and ``"moment"`` are the vectors in space.
     """
 
-    def found(state: Any) -> Any:
+    def at_state(state: Any) -> Any:
         carried = state.section_forces(rod, "end" if u is None else u)
         if component in ("force", "moment"):
             return getattr(carried, component)
         six = np.array([carried.N, *carried.Q, *carried.M])
         return six if component is None else float(six[get_args(Carried).index(component)])
 
-    return _each(solution, found)
+    return _each(solution, at_state)
 
 
 def energy(solution: "Equilibrium | History", rod: int) -> Any:
@@ -261,8 +261,8 @@ def frequency(solution: "Modes", rod: int, shape: Shape, direction: Axis | None 
     from isorod.modal import kinds
 
     refuse_others(solution, "frequency")
-    found = kinds.of_rod(solution, rod, shape, None if direction is None else _axis(direction), number)
-    return _mostly(found, shape)
+    mode = kinds.of_rod(solution, rod, shape, None if direction is None else _axis(direction), number)
+    return _mostly(mode, shape)
 
 
 def frequency_like(solution: "Modes", load: int) -> float:
@@ -314,14 +314,14 @@ def tie_moment(
     about
         An axis through that point, by its letter or a vector of any length: the moment about it alone.
     """
-    found = _of_tie(solution, tie, "moment")
+    total = _of_tie(solution, tie, "moment")
     if point is not None:
         refuse_others(solution, "point")
         if not hasattr(solution, "ties"):
             raise InputError("point: of motions the moment about the middle of the tie is known alone; leave it out")
-        one = solution.ties[tie]
-        found = found + np.cross(one.center - np.array(point), one.force)
-    return along(found, component, about)
+        tied = solution.ties[tie]
+        total = total + np.cross(tied.center - np.array(point), tied.force)
+    return along(total, component, about)
 
 
 def _of_tie(solution: Any, tie: int, name: str) -> Any:
@@ -335,18 +335,18 @@ def _each(solution: Any, ask: Callable[[Any], Any]) -> Any:
     """Return what is asked of a solution; of a motion, at each output."""
     if hasattr(solution, "at"):
         return ask(solution)
-    found = [ask(instant) for instant in solution]
-    return found if isinstance(found[0], tuple) else np.array(found)
+    results = [ask(instant) for instant in solution]
+    return results if isinstance(results[0], tuple) else np.array(results)
 
 
-def _mostly(found: "Like", what: str) -> float:
+def _mostly(mode: "Like", what: str) -> float:
     """Return the frequency of a mode, and warn where it is something else as well."""
-    if found.fraction < _PURE:
+    if mode.fraction < _PURE:
         warnings.warn(
-            f"frequency {found.frequency:.6g}: {100.0 * found.fraction:.0f} % of this mode is {what}, the rest is not",
+            f"frequency {mode.frequency:.6g}: {100.0 * mode.fraction:.0f} % of this mode is {what}, the rest is not",
             stacklevel=3,
         )
-    return found.frequency
+    return mode.frequency
 
 
 def refuse_others(solution: Any, key: str) -> None:
@@ -356,7 +356,7 @@ def refuse_others(solution: Any, key: str) -> None:
 
 
 def _carried(solution: Any, name: str) -> float:
-    """Return the largest force, or moment, of supports, also on the way: in the end they may be let go."""
+    """Return the largest force, or moment, of supports, over all load steps: in the end they may be released."""
     before = (getattr(step, name) for step in getattr(solution, "path", ()))
     return max(_largest(getattr(solution, name)), *(_largest(one) for one in before), 0.0)
 
@@ -383,13 +383,13 @@ def along(vector: Array, component: str | None, about: Any) -> Any:
         return component_of(vector, component)
     if component is not None:
         raise InputError("about: beside component; need one of the two")
-    found = vector @ _axis(about)
-    return float(found) if np.ndim(found) == 0 else found
+    projected = vector @ _axis(about)
+    return float(projected) if np.ndim(projected) == 0 else projected
 
 
 def component_of(vector: Array, component: str | None) -> Any:
     """Return a vector ``(3,)``, or such of a motion, or one component of it."""
     if component is None:
         return vector
-    found = vector["xyz".index(component)] if vector.ndim == 1 else vector[:, "xyz".index(component)]
-    return float(found) if np.ndim(found) == 0 else found
+    selected = vector["xyz".index(component)] if vector.ndim == 1 else vector[:, "xyz".index(component)]
+    return float(selected) if np.ndim(selected) == 0 else selected

@@ -1,4 +1,4 @@
-"""Meshes of gmsh (``.msh``, versions 2.2 and 4.1, text or binary), read as data: gmsh would run what a file says."""
+"""Meshes of gmsh (``.msh``, versions 2.2 and 4.1, text or binary), read as data: gmsh itself would run its commands."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -77,8 +77,8 @@ def _grid(names: dict[tuple[int, int], str], tags: Index, points: Array, blocks:
     if not kinds:
         raise InputError("no tetrahedra or hexahedra are in it; need a mesh in 3-D (gmsh -3), saved with its volumes")
     if len(kinds) > 1:
-        said = " and ".join(f"{_CELLS[kind][0]}s of degree {_CELLS[kind][1]}" for kind in kinds)
-        raise InputError(f"{said} are in it, need cells of one kind")
+        kinds_text = " and ".join(f"{_CELLS[kind][0]}s of degree {_CELLS[kind][1]}" for kind in kinds)
+        raise InputError(f"{kinds_text} are in it, need cells of one kind")
     shape, degree, _ = _CELLS[kinds[0]]
     cells = np.concatenate([one.nodes for one in blocks if one.kind == kinds[0]])
     used, rows = np.unique(cells, return_inverse=True)
@@ -94,8 +94,8 @@ def _grid(names: dict[tuple[int, int], str], tags: Index, points: Array, blocks:
             if not (used[np.minimum(numbered, len(used) - 1)] == corners).all():
                 raise InputError(f"group {names.get((2, group), group)}: facets whose corners no cell has")
             groups.setdefault(names.get((2, group), str(group)), []).append(numbered)
-    found = {name: np.concatenate(parts) for name, parts in groups.items()}
-    return Grid(points[where], rows.reshape(cells.shape).astype(np.int64), shape, degree, found)
+    members = {name: np.concatenate(parts) for name, parts in groups.items()}
+    return Grid(points[where], rows.reshape(cells.shape).astype(np.int64), shape, degree, members)
 
 
 def _parsed(content: bytes) -> tuple[dict[tuple[int, int], str], Index, Array, list[_Block]]:
@@ -104,8 +104,8 @@ def _parsed(content: bytes) -> tuple[dict[tuple[int, int], str], Index, Array, l
     if head[:1] != [b"$MeshFormat"]:
         raise InputError("no mesh of gmsh: it does not begin with $MeshFormat")
     if head[1] not in _VERSIONS:
-        said = head[1].decode("ascii", "replace")
-        raise InputError(f"version {said:.20} of gmsh's format, need 2.2 or 4.1 (gmsh -save -format msh41)")
+        version = head[1].decode("ascii", "replace")
+        raise InputError(f"version {version:.20} of gmsh's format, need 2.2 or 4.1 (gmsh -save -format msh41)")
     old, binary = head[1] == b"2.2", head[2] == b"1"
     if binary and np.frombuffer(_section(content, b"MeshFormat").split(b"\n", 1)[1][:4], "<i4")[0] != 1:
         raise InputError("binary, of a machine with the other order of bytes; save it as text")
@@ -130,11 +130,11 @@ def _section(content: bytes, name: bytes) -> bytes:
 
 def _names(text: bytes) -> dict[tuple[int, int], str]:
     """Return the names of physical groups by dimension and number."""
-    found = {}
+    names = {}
     for line in text.decode("utf-8", "replace").splitlines()[1:]:
         dimension, number, name = line.split(maxsplit=2)
-        found[int(dimension), int(number)] = name.strip().strip('"')
-    return found
+        names[int(dimension), int(number)] = name.strip().strip('"')
+    return names
 
 
 class _Numbers:
@@ -149,9 +149,9 @@ class _Numbers:
         if count < 0:
             raise ValueError
         if self.binary:
-            found = np.frombuffer(self._bytes, "<" + kind, count, self._at)
-            self._at += found.nbytes
-            return found
+            numbers = np.frombuffer(self._bytes, "<" + kind, count, self._at)
+            self._at += numbers.nbytes
+            return numbers
         words = self._words[self._at : self._at + count]
         if len(words) < count:
             raise ValueError
@@ -163,18 +163,18 @@ class _Numbers:
         if not self.binary:
             return int(self.take("i8", 1)[0])
         end = self._bytes.index(b"\n", self._at)
-        found = int(self._bytes[self._at : end])
+        number = int(self._bytes[self._at : end])
         self._at = end + 1
-        return found
+        return number
 
     def records(self, kind: str, count: int, *more: tuple[str, int]) -> list[Array]:
         """Return so many rows, each of a number of a kind and then ``more``: kind and count."""
         parts = [(kind, 1), *more]
         if self.binary:
             dtype = np.dtype([(f"f{k}", "<" + one, (size,)) for k, (one, size) in enumerate(parts)])
-            found = np.frombuffer(self._bytes, dtype, count, self._at)
-            self._at += found.nbytes
-            return [found[f"f{k}"] for k in range(len(parts))]
+            table = np.frombuffer(self._bytes, dtype, count, self._at)
+            self._at += table.nbytes
+            return [table[f"f{k}"] for k in range(len(parts))]
         width = sum(size for _, size in parts)
         rows = np.array(self._words[self._at : self._at + count * width]).reshape(count, width)
         self._at += count * width
@@ -207,15 +207,15 @@ def _elements_22(numbers: _Numbers) -> Iterator[_Block]:
 
 def _groups(numbers: _Numbers) -> dict[tuple[int, int], tuple[int, ...]]:
     """Return the physical groups of the entities of version 4.1, by dimension and tag."""
-    found = {}
+    groups = {}
     for dimension, count in enumerate(map(int, numbers.take("i8", 4))):
         for _ in range(count):
             tag = int(numbers.take("i4", 1)[0])
             numbers.take("f8", 6 if dimension else 3)
-            found[dimension, tag] = tuple(map(int, numbers.take("i4", int(numbers.take("i8", 1)[0]))))
+            groups[dimension, tag] = tuple(map(int, numbers.take("i4", int(numbers.take("i8", 1)[0]))))
             if dimension:
                 numbers.take("i4", int(numbers.take("i8", 1)[0]))
-    return found
+    return groups
 
 
 def _nodes_41(numbers: _Numbers) -> tuple[Index, Array]:

@@ -135,12 +135,12 @@ class Names:
 
     def located(self, problem: InputError | SolveError, at: Place, keys: Mapping[str, Place]) -> Exception:
         """Return an error of the model or its analysis as one of the file: of what it names, or of a place."""
-        said = str(problem)
-        if said.startswith(f"{at.document.name}:"):
-            return type(problem)(self.named(said))
-        first = re.match(r"(support|load|contact|tie) (\d+): ", said)
+        message = str(problem)
+        if message.startswith(f"{at.document.name}:"):
+            return type(problem)(self.named(message))
+        first = re.match(r"(support|load|contact|tie) (\d+): ", message)
         several = [*self.numbered[first[1]].values()] if first else []
         if first and int(first[2]) < len(several):
             one = several[int(first[2])]
-            return type(problem)(one.place.about(self.named(said[first.end() :]), one.keys))
-        return type(problem)(at.about(self.named(said), keys))
+            return type(problem)(one.place.about(self.named(message[first.end() :]), one.keys))
+        return type(problem)(at.about(self.named(message), keys))

@@ -21,7 +21,7 @@ _LARGER, _NEAR = 1.01, 0.05
 # Part of that width from which on a length `away` that is given keeps off edges.
 _FAR = 0.1
 
-# A component that is a smaller share of von Mises' stress is nothing to be warned of.
+# Components below this fraction of the von Mises stress give no warning.
 _NOTHING = 1e-3
 
 # Share of the stress from which what is out of balance is warned of.
@@ -48,35 +48,35 @@ class Sought(NamedTuple):
             raise InputError(f"xi: got {list(xi)}, need a point of the unit disk")
         if u is not None and xi is not None:
             return float(self._at(state, u, np.array(xi)))
-        found = self._largest(state, u, xi, away or 0.0)
-        if not np.isfinite(found[0].value):
+        candidates = self._largest(state, u, xi, away or 0.0)
+        if not np.isfinite(candidates[0].value):
             raise InputError(f"away: got {away:g}, but no point of the rod is that far from all supports")
-        return peak(found, lambda u, xi: self._at(state, u, xi))
+        return peak(candidates, lambda u, xi: self._at(state, u, xi))
 
-    def warn(self, state: Any, found: float | Peak) -> None:
+    def warn(self, state: Any, result: float | Peak) -> None:
         """Warn of a stress that is one of an edge, or out of balance."""
-        if isinstance(found, Peak):
-            value, u, angle = found.value, found.place["u"], np.radians(found.place["angle"])
-            xi = found.place["radius"] * np.array([np.cos(angle), np.sin(angle)])
+        if isinstance(result, Peak):
+            value, u, angle = result.value, result.place["u"], np.radians(result.place["angle"])
+            xi = result.place["radius"] * np.array([np.cos(angle), np.sin(angle)])
         else:
             assert self.u is not None and self.xi is not None
-            value, u, xi = found, self.u, np.array(self.xi)
+            value, u, xi = result, self.u, np.array(self.xi)
         if abs(value) <= _NOTHING * self._replace(name="von_mises")._at(state, u, xi):
             return
         gap, width = held.distance(state.model, self.rod, np.array([u]))[0], held.width(state.model, self.rod)
-        # Whoever says how far off it is to be knows of the edge, if that is not next to nothing.
+        # A user who gives a distance knows of the edge, unless the distance is tiny.
         if self.u is None and gap < (_FAR if self.away else 1.0) * width:
             beyond = self._largest(state, None, self.xi, width)[0].value
             if value * (-1.0 if self.name == "min_principal" or value < 0.0 else 1.0) > _LARGER * beyond:
                 known = f"; farther off than the section is wide (away = {width:.3g}) it is {beyond:.4g}"
-                _say(
+                _warn(
                     f"largest {_words(self.name)} {value:.4g} is {gap:.2g} from the edge of a held face or patch, a "
                     "stress singularity that grows without bound under refinement"
                     + (known if np.isfinite(beyond) else "")
                 )
                 return
         elif gap < _NEAR * width and np.hypot(*xi) > 1.0 - _NEAR:
-            _say(
+            _warn(
                 f"{_words(self.name)} at u = {u:.4g}: edge of a held face or patch, a stress singularity that grows "
                 "without bound under refinement"
             )
@@ -85,14 +85,14 @@ class Sought(NamedTuple):
         near = stresses.to_contact(contacts, state.position(self.rod, u, xi)) if contacts else np.inf
         error = max(((one.peak_error or 0.0) * one.peak / abs(value) for one in contacts), default=0.0)
         if near < stresses.CLEAR * width and error > LARGE:
-            _say(
+            _warn(
                 f"{_words(self.name)} at u = {u:.4g}: {near:.2g} from contact whose largest pressure is known roughly, "
                 f"may be off by {100.0 * min(error, 1.0):.2g} %; compare with shorter elements and more section points"
             )
             return
         wrong = balance.share(state, self.rod, u, xi) if isinstance(state, State) else 0.0
         if wrong > LARGE:
-            _say(
+            _warn(
                 f"{_words(self.name)} at u = {u:.4g}: stress residual {100.0 * wrong:.2g} %, a lower bound of its "
                 "error; compare with more elements"
             )
@@ -109,19 +109,19 @@ class Sought(NamedTuple):
             _, jacobian = state.model.bodies[self.rod].space.rod.grid(xi, u)
             moved = state.deformation_gradient(self.rod, u, xi) @ jacobian
             normals = np.cross(moved[..., 0], moved[..., 1])
-        found = state.stress(self.rod, u, xi)
+        tensors = state.stress(self.rod, u, xi)
         if hasattr(state, "amplitude"):
-            return np.asarray(state.amplitude(found, self.name, normals))
-        return component(found, self.name, normals)
+            return np.asarray(state.amplitude(tensors, self.name, normals))
+        return component(tensors, self.name, normals)
 
     def _largest(self, state: Any, u: float | None, xi: tuple[float, float] | None, away: float) -> list[Largest]:
         """Return where the stress is largest so far from all that holds the rod: of two signs in size."""
 
         def size(u: Array, xi: Array) -> Array:
-            found = self._values(state, u, xi)
+            values = self._values(state, u, xi)
             if self.name == "min_principal":
-                return -found
-            return found if self.name in ("von_mises", "max_principal", "shear") else np.abs(found)
+                return -values
+            return values if self.name in ("von_mises", "max_principal", "shear") else np.abs(values)
 
         model = state.model
         space = model.bodies[self.rod].space
@@ -130,15 +130,15 @@ class Sought(NamedTuple):
 
         def counted(u: Array, xi: Array) -> Array:
             far = held.distance(model, self.rod, u) >= away * (1.0 - 1e-12)
-            found = np.full((u.size, len(xi)), -np.inf)
+            masked = np.full((u.size, len(xi)), -np.inf)
             if far.any():
-                found[far] = size(u[far], xi)
-            return found
+                masked[far] = size(u[far], xi)
+            return masked
 
         return largest(space, counted, u, xi, held.edges(model, self.rod, away))
 
 
-def _say(text: str) -> None:
+def _warn(text: str) -> None:
     warnings.warn(text, stacklevel=4)
 
 

@@ -86,8 +86,8 @@ def _motion(solution: Any, support: int) -> _Motion:
     one: Support = solution.model.supports[support]
     space = solution.model.bodies[one.body].space
     nodes, turn = np.asarray(one.nodes), np.asarray(one.turn, dtype=float)
-    carriers = space.is_control_point[nodes]
-    given: Array = np.broadcast_to(np.asarray(one.displacement, dtype=float), (nodes.size, 3))[carriers].mean(axis=0)
+    control = space.is_control_point[nodes]
+    given: Array = np.broadcast_to(np.asarray(one.displacement, dtype=float), (nodes.size, 3))[control].mean(axis=0)
     given = given * np.array([letter in one.components for letter in "xyz"])
     if given.any() and turn.any():
         raise InputError("stiffness: the support has a displacement and a turn, need one of the two")
@@ -97,7 +97,7 @@ def _motion(solution: Any, support: int) -> _Motion:
     if not turn.any():
         raise InputError("stiffness: the support does not move, need one with a displacement or a turn")
     # Moments of a solution are about the middle of the face, which may turn about another point.
-    arm = rotation(turn) @ np.asarray(one.arms)[carriers].mean(axis=0)
+    arm = rotation(turn) @ np.asarray(one.arms)[control].mean(axis=0)
     moment = solution.moments[support] + np.cross(arm, solution.reactions[support])
     size = float(np.linalg.norm(turn))
     return _Motion(size, float(moment @ turn / size))

@@ -45,17 +45,17 @@ def state(
     from isorod.output.stress import of_six
 
     def values(u: Array, xi: Array) -> Array:
-        found = solution.state(name, rod, u, xi)
-        strains = found.shape[-1] // 6
+        components = solution.state(name, rod, u, xi)
+        strains = components.shape[-1] // 6
         for key, given in (("component", component), ("branch", branch)):
             if given is not None and not strains:
                 raise InputError(f"{key}: {name!r} is one number; leave it out")
         if not strains:
-            return found[..., 0]
+            return components[..., 0]
         first = 1 if branch is None else branch
         if not 1 <= first <= strains:
             raise InputError(f"branch: got {first}, need 1 to {strains}")
-        return of_six(found[..., 6 * first - 6 : 6 * first], component or "equivalent")
+        return of_six(components[..., 6 * first - 6 : 6 * first], component or "equivalent")
 
     def size(u: Array, xi: Array) -> Array:
         # Where another law has no such number it is none.
@@ -67,10 +67,10 @@ def state(
         places = [Largest(0.0, u, np.array(xi))]
     else:
         places = largest(solution.model.bodies[rod].space, size, u, xi)
-    found = peak(places, lambda u, xi: float(values(np.array([u]), xi[None])[0, 0]))
-    if np.isnan(found.value):
+    extreme = peak(places, lambda u, xi: float(values(np.array([u]), xi[None])[0, 0]))
+    if np.isnan(extreme.value):
         raise InputError(f"name: the law at u = {places[0].u:g}, xi = {places[0].xi.tolist()} has no {name!r}")
-    return found.value if u is not None and xi is not None else found
+    return extreme.value if u is not None and xi is not None else extreme
 
 
 def dissipated(solution: "Equilibrium", rod: int) -> float:

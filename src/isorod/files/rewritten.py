@@ -25,22 +25,22 @@ def rewritten(text: str, values: Mapping[str, float]) -> str:
     """
     places = lines.places(text)
     by_name = {".".join(map(str, path)): place for path, place in places.items()}
-    wanted = tomllib.loads(text)
-    pieces = []
+    target = tomllib.loads(text)
+    replacements = []
     for name, value in values.items():
         if name not in by_name:
             raise InputError(f"{name}: its number does not stand in the file; write it there, not with --set")
-        pieces.append((by_name[name], f"{value:.9g}"))
-        _put(wanted, name.split("."), float(f"{value:.9g}"))
-    for (start, end), word in sorted(pieces, reverse=True):
+        replacements.append((by_name[name], f"{value:.9g}"))
+        _put(target, name.split("."), float(f"{value:.9g}"))
+    for (start, end), word in sorted(replacements, reverse=True):
         text = text[:start] + word + text[end:]
-    if tomllib.loads(text) != wanted:
+    if tomllib.loads(text) != target:
         raise InputError("the file cannot be written anew; take the numbers with --set")
     return text
 
 
 def _put(table: Any, keys: list[str], value: float) -> None:
-    *way, last = keys
-    for key in way:
+    *parents, last = keys
+    for key in parents:
         table = table[int(key)] if isinstance(table, list) else table[key]
     table[int(last) if isinstance(table, list) else last] = value

@@ -39,7 +39,7 @@ _FEW = 16
 # Steps from a length between two samples of the centre line to its axis parameter.
 _NEWTON = 4
 
-# What is as near to an end of the rod as this share of it is the end (`isorod.space.trace`).
+# Within this fraction of the rod from an end a place counts as the end (`isorod.space.trace`).
 _ROUNDED = 1e-6
 
 
@@ -127,7 +127,7 @@ class RodPlan:
         self.section = self._section(table, radius is not None)
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
-        # Whether its space may be another where something small presses on it (`isorod.space.closer`).
+        # Whether its space may be refined at small contact patches (`isorod.space.closer`).
         self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
@@ -137,43 +137,43 @@ class RodPlan:
         raise self.place.error(f"section is missing: one of {', '.join(schema.SECTIONS)}")
 
     def _laws(self, table: Mapping[str, Any]) -> list[Call]:
-        place, said = self.place / "law", table.get("law", [])
-        if not isinstance(said, list):
-            return [choice(place, schema.LAWS, said)]
-        if "law" in table and not said:
+        place, value = self.place / "law", table.get("law", [])
+        if not isinstance(value, list):
+            return [choice(place, schema.LAWS, value)]
+        if "law" in table and not value:
             raise place.error("no law is in the list")
-        return [choice(place / k, schema.LAWS, one) for k, one in enumerate(said)]
+        return [choice(place / k, schema.LAWS, one) for k, one in enumerate(value)]
 
     def _expanded(self, rod: "Rod", laws: "list[Material]") -> "list[Material]":
-        """Return laws with the thermal expansion that the file says of them, of each or of all."""
+        """Return laws with the thermal expansion that the file gives each or all of them."""
         if self._warm is None:
             return laws
         from isorod.material.places import Places
 
-        said = self._warm.arguments["expansion"]
+        expansion = self._warm.arguments["expansion"]
         # Of one law the numbers of a list are those along its axes.
-        each = said if isinstance(said, list) and len(laws) > 1 else [said] * len(laws)
+        each = expansion if isinstance(expansion, list) and len(laws) > 1 else [expansion] * len(laws)
         if len(each) != len(laws):
             raise (self.place / "expansion").error(
                 f"got {len(each)} numbers for {len(laws)} laws, need one, or one for each"
             )
-        found = [self._warm.make(law=law, expansion=one) for law, one in zip(laws, each, strict=True)]
+        expanded = [self._warm.make(law=law, expansion=one) for law, one in zip(laws, each, strict=True)]
         breaks = rod.axis.breaks
         points = np.concatenate([rod.rings[0] * _LOOKED, _LOOKED])
         places = Places(rod, np.linspace(breaks[0], breaks[-1], _LOOKS + 1)[:, None], points)
         with self.place.locating(self._warm.keys):
-            for one in found:
+            for one in expanded:
                 one.placed(places)
-        return found
+        return expanded
 
     def rod(self) -> "Rod":
-        """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
+        """Return the rod as first built, checked for folds; warnings name the rod."""
         if self._built is None:
             self._built = choices.same(self._shape, self._build)
         return self._built
 
     def _build(self) -> "Rod":
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as recorded:
             warnings.simplefilter("always")
             line, outline = self.curve.make(), self.section.make()
             with self.place.locating():
@@ -181,13 +181,13 @@ class RodPlan:
                 rod = rod if self._motion is None else self._motion(rod)
                 if not choices.near():
                     rod.check()
-        for one in said:
+        for one in recorded:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
     @property
     def _pieces(self) -> bool:
-        """Whether the curve is a chain of pieces, to which laws in a list belong."""
+        """Whether the curve is a chain of segments, to which laws in a list belong."""
         return self.curve.form is schema.CURVES["chain"]
 
     def _joints(self, rod: "Rod") -> Array:
@@ -211,7 +211,7 @@ class RodPlan:
         return _kinks(rod, lengths[1:-1]) if len(lengths) <= _FEW else []
 
     def _along(self, rod: "Rod", use: Use, reach: float) -> dict[str, Any]:
-        """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
+        """Return keywords of a space's axis that are not given, where more is known than the rod's shape.
 
         It touches others, supports turn it, loads act on sections, a part of it is tied, it has fibres or is under
         pressure, or laws differ between elements of the curve, so that slopes jump there.
@@ -220,30 +220,30 @@ class RodPlan:
 
         given, kinks = self.space.arguments, _kinks(rod, use.tied)
         elements, degree, continuity = (given.get(key) for key in ("elements", "degree", "continuity"))
-        found: dict[str, Any] = {}
+        keywords: dict[str, Any] = {}
         if use.touching:
-            found = chosen.touching(rod, elements, degree, continuity, use.angle)
+            keywords = chosen.touching(rod, elements, degree, continuity, use.angle)
         elif elements is None:
             if use.angle:
-                found = chosen.turned(rod, use.angle, degree, continuity)
+                keywords = chosen.turned(rod, use.angle, degree, continuity)
             first, last = rod.axis.breaks[[0, -1]]
             places = [u for u in (*use.loaded, *kinks, *self._warmed(rod)) if first < u < last and not rod.closed]
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += self._joints(rod)[1:-1].tolist()
-                # Where pieces of a chain meet slopes may jump as it is.
-                found |= {} if self._pieces else {"continuity": 0}
+                # Where segments of a chain meet slopes may jump anyway.
+                keywords |= {} if self._pieces else {"continuity": 0}
             layer = chosen.layer(rod, reach, use.pressed) if use.stressed else chosen.LAYER
             if places or (layer != chosen.LAYER and not rod.closed):
-                found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
+                keywords["knots"] = chosen.boundary_layers(rod, degree, places, use.angle, layer)
         if use.explicit:
-            found["knots"] = ()
+            keywords["knots"] = ()
         if kinks:
             # At knots of the curve, too: what is tied ends there.
-            found["knots"] = tuple(sorted([*{*found.get("knots", ())}.difference(kinks), *2 * kinks]))
-        return {name: value for name, value in found.items() if name not in given}
+            keywords["knots"] = tuple(sorted([*{*keywords.get("knots", ())}.difference(kinks), *2 * kinks]))
+        return {name: value for name, value in keywords.items() if name not in given}
 
     @property
-    def _says_across(self) -> bool:
+    def _gives_section(self) -> bool:
         """Whether section functions are given."""
         return bool({"order", "section_points", "section_degree"} & set(self.space.arguments))
 
@@ -251,7 +251,7 @@ class RodPlan:
         """Return section functions that suit the rod's use, if none are given and these are others than are chosen."""
         from isorod.space import choice as chosen
 
-        if self._says_across:
+        if self._gives_section:
             return {}
         if use.surface and self._rings is None:
             return {"order": chosen.ORDER}
@@ -259,8 +259,8 @@ class RodPlan:
             return chosen.buckling(rod)
         if not use.stressed:
             return {}
-        found = chosen.stressed(rod, reach, use.pressed)
-        return {} if found == chosen.section(rod) else found
+        section = chosen.stressed(rod, reach, use.pressed)
+        return {} if section == chosen.section(rod) else section
 
     def body(self, use: Use) -> "Body":
         """Return the body."""
@@ -269,7 +269,7 @@ class RodPlan:
         own = rod = self.rod()
         laws = self._expanded(rod, [one.make() for one in self.laws])
         reach = _reach(rod, laws) if use.stressed else 0.0
-        if len(self.laws) == 1 and not (use.surface or use.explicit or self._says_across):
+        if len(self.laws) == 1 and not (use.surface or use.explicit or self._gives_section):
             from isorod.space import choice as chosen
 
             rim = choices.chosen(lambda: use.bonded or chosen.is_short(rod, reach))
@@ -298,10 +298,10 @@ class RodPlan:
 def _shape(place: Place, table: Mapping[str, Any], motion: "Motion | None") -> Any:
     """Return what a rod is built of, to compare; nothing is like what is no plain table."""
     try:
-        said = json.dumps({key: one for key, one in table.items() if key in _SHAPE})
+        text = json.dumps({key: one for key, one in table.items() if key in _SHAPE})
     except TypeError:
         return object()
-    return str(place), said, *(() if motion is None else map(bytes, motion))
+    return str(place), text, *(() if motion is None else map(bytes, motion))
 
 
 def _reach(rod: "Rod", laws: Sequence[Any]) -> float:

@@ -34,7 +34,7 @@ _FORCE = "(of force: the unit of E times that of length squared)"
 
 
 def _space(text: str) -> Any:
-    return option(None, f"{text}, of every rod (as the file says)")
+    return option(None, f"{text}, of every rod (as in the file)")
 
 
 @dataclass(eq=False)
@@ -46,12 +46,12 @@ class FileScene(Scene):
     path
         The file.
     elements, order, section_points, section_degree, degree, continuity, quadrature
-        What the space of every rod (`isorod.space.space.Space`) is told in the place of what the file says; where not
-        given, what it says, if that is the same for all rods.
+        Options of the space of every rod (`isorod.space.space.Space`), in the place of the file's; where not
+        given, the file's, if these are the same for all rods.
     spaces
-        All that the space of a rod is told in the place of that, by its name (`on`).
+        All options of the space of a rod in the place of those, by its name (`on`).
     patches
-        Where something small presses on rods, by their number (`closer`).
+        Small contact patches on rods, by their number (`refined_at_contact`).
     changes
         Values in the place of the file's own (`isorod.files.changes`).
     case
@@ -62,9 +62,9 @@ class FileScene(Scene):
     name
         Of the file, without its folder and ending.
     title
-        What the file says it is.
+        The file's title.
     content
-        All that the file says, as `tomllib` reads it, and what its spaces are told besides.
+        The file's content, as `tomllib` reads it, with the options of spaces.
     data
         SHA-256 sum of each data file, by its name in the scene's file.
     cases
@@ -144,20 +144,20 @@ class FileScene(Scene):
 
     def _rods(self) -> tuple[dict[str, RodPlan], dict[str, list[str]]]:
         """Return the rods, and the names of the copies of one by its own."""
-        found = placed(self._named("rod", RodPlan.KEYS))
-        if not found.places:
+        copies = placed(self._named("rod", RodPlan.KEYS))
+        if not copies.places:
             raise self._top.error("no rod is in it: [rod.NAME]")
         own = self.content["rod"]
-        self._copied = Copies(found.names, next(iter(own)) if len(own) == 1 else None).of
-        self._tell_spaces(found.tables)
-        self._forks = {name: call(found.places[name], schema.TIES, table) for name, table in found.ties.items()}
+        self._copied = Copies(copies.names, next(iter(own)) if len(own) == 1 else None).of
+        self._set_spaces(copies.tables)
+        self._forks = {name: call(copies.places[name], schema.TIES, table) for name, table in copies.ties.items()}
         plans = {
-            name: RodPlan(place, found.tables[name], found.motions.get(name)) for name, place in found.places.items()
+            name: RodPlan(place, copies.tables[name], copies.motions.get(name)) for name, place in copies.places.items()
         }
-        return plans, found.names
+        return plans, copies.names
 
-    def _tell_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
-        """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
+    def _set_spaces(self, named: Mapping[str, dict[str, Any]]) -> None:
+        """Make the options for the spaces of all rods and the file's own spaces agree."""
         rods = [*named.values()]
         for name in _SPACE:
             given = getattr(self, name)
@@ -170,8 +170,8 @@ class FileScene(Scene):
             named[rod]["space"] = own
         for name in _SPACE:
             spaces = [table.get("space", {}) for table in rods]
-            said = [space.get(name) for space in spaces if isinstance(space, dict)]
-            setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
+            values = [space.get(name) for space in spaces if isinstance(space, dict)]
+            setattr(self, name, values[0] if values and all(one == values[0] for one in values) else None)
 
     def _use(self, number: int) -> Use:
         """Return what the scene does with a rod."""
@@ -201,8 +201,8 @@ class FileScene(Scene):
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
         # Loads the analysis, which starts PETSc.
-        found = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
-        return vibrations.settled(found, self._names.loads)
+        arguments = choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+        return vibrations.settled(arguments, self._names.loads)
 
     def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
         """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""
@@ -226,7 +226,7 @@ class FileScene(Scene):
         if "measure" in self.content and not fitting:
             raise place.error(f"no measures in {self.analysis}: its results are reported without")
         for _, at, table in self._named("measure"):
-            schema.refuse_untold(at, table, self.analysis, fitting)
+            schema.refuse_unavailable(at, table, self.analysis, fitting)
         for name, asked in self._choices("measure", fitting).items():
             if name in schema.RESERVED:
                 raise (place / name).error("a result has something else of this name; choose another")
@@ -266,18 +266,18 @@ class FileScene(Scene):
         return [f"{name}: {plan}" for name, plan in self._names.solids.items()]
 
     def bodies(self) -> list[OfBody]:
-        """Return what the file says of its finite element bodies, in the order of the model's."""
+        """Return the file's tables of finite element bodies, in the order of the model's."""
         return [plan.of_body(name) for name, plan in self._names.solids.items()]
 
     @property
     def names(self) -> dict[str, list[str]]:
         """What has names in the order in which records have it."""
-        found = {kind.replace("body", "rod"): [*several] for kind, several in self._names.numbered.items()}
-        return {f"{kind}s": names for kind, names in found.items() if names}
+        names_by_kind = {kind.replace("body", "rod"): [*several] for kind, several in self._names.numbered.items()}
+        return {f"{kind}s": names for kind, names in names_by_kind.items() if names}
 
     @property
     def options(self) -> dict[str, Any]:
-        """What a record keeps of the scene: all that the file says, and sums of the data beside it."""
+        """The scene in a record: the file's content, and check sums of its data files."""
         return {"options": as_json(self.content), "data": self.data} | ({"case": self.case} if self.case else {})
 
     @property
@@ -299,20 +299,22 @@ class FileScene(Scene):
                 chosen[name]["rings"] = list(space.rod.rings)
         return replace(self, spaces=chosen, **rest)
 
-    def closer(self, solution: Any) -> "FileScene | None":
-        """Return the scene on spaces that see patches of contact, but of rods whose space is given; None if seen."""
-        # Over time where most energy was stored: in the end nothing may touch.
+    def refined_at_contact(self, solution: Any) -> "FileScene | None":
+        """Return the scene on spaces that resolve contact patches (except given spaces); None if they are resolved."""
+        # Over time at the largest stored energy: at the end nothing may touch.
         solution = getattr(solution, "largest", None) or solution
         if not getattr(solution, "contacts", ()):
             return None
         from isorod.contact.patches import patches
 
         plans, model, state = list(self.plans.values()), solution.model, getattr(solution, "equilibrium", solution)
-        # Steps over time, and those that friction needs, would be taken anew: too much for what lines gain.
+        # Steps over time and those of friction would be repeated: too much for the gain of line contacts.
         lines = 0 < getattr(state, "load_steps", 0) <= (1 if any(one.friction for one in model.contacts) else inf)
         moving = self.analysis == "dynamics"
-        found = {k: here for k, here in patches(model, solution.contacts, lines, moving).items() if plans[k].free}
-        return replace(self, patches=found) if found else None
+        patches_of_rods = {
+            k: here for k, here in patches(model, solution.contacts, lines, moving).items() if plans[k].free
+        }
+        return replace(self, patches=patches_of_rods) if patches_of_rods else None
 
     def model(self) -> "Model":
         """Return the model; raises `InputError` with file, line and place."""
@@ -354,7 +356,7 @@ class FileScene(Scene):
         with self.locating("rod"):
             model = Model(bodies, supports, spin, contacts, loads, welds, [solid for solid, _ in solids])
         try:
-            # What is wrong with a load is found when its forces are.
+            # Errors of a load appear when its forces are evaluated.
             model.external  # noqa: B018
         except InputError:
             for one, load in zip(self._names.loads.values(), loads, strict=False):
@@ -364,17 +366,17 @@ class FileScene(Scene):
         return model
 
     def measure(self, solution: Any, names: Sequence[str] | None = None) -> dict[str, object]:
-        """Return what the file asks for, or those of these names; without, the force of each support, or frequencies.
+        """Return the file's measures, or those of these names; without any the force of each support, or frequencies.
 
         Of largest values ``places`` has where they are, by their names; of a motion a list, an output each.
         """
         from isorod.output.largest import numbers
 
         asked = self._measures if names is None else {name: self._measures[name] for name in names}
-        found, places = numbers({name: ask(solution=solution) for name, ask in asked.items()})
+        results, places = numbers({name: ask(solution=solution) for name, ask in asked.items()})
         if hasattr(solution, "summary"):
-            found = solution.summary(found)
-        return found | ({"places": places} if places else {})
+            results = solution.summary(results)
+        return results | ({"places": places} if places else {})
 
     def named(self, text: str) -> str:
         """Return a text with the file's own names in the place of numbers."""

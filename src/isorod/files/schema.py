@@ -1,4 +1,4 @@
-"""What a scene file may say: words, and what of this package each calls.
+"""The words of a scene file, and the function or class of this package that each calls.
 
 A new curve, section, law, support, load, obstacle or measure is one more line here; its keys, their kinds and defaults
 are those of its signature, what they mean is in its docstring.
@@ -162,23 +162,23 @@ ANALYSES = {
     "dynamics": Form("isorod.dynamics:solve", left=_RUN),
     "geometry": Form("isorod.files.measures:geometry"),
 }
-# Those that tell amplitudes, and of each that measures something the class of its solutions.
+# Those of amplitudes, and of each that measures something the class of its solutions.
 SWINGING = ("harmonic", "random")
 SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"} | dict.fromkeys(SWINGING, "Response")
 
 
-def analysis(place: Place, said: Any) -> tuple[str, bool]:
+def analysis(place: Place, value: Any) -> tuple[str, bool]:
     """Return the word of the analysis that a file asks for, and whether it is of explicit steps."""
-    if isinstance(said, str):
-        if said not in ANALYSES:
-            raise place.unknown(said, ANALYSES)
-        return said, said == "dynamics"
-    strange = next((word for word in place.table(said) if word not in ANALYSES), None)
+    if isinstance(value, str):
+        if value not in ANALYSES:
+            raise place.unknown(value, ANALYSES)
+        return value, value == "dynamics"
+    strange = next((word for word in place.table(value) if word not in ANALYSES), None)
     if strange is not None:
         raise (place / strange).unknown_key(ANALYSES)
-    if len(said) != 1:
+    if len(value) != 1:
         raise place.error(f"need one of {', '.join(ANALYSES)}")
-    ((word, keys),) = said.items()
+    ((word, keys),) = value.items()
     return word, word == "dynamics" and not (isinstance(keys, dict) and keys.get("integrator") == "implicit")
 
 
@@ -211,7 +211,7 @@ MEASURES = {
     "tie_moment": _measure("tie_moment", tie=TIE),
 }
 
-# Those that the state of any load step tells.
+# Measures of the state of any load step.
 ALONG = (
     *("reaction", "moment", "displacement", "rotation", "stress", "section_force", "energy"),
     *("state", "dissipated"),
@@ -219,11 +219,11 @@ ALONG = (
 )
 
 
-def refuse_untold(place: Place, table: Mapping[str, Any], analysis: str, told: Mapping[str, Form]) -> None:
+def refuse_unavailable(place: Place, table: Mapping[str, Any], analysis: str, available: Mapping[str, Form]) -> None:
     """Raise `InputError` where a table asks for what is not available in an analysis, but in others."""
     words = [word for word in table if word in MEASURES]
-    if words and not told.keys() & {*words}:
-        raise (place / words[0]).error(f"not available in {analysis}; available: {', '.join(told)}")
+    if words and not available.keys() & {*words}:
+        raise (place / words[0]).error(f"not available in {analysis}; available: {', '.join(available)}")
 
 
 # What a record has besides what is measured.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class OfBody(NamedTuple):
-    """What a file says of a body besides its law, in names of groups.
+    """A body in the file except its law, in names of groups.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ def body_force(density: tuple[float, float, float]) -> "Load":
 
 
 class SolidPlan:
-    """What a file says of a finite element body.
+    """A finite element body as the file describes it.
 
     Attributes
     ----------
@@ -195,18 +195,18 @@ class SolidPlan:
         groups = ", ".join(self.grid.groups) or "none"
         return f"{self._files}, groups {groups}"
 
-    def _one_held(self, place: Place, said: Any) -> Call:
-        if isinstance(said, str):
-            return Call(place, schema.HELD, {"group": (said, place)})
-        return call(place, schema.HELD, place.table(said))
+    def _one_held(self, place: Place, value: Any) -> Call:
+        if isinstance(value, str):
+            return Call(place, schema.HELD, {"group": (value, place)})
+        return call(place, schema.HELD, place.table(value))
 
     def _group(self, one: Call) -> dict[str, str]:
         """Return the group that a call names, having made sure that it is there."""
-        said = one.arguments.get("group")
-        if not isinstance(said, Name):
+        group = one.arguments.get("group")
+        if not isinstance(group, Name):
             return {}
-        said.among(self.grid.groups)
-        return {"group": said.name}
+        group.among(self.grid.groups)
+        return {"group": group.name}
 
     def of_body(self, name: str) -> OfBody:
         """Return the table of the body of that name."""
@@ -240,14 +240,17 @@ class SolidPlan:
             raise (self.place / "degree").error(f"got {degree}, need 1 or 2")
         if not density >= 0.0:
             raise (self.place / "density").error(f"got {density:g}, need a mass per volume, not negative")
-        said, law = self.of_body(""), self.law.make()
+        described, law = self.of_body(""), self.law.make()
         with self.place.locating(self._solid.keys):
-            found = groups.Groups(*self.grid)
-            space = groups.space_of(found, degree)
-            conditions, external = groups.conditions(space, found, said.held), groups.external(space, found, said.loads)
-            return Solid(space, law, density, conditions, external), found
+            grid_groups = groups.Groups(*self.grid)
+            space = groups.space_of(grid_groups, degree)
+            conditions, external = (
+                groups.conditions(space, grid_groups, described.held),
+                groups.external(space, grid_groups, described.loads),
+            )
+            return Solid(space, law, density, conditions, external), grid_groups
 
 
-def _several(place: Place, said: Any) -> list[tuple[Place, Any]]:
+def _several(place: Place, value: Any) -> list[tuple[Place, Any]]:
     """Return each of a list, or the only one, and where it stands."""
-    return [(place / k, one) for k, one in enumerate(said)] if isinstance(said, list) else [(place, said)]
+    return [(place / k, one) for k, one in enumerate(value)] if isinstance(value, list) else [(place, value)]

@@ -47,7 +47,7 @@ def put(document: Document) -> None:
         for key in _names(place / k, step):
             tables.setdefault(key, [[0.0, 0.0]])
     for kind, name in tables:
-        _refuse_told(content, top, kind, name)
+        _refuse_named(content, top, kind, name)
     end = 0.0
     for k, step in enumerate(steps):
         end = _take(place / k, step, tables, end)
@@ -57,44 +57,44 @@ def put(document: Document) -> None:
     analysis.setdefault("end_time", end)
 
 
-def _analysis(place: Place, said: Any) -> dict[str, Any]:
-    """Return the table of the analysis, whose end time is told."""
+def _analysis(place: Place, value: Any) -> dict[str, Any]:
+    """Return the table of the analysis, whose end time is given."""
     content = place.document.content
-    if isinstance(said, str):
-        said = content["analysis"] = {said: {}}
-    word = next(iter(said), "") if isinstance(said, dict) else ""
+    if isinstance(value, str):
+        value = content["analysis"] = {value: {}}
+    word = next(iter(value), "") if isinstance(value, dict) else ""
     if word not in _ANALYSES:
         raise place.error(f"steps are of {', '.join(_ANALYSES)}; leave out [[step]]")
-    return (place / word).table(said[word])
+    return (place / word).table(value[word])
 
 
 def _names(place: Place, step: Mapping[str, Any]) -> list[Key]:
     """Return what a step names."""
-    found: list[Key] = []
+    keys: list[Key] = []
     content, known = place.document.content, ("time", "hold", "unload", "cycle", *_NAMED, *_ALONE)
-    for key, said in step.items():
+    for key, value in step.items():
         if key not in known:
             raise (place / key).unknown_key(known)
         if key in _ALONE:
             if key not in content:
                 raise (place / key).error(f"the file has no [{key}]")
-            found.append((key, ""))
+            keys.append((key, ""))
         elif key in _NAMED:
             there = content.get(_TABLES.get(key, key), {})
-            for name in (place / key).table(said):
+            for name in (place / key).table(value):
                 if name not in there or not isinstance(there[name], dict):
                     raise (place / key / name).unknown_key(there)
-                found.append((key, name))
-    return found
+                keys.append((key, name))
+    return keys
 
 
-def _refuse_told(content: Mapping[str, Any], top: Place, kind: str, name: str) -> None:
+def _refuse_named(content: Mapping[str, Any], top: Place, kind: str, name: str) -> None:
     table = content[kind] if kind in _ALONE else content[_TABLES.get(kind, kind)][name]
     place = top / kind if kind in _ALONE else top / _TABLES.get(kind, kind) / name
     if kind == "temperature" and "temperature" not in table:
         raise place.error("steps name its temperature, and it has none")
     if _NAMED.get(kind, "history") in place.table(table):
-        raise (place / _NAMED.get(kind, "history")).error("steps say it too; leave one of the two out")
+        raise (place / _NAMED.get(kind, "history")).error("steps has it too; leave one of the two out")
 
 
 def _take(place: Place, step: Mapping[str, Any], tables: Mapping[Key, list[list[float]]], begin: float) -> float:
@@ -114,9 +114,9 @@ def _take(place: Place, step: Mapping[str, Any], tables: Mapping[Key, list[list[
     does = [word for word in ("hold", "unload") if word in step] + ["values"] * bool(named)
     if len(does) != 1:
         raise place.error(
-            "it says nothing; need values, hold = true, or unload = true"
+            "it is empty; need values, hold = true, or unload = true"
             if not does
-            else f"it says {' and '.join(does)}; need one of them"
+            else f"it has {' and '.join(does)}; need one of them"
         )
     if "cycle" in step and not named:
         raise (place / "cycle").error("need values to go to, and back")
@@ -139,10 +139,10 @@ def _take(place: Place, step: Mapping[str, Any], tables: Mapping[Key, list[list[
 
 def _values(place: Place, step: Mapping[str, Any], key: Key) -> list[float]:
     kind, name = key
-    said = step[kind] if kind in _ALONE else step[kind][name]
-    values = said if isinstance(said, list) and said else [said]
+    value = step[kind] if kind in _ALONE else step[kind][name]
+    values = value if isinstance(value, list) and value else [value]
     for one in values:
         if isinstance(one, bool) or not isinstance(one, int | float) or not abs(one) < float("inf"):
             at = place / kind if kind in _ALONE else place / kind / name
-            raise at.error(f"got {shown(said)}, need a factor, or several in a list")
+            raise at.error(f"got {shown(value)}, need a factor, or several in a list")
     return [float(one) for one in values]

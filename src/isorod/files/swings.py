@@ -29,12 +29,12 @@ def find(sought: Sought, solution: "Response") -> Any:
             sought.warn(whole, size)
         return values
     one = whole or solution.single(_loudest(sought, solution))
-    found = sought.find(one)
-    assert isinstance(found, Peak)
-    sought.warn(one, found)
-    angle = np.radians(found.place["angle"])
-    xi = found.place["radius"] * np.array([np.cos(angle), np.sin(angle)])
-    return Peak(_at(sought, solution, found.place["u"], xi), found.place)  # type: ignore[arg-type]
+    peak = sought.find(one)
+    assert isinstance(peak, Peak)
+    sought.warn(one, peak)
+    angle = np.radians(peak.place["angle"])
+    xi = peak.place["radius"] * np.array([np.cos(angle), np.sin(angle)])
+    return Peak(_at(sought, solution, peak.place["u"], xi), peak.place)  # type: ignore[arg-type]
 
 
 def _at(sought: Sought, solution: "Response", u: float, xi: Array) -> Array:

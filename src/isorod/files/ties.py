@@ -19,7 +19,7 @@ _LOOKS = 16
 # Ends that are nearer to each other along the rod, in its radii, meet it in one place.
 _ONE_PLACE = 0.2
 
-# How exactly, as a share of such a part.
+# The tolerance, as a fraction of such a part.
 _EXACT = 1e-9
 
 
@@ -36,13 +36,13 @@ def surfaces(rods: Mapping[str, int], solids: Mapping[str, Sequence[str]]) -> di
     ``ROD.start`` and ``ROD.end`` are the end faces, ``ROD.outer`` the lateral surface, ``ROD.inner`` that of the hole;
     ``SOLID.GROUP`` are the facets of a group, ``SOLID`` the whole surface.
     """
-    found: dict[str, Surface | Facets] = {}
+    by_name: dict[str, Surface | Facets] = {}
     for name, number in rods.items():
-        found |= {f"{name}.{which}": EndFace(number, which) for which in ("start", "end")}
-        found |= {f"{name}.{which}": LateralSurface(number, surface=which) for which in ("outer", "inner")}
+        by_name |= {f"{name}.{which}": EndFace(number, which) for which in ("start", "end")}
+        by_name |= {f"{name}.{which}": LateralSurface(number, surface=which) for which in ("outer", "inner")}
     for k, (name, groups) in enumerate(solids.items()):
-        found |= {name: Facets(k, None)} | {f"{name}.{group}": Facets(k, group) for group in groups}
-    return found
+        by_name |= {name: Facets(k, None)} | {f"{name}.{group}": Facets(k, group) for group in groups}
+    return by_name
 
 
 def built(surface: Surface | Facets, facets: Sequence[Mapping[str, Index]]) -> Surface:
@@ -58,21 +58,21 @@ def landed(rod: int, ties: Sequence[tuple[Any, Any]], rods: Sequence[Callable[[]
     Those of ends that meet it in one place, as from two sides, are one; the rod's own ends are none.  ``ties`` are
     slaves and masters; ``rods`` make those of the file.
     """
-    found = []
+    projections = []
     for pair in (*ties, *((master, slave) for slave, master in ties)):
         end, flank = pair
         if not (isinstance(end, EndFace) and isinstance(flank, LateralSurface) and flank.body == rod):
             continue
         other, own = rods[end.body](), rods[rod]()
         place = other.grid(np.zeros((1, 2)), other.axis.breaks[[0 if end.which == "start" else -1]])[0][0, 0]
-        found.append(_nearest(own, place))
-    if not found:
+        projections.append(_nearest(own, place))
+    if not projections:
         return []
     shape = shape_of(rods[rod]())
-    ways = np.interp(sorted(found), shape.u, shape.lengths)
+    distances = np.interp(sorted(projections), shape.u, shape.lengths)
     near, end = _ONE_PLACE * shape.radius, shape.lengths[-1]
-    apart = (np.diff(ways, prepend=-np.inf) > near) & (ways > near) & (ways < end - near)
-    return np.interp(ways[apart], shape.lengths, shape.u).tolist()
+    apart = (np.diff(distances, prepend=-np.inf) > near) & (distances > near) & (distances < end - near)
+    return np.interp(distances[apart], shape.lengths, shape.u).tolist()
 
 
 def _nearest(rod: Rod, place: Array) -> float:

@@ -1,4 +1,4 @@
-"""Values of a scene file, held to what the annotation of a parameter says."""
+"""Values of a scene file, checked against the annotation of a parameter."""
 
 import re
 from collections.abc import Callable
@@ -101,8 +101,8 @@ def _refuse_infinite(place: Place, value: Any) -> None:
             _refuse_infinite(place / k, one)
     # An integer may be too long for any other number.
     elif isinstance(value, int | float) and not abs(value) <= 1.7e308:
-        said = f"{value:.40}" if isinstance(value, float) else f"{value!s:.20}..., an integer of too many digits"
-        raise place.error(f"got {said}, need a finite number")
+        text = f"{value:.40}" if isinstance(value, float) else f"{value!s:.20}..., an integer of too many digits"
+        raise place.error(f"got {text}, need a finite number")
 
 
 def _made(place: Place, value: Any, kind: Any) -> Any:

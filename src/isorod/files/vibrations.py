@@ -1,4 +1,4 @@
-"""What files say of harmonic and random vibrations: frequencies, damping, the loads that swing."""
+"""Harmonic and random vibrations in scene files: frequencies, damping, the loads that swing."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any

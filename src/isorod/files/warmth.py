@@ -15,7 +15,7 @@ from isorod.files.values import Kind, value_of
 if TYPE_CHECKING:
     from isorod.material.places import Places
 
-# How far a table may end before the rod, as a share of its length.
+# Distance by which a table may end before the rod, as a fraction of its length.
 _ROUNDED = 1e-6
 
 _WORDS = "a number, rows [length along the rod, temperature], or a formula of s, n, b, r, x, y, z"

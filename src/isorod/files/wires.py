@@ -19,7 +19,7 @@ ENDINGS = (".step", ".stp", ".iges", ".igs")
 # Points along each edge: circles of less than a whole turn bend by less between two than a corner does.
 _POINTS = 193
 
-# Ends so near to each other, as a share of the wire's size, are one.
+# Ends nearer to each other than this fraction of the wire's size are joined.
 _SAME = 1e-7
 
 
@@ -79,7 +79,7 @@ def edges(path: Path) -> tuple[Array, list[list[int]]]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Let nothing be printed: the kernel tells of IGES files from C++, where records are."""
+    """Suppress output: the kernel prints notes on IGES files from C++ to standard output, where records go."""
     sys.stdout.flush()
     kept = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)

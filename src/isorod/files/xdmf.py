@@ -97,11 +97,11 @@ def _reader(place: Place) -> Any:
 
 def _groups(reader: Any, file: File, grid: Grid) -> dict[str, Index]:
     """Return the corners of facets by group: of each grid of facets all, and those of each number that one grid has."""
-    found: dict[str, Index] = {}
+    members: dict[str, Index] = {}
     numbered: dict[str, list[Index]] = {}
     for name, own in file.tags.items():
         corners, numbers = reader.facets(file.path, file.hdf, name, own, *grid[:4])
-        found[name] = corners
+        members[name] = corners
         for number in sorted({*numbers.tolist()}):
             numbered.setdefault(str(number), []).append(corners[numbers == number])
     for number, parts in numbered.items():
@@ -109,8 +109,8 @@ def _groups(reader: Any, file: File, grid: Grid) -> dict[str, Index]:
             raise InputError(f"{number} is the name of a grid and a number of facets; rename the grid")
         # Of several grids a number may mean as many things.
         if len(parts) == 1:
-            found[number] = parts[0]
-    return found
+            members[number] = parts[0]
+    return members
 
 
 def _file(place: Place, name: str) -> File:
@@ -149,33 +149,33 @@ def _parsed(content: bytes, name: Path) -> File:
         if topology is None:
             continue
         kind = topology.get("TopologyType", "").lower()
-        said = grid.get("Name", "")
+        title = grid.get("Name", "")
         if kind == "mixed":
             raise InputError(
-                f"grid {said}: cells of several kinds; write those of the volume into one file, facets apart"
+                f"grid {title}: cells of several kinds; write those of the volume into one file, facets apart"
             )
         own = grid.find("Geometry")
         is_mesh = kind in _CELLS and own is not None and cells is None
         if not is_mesh and (kind not in _FACETS or grid.find("Attribute") is None):
             continue
-        if said in names or not said or set(said) & set("'\""):
-            raise InputError(f"grid {said or 'without a name'}: need a name of its own for each grid, without quotes")
-        names.add(said)
+        if title in names or not title or set(title) & set("'\""):
+            raise InputError(f"grid {title or 'without a name'}: need a name of its own for each grid, without quotes")
+        names.add(title)
         nodes = _CELLS[kind][2] if is_mesh else _FACETS[kind]
-        count, form = _item(topology, said, name, nodes)
+        count, form = _item(topology, title, name, nodes)
         formats.add(form)
         if own is not None:
             if own.get("GeometryType") != "XYZ":
-                raise InputError(f"grid {said}: points of kind {own.get('GeometryType')}, need XYZ")
-            formats.add(_item(own, said, name, 3)[1])
+                raise InputError(f"grid {title}: points of kind {own.get('GeometryType')}, need XYZ")
+            formats.add(_item(own, title, name, 3)[1])
         if is_mesh:
-            cells = said, _CELLS[kind][0], _CELLS[kind][1]
+            cells = title, _CELLS[kind][0], _CELLS[kind][1]
         else:
-            numbers, form = _item(grid.find("Attribute"), said, name, None)
+            numbers, form = _item(grid.find("Attribute"), title, name, None)
             if numbers != count:
-                raise InputError(f"grid {said}: {numbers:,} numbers of {count:,} facets")
+                raise InputError(f"grid {title}: {numbers:,} numbers of {count:,} facets")
             formats.add(form)
-            tags[said] = own is not None
+            tags[title] = own is not None
     if len(formats) > 1:
         raise InputError("some numbers are in it and others in the .h5 file; use one format")
     return File(name, formats == {"HDF"}, cells, tags)

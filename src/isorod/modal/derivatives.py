@@ -72,7 +72,7 @@ def derivatives(
             return moved
 
         factor = 0.0 if moving is None else 1.0
-        own = assembler_for(model, comm) if moving is None else moving.perturbed(model)
+        start = assembler_for(model, comm) if moving is None else moving.perturbed(model)
         pressed = None
         if moving is not None and model.contacts:
             from isorod.modal.touching import hold_beside

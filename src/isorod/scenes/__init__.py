@@ -42,7 +42,7 @@ GEOMETRY_UNITS = {
 
 
 def option(default: Any, text: str, **more: Any) -> Any:
-    """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit.
+    """Return a dataclass field that is a command line option; ``text`` is its help, with the unit.
 
     ``more`` may have a ``flag`` in the place of the field's name, a ``metavar``, and in ``was`` the option's former
     name, which is taken with a warning; ``radians`` where that was an angle in radians, and degrees are taken now.
@@ -64,7 +64,7 @@ class Scene(Checked):
     load_steps
         Initial number of equal load steps of statics.
     content
-        All that the scene's file says; None where there is none.
+        Content of the scene's file; None where there is none.
     cases, case
         The names of its load cases, and which of them it is; none and None where it has none.
     """
@@ -165,10 +165,10 @@ class Scene(Checked):
         return text
 
     def locating(self) -> AbstractContextManager[None]:
-        """Let errors of the model and its analysis say where in the scene they come from."""
+        """Add the place in the scene to errors of the model and its analysis."""
         return nullcontext()
 
-    def closer(self, solution: Any) -> Any:
+    def refined_at_contact(self, solution: Any) -> Any:
         """Return the same scene on spaces that resolve the patches of a solution's contacts; None where they do."""
         return None
 
@@ -237,19 +237,19 @@ class Wound(Scene):
         moved = isorod.Support.end(space, "end", displacement=(0.0, 0.0, -travel), history=history)
         return isorod.Model([isorod.Body(space, law)], [isorod.Support.end(space, "start"), moved])
 
-    def way(self, solution: "Equilibrium") -> tuple["Array", "Array", "Array"]:
+    def load_history(self, solution: "Equilibrium") -> tuple["Array", "Array", "Array"]:
         """Return times, travels over the whole one, and forces at each load step."""
         import numpy as np
 
         model, factors = solution.model, [one.factor for one in solution.path]
         assert model.times is not None, "solved with an end_time"
         times = [model.times.time(one) for one in factors]
-        shares = [model.amplitude(model.motions[1].clock.table, one) for one in factors]
-        return np.array(times), np.array(shares), np.array([-one.reactions[1, 2] for one in solution.path])
+        fractions = [model.amplitude(model.motions[1].clock.table, one) for one in factors]
+        return np.array(times), np.array(fractions), np.array([-one.reactions[1, 2] for one in solution.path])
 
 
 class Preset(Scene):
-    """A scene with a field ``preset``, which says what fields of the element are that are not given."""
+    """A scene with a field ``preset``, which sets the fields of the element that are not given."""
 
     PAPER: ClassVar[Mapping[str, Any]]
     """The paper's element; its axis is as smooth as its degree allows where no continuity is given."""
@@ -284,7 +284,7 @@ class Preset(Scene):
 
 
 def preset(text: str) -> Any:
-    """Return the field ``preset``; ``text`` says what the paper's element is."""
+    """Return the field ``preset``; ``text`` describes the paper's element."""
     return option(None, f"paper: {text}, in what is not given (what suits the rod)")
 
 

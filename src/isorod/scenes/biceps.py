@@ -61,7 +61,7 @@ class Biceps(Preset):
 
     tendon_length: float = option(4.0, "length along y of each of the two tendons of a branch [cm]")
     belly_length: float = option(12.0, "length along y of the muscle between them [cm]")
-    belly_radius: float = option(1.6, "radius of a belly, half way along [cm]")
+    belly_radius: float = option(1.6, "radius of a belly at its middle [cm]")
     tendon_radius: float = option(0.7, "radius of the tendons at the ends of a branch [cm]")
     gap: float = option(0.1, "gap between the bellies at rest [cm]")
     lower_distance: float = option(0.3, "distance of the centres of the lower ends, which overlap [cm]")
@@ -109,7 +109,7 @@ class Biceps(Preset):
         "end_elements": 0,
         "quadrature": "auto",
     }
-    # Contact wants points round the section, and the smallest elements say how long steps may be.
+    # Contact wants points round the section, and the smallest elements limit the time step.
     SUITS: ClassVar[Mapping[str, Any]] = {
         "section_points": 8,
         "order": 2,
@@ -166,7 +166,7 @@ class Biceps(Preset):
         return np.concatenate([[0.0] * 2, breaks, [breaks[-1]] * 2])
 
     def _radii(self) -> Array:
-        """Return the control radii: half way along the belly the radius is its radius."""
+        """Return the control radii: at the middle of the belly the radius is its radius."""
         thick, thin = self.belly_radius, self.tendon_radius
         middle = thick * (4.0 - SHOULDER) / 3.0
         return np.array([thin, thin, SHOULDER * thick, middle, SHOULDER * thick, thin, thin])
@@ -238,16 +238,16 @@ class Biceps(Preset):
         still = solution.displacement.ndim == 1
         forces = solution.reactions if still else solution.reactions[-1]
         bulges = self._bulges(solution.model, np.atleast_2d(solution.displacement))
-        found: dict[str, object] = {
+        results: dict[str, object] = {
             "end_force": np.linalg.norm(forces, axis=1),
             "end_force_x": forces[:, 0],
             "end_force_y": forces[:, 1],
             "belly_bulge": float(bulges[-1]),
         }
         if not still:
-            return found | {"belly_bulge_history": bulges}
+            return results | {"belly_bulge_history": bulges}
         (contact,) = cast("isorod.Equilibrium", solution).contacts
-        return found | {"contact_force": contact.force}
+        return results | {"contact_force": contact.force}
 
     def _bulges(self, model: "isorod.Model", displacements: Array) -> Array:
         """Return half the growth of the bellies' extent in z, the larger of both branches, shape ``(states,)``."""

@@ -61,10 +61,10 @@ class Blade(Preset):
             positive(name, getattr(self, name), "a positive number")
         if not abs(self.twist) <= 90.0:
             raise InputError(f"twist: got {self.twist:g} degrees, the one element of the blade carries -90 to 90")
-        share = np.array([0.0, 0.5, 1.0])
-        rotations = np.array([rotation((0.0, 0.0, angle)) for angle in np.radians(self.twist) * share])
-        stretches = (1.0 + (self.taper - 1.0) * share)[:, None, None] * np.eye(3)
-        centers = share[:, None] * np.array([0.0, 0.0, self.length])
+        fractions = np.array([0.0, 0.5, 1.0])
+        rotations = np.array([rotation((0.0, 0.0, angle)) for angle in np.radians(self.twist) * fractions])
+        stretches = (1.0 + (self.taper - 1.0) * fractions)[:, None, None] * np.eye(3)
+        centers = fractions[:, None] * np.array([0.0, 0.0, self.length])
         return Rod.sweep(self._outline(), _AXIS, centers, rotations, stretches)
 
     def _outline(self) -> Any:

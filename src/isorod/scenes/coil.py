@@ -19,17 +19,17 @@ from isorod.scenes import Scene, option
 LENGTHS = "coil_radius", "wire_radius", "pitch"
 ENDS = "laid", "clamped", "closed"
 
-# The tip of a closed end is farther from the next turn than it would be if it touched, by this share of the wire.
+# The tip of a closed end is farther from the next turn than in contact, by this fraction of the wire.
 _CLEAR = 0.05
 
-# Of steel on steel.  What plates alone hold is held otherwise on the way, which friction would remember.
+# Of steel on steel.  Between plates stabilisation acts along the load path, which friction would remember.
 _FRICTION = 0.15
 
 # Poisson's ratio above which the volume of seats matters: beside 24 elements a turn, the force of one turn pushed by 5
 # mm is 0.35, 0.9, 2.9 % too high at 0.49, 0.499, 0.4999; after a tenth of that 0.8, 2 and 6 %.
 _SQUEEZED = 0.49
 
-# Straight lines of the nodes of seats on their way: with one alone, forces of a turn early on the way are 3 % too low.
+# Straight segments of the path of seat nodes: with a single one, forces early in the travel are 3 % too low.
 _LEGS = 20
 
 # Plates are as far from the centre of the wire that lies on them, in its radii.
@@ -80,8 +80,8 @@ class Coil(Scene):
     quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
 
     @property
-    def way(self) -> float:
-        """What the spring is shortened by [length]: to solid, or, between plates, half as far."""
+    def shortening(self) -> float:
+        """Shortening of the spring [length]: to solid, or, between plates, half as far."""
         if self.travel is not None:
             return self.travel
         return 20.0 if self.ends == "closed" else 45.4
@@ -143,7 +143,9 @@ class Coil(Scene):
             # Plates that touch at rest, if only just, take the wire along from the first step.
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
             others.append(isorod.Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
-            others.append(isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.way))
+            others.append(
+                isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.shortening)
+            )
         usual = 0.0 if self.ends == "closed" else _FRICTION
         friction = usual if self.friction is None else self.friction
         contacts = [isorod.Contact(0, other, points=points, friction=friction) for other in others]
@@ -156,7 +158,7 @@ class Coil(Scene):
         if self.ends == "closed":
             return [isorod.Support.end(space, end, "xy") for end in ("start", "end")]
         if self.ends == "clamped":
-            down = (0.0, 0.0, -self.way)
+            down = (0.0, 0.0, -self.shortening)
             return [isorod.Support.end(space, "start"), isorod.Support.end(space, "end", displacement=down)]
         return self._laid(space)
 
@@ -174,15 +176,15 @@ class Coil(Scene):
         turn = (last - first) / (self.coils + 2)
         nodes = np.arange(space.nodes).reshape(space.layers, -1)
         ends = nodes[places < first + turn + 1e-9].ravel(), nodes[places > last - turn - 1e-9].ravel()
-        way = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
-        return [isorod.Support(end, displacement=way[-1, end], space=space, waypoints=way[:-1, end]) for end in ends]
+        path = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
+        return [isorod.Support(end, displacement=path[-1, end], space=space, waypoints=path[:-1, end]) for end in ends]
 
-    def _helix(self, space: "isorod.Space", share: float) -> Array:
-        """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix after a share of the way."""
-        rod, down = space.rod, share * self.way / self.coils
-        sine = (self.height - share * self.way) / self._length
+    def _helix(self, space: "isorod.Space", fraction: float) -> Array:
+        """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix at a fraction of the travel."""
+        rod, down = space.rod, fraction * self.shortening / self.coils
+        sine = (self.height - fraction * self.shortening) / self._length
         if not abs(sine) < 1.0:
-            raise InputError(f"travel: got {self.way:g}, the wire is not as long")
+            raise InputError(f"travel: got {self.shortening:g}, the wire is not as long")
         wider = np.cos(np.arcsin(sine)) / np.cos(self.lead)
         laid = helix(self.coil_radius * wider, self.pitch - down, self.coils + 2)
         there = laid.sweep(section.circle(self.section_points, self.wire_radius))
@@ -197,12 +199,12 @@ class Coil(Scene):
         return self.height / float(np.sin(self.lead))
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
-        """Return the force that pushes the end, now and on the way, and the force of the coils on each other."""
+        """Return the force on the moved end, at the end and over the load steps, and the force between the coils."""
         contact, *plates = solution.contacts
         pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {
             "force": -float(pushed[2]),
-            "travels": [step.factor * self.way for step in solution.path],
+            "travels": [step.factor * self.shortening for step in solution.path],
             "forces": [step.push if plates else -float(step.reactions[1, 2]) for step in solution.path],
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),

@@ -41,7 +41,7 @@ class Creep(Wound):
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return what is left of the force, and the force by time."""
-        times, _, forces = self.way(solution)
+        times, _, forces = self.load_history(solution)
         begin = int((times <= 0.0).sum()) - 1
         return {
             "kept": float(forces[-1] / forces[begin]),

@@ -54,7 +54,7 @@ class Knot(Scene):
     analysis: ClassVar[str] = "dynamics"
     units: ClassVar[dict[str, str]] = {
         "tension": "(unit of E x length^2; of the tails)",
-        "tension_by_loop": "(the same, as tension and bending of the loop's middle say it, without friction)",
+        "tension_by_loop": "(the same, from tension and bending of the loop's middle, without friction)",
         "loop_radius": "(length; radius of the centre line's curvature in the middle of the loop)",
         "kinetic_share": "(energy of motion that is left, over the stored)",
     }
@@ -152,9 +152,9 @@ class Knot(Scene):
         """Displacement of the nodes that lays the rod along the line without twist, shape ``(nodes, 3)``."""
         space, lengths = self.space, self._lengths
         axis = space.axis
-        share = np.linspace(0.0, 1.0, _POINTS * axis.elements + 1)
-        u = axis.breaks[0] + np.ptp(axis.breaks) * share
-        points = [np.interp(share * lengths[-1], lengths, self.radius * along) for along in self.line.T]
+        fractions = np.linspace(0.0, 1.0, _POINTS * axis.elements + 1)
+        u = axis.breaks[0] + np.ptp(axis.breaks) * fractions
+        points = [np.interp(fractions * lengths[-1], lengths, self.radius * along) for along in self.line.T]
         centers = nearest(axis, u, np.stack(points, axis=1))
         across = Frames(axis, centers, np.array([0.0, 1.0, 0.0]))(bspline.greville(axis.knots, axis.degree))
         rest = space.positions.reshape(space.layers, -1, 3)

@@ -10,7 +10,7 @@ from isorod.arrays import Array
 from isorod.errors import InputError, positive
 from isorod.scenes import Wound, option
 
-# Where the stress that is left is told: places across the wire from the coil's inside to its outside, in its radii.
+# Points of the residual stress: places across the wire from the coil's inside to its outside, in its radii.
 PLACES = np.linspace(-1.0, 1.0, 9)
 
 
@@ -19,7 +19,7 @@ class Set(Wound):
     """Round wire in coils, pushed together past yield, let go, pushed again and let go: what is left of the travel.
 
     Both end faces are clamped and one is moved, back each time to where the wire would be free if it were a bar in
-    torsion (`left`).  There the force is nearly none; the set is where the way back would meet none.
+    torsion (`left`).  There the force is nearly none; the set is where unloading, extrapolated, would reach zero.
     """
 
     analysis: ClassVar[str] = "statics"
@@ -79,19 +79,19 @@ class Set(Wound):
         return self.pressed(law, self.travel, history)
 
     def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
-        """Return the set, the forces on the way, and the stress that is left across the wire."""
-        times, shares, forces = self.way(solution)
-        # The last load step of the way back, whose line goes on to where there is no force.
+        """Return the set, the forces over the load steps, and the residual stress across the wire."""
+        times, fractions, forces = self.load_history(solution)
+        # The last load step of unloading, extrapolated linearly to zero force.
         last = int(np.flatnonzero(np.isclose(times, 2.0))[0])
-        slope = (shares[last] - shares[last - 1]) / (forces[last] - forces[last - 1])
+        slope = (fractions[last] - fractions[last - 1]) / (forces[last] - forces[last - 1])
         first, second = (forces[np.isclose(times, one)][0] for one in (1.0, 3.0))
         return {
-            "set": float(self.travel * (shares[last] - slope * forces[last])),
+            "set": float(self.travel * (fractions[last] - slope * forces[last])),
             "force": float(first),
             "second_force": float(second),
             "torsion_bar": self.left * self.travel,
             "force_left": float(forces[-1]),
-            "travels": (self.travel * shares).tolist(),
+            "travels": (self.travel * fractions).tolist(),
             "forces": forces.tolist(),
             "stress_left": self.across(solution).tolist(),
         }

@@ -130,7 +130,7 @@ class Strand(Scene):
         if self.layers < 2:
             return isorod.Contact(range(wires), points=points, friction=self.friction)
         # Layers cross at places, which must not lie between points.  They press on the middle of an arc: one point
-        # there says as much as three, and is found in a third of the time.  Before they are drawn together little
+        # there is as accurate as three, in a third of the time.  Before they are drawn together little
         # holds wires, which stiff penalties then throw back and forth.
         longest = self.length / np.cos(self.lay_angle) / elements
         smallest = min(self.core_radius, self.wire_radius)
