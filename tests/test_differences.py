@@ -96,7 +96,7 @@ def test_a_bar_that_slides_is_dragged_by_its_weight_times_friction(tmp_path):
     scene, told = scene_of(tmp_path, SLIDE), []
     solution = statics.solve(scene.model())
     long = replace(solution, seconds={"solve": 60.0})
-    found = derivatives.of(scene, long, {FRICTION: 0.3}, tell=told.append)
+    found = derivatives.of(scene, long, {FRICTION: 0.3}, report=told.append)
     assert float(found.by[FRICTION]["drag"]) == pytest.approx(-2.0, rel=1e-6)
     assert found.errors[FRICTION]["drag"] < 1e-6
     why = "not available with friction where contact alone holds a body"
