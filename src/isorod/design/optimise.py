@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
 from isorod.design.evaluations import MISFIT, Answer, Evaluations
-from isorod.design.wanted import Vary, Wanted
+from isorod.design.wanted import Vary, Constraint
 from isorod.errors import InputError, SolveError
 
 # Relative tolerances of targets and limits, and of the objective.
@@ -93,7 +93,7 @@ class Problem:
         self,
         evaluations: Evaluations,
         variables: Sequence[Vary],
-        constraints: Sequence[Wanted],
+        constraints: Sequence[Constraint],
         objective: tuple[str, float] | None,
         report: Callable[[str], None],
     ) -> None:
@@ -246,7 +246,7 @@ class Problem:
             self._rates[key] = {name: slopes * x for name, slopes in rates.items()}
         return self._rates[key]
 
-    def _margin(self, y: Array, constraint: Wanted) -> tuple[float, Array]:
+    def _margin(self, y: Array, constraint: Constraint) -> tuple[float, Array]:
         """Return the relative margin to a limit, or deviation from a target, and its derivative."""
         y = self._solvable(y)
         ratio = self._answer(y).values[constraint.name] / (constraint.value or 1.0)
@@ -309,7 +309,7 @@ class Problem:
         return {name: float(value) for name, value in zip(gradients, multipliers, strict=True)}
 
 
-def missed_by(values: Mapping[str, float], constraints: Sequence[Wanted]) -> tuple[float, str]:
+def missed_by(values: Mapping[str, float], constraints: Sequence[Constraint]) -> tuple[float, str]:
     """Return the largest relative violation of targets and limits, and of which."""
     violations = [(0.0, "")]
     for constraint in constraints:

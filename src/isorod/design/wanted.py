@@ -22,7 +22,7 @@ class Vary(NamedTuple):
     upper: float
 
 
-class Wanted(NamedTuple):
+class Constraint(NamedTuple):
     """A target or limit: the result's name, the relation ``=``, ``<`` or ``>``, and the value."""
 
     name: str
@@ -83,7 +83,7 @@ class Known(NamedTuple):
         raise InputError(f"{option} {name}: not measured; there are: {', '.join(names)}")
 
 
-def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Wanted]:
+def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Constraint]:
     """Return targets or limits of results; raises `InputError`."""
     constraints = []
     for text in _words(texts):
@@ -92,7 +92,7 @@ def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> l
             example = "force=8.0" if "=" in relations else "stress<900"
             raise InputError(f"{option} {text}: need a name, {' or '.join(relations)} and a number, such as {example}")
         value = _number(f"{option} {text}", match[3])
-        constraints += [Wanted(name, match[2][0], value) for name in known.named(option, match[1])]
+        constraints += [Constraint(name, match[2][0], value) for name in known.named(option, match[1])]
     return constraints
 
 
