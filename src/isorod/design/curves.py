@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.design import parameters
-from isorod.design.wanted import Vary
+from isorod.design.wanted import Variable
 from isorod.errors import InputError
 
 
@@ -41,7 +41,7 @@ def _size(column: Array) -> float:
     return float(np.abs(column).max()) or 1.0
 
 
-def curve(rows: Mapping[str, Array], scene: Any, variables: Sequence[Vary]) -> Curve:
+def curve(rows: Mapping[str, Array], scene: Any, variables: Sequence[Variable]) -> Curve:
     """Return the curve of a table's columns: parameters of the scene and results; raises `InputError`."""
     known, varied = parameters.parameters(scene), [one.name for one in variables]
     given = {name: column for name, column in rows.items() if name in known}

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from isorod.arrays import Array
 from isorod.design.curves import Curve
 from isorod.design.evaluations import Answer, Evaluations
-from isorod.design.wanted import Vary
+from isorod.design.wanted import Variable
 from isorod.errors import InputError
 
 # Relative tolerance on parameters, misfit and gradient.
@@ -44,7 +44,7 @@ class Identified(NamedTuple):
 
 
 def identify(
-    evaluations: Evaluations, variables: Sequence[Vary], table: Curve, report: Callable[[str], None]
+    evaluations: Evaluations, variables: Sequence[Variable], table: Curve, report: Callable[[str], None]
 ) -> Identified:
     """Return the parameters with which scenes, one for each point, fit the measured results best.
 

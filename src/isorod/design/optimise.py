@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
 from isorod.design.evaluations import MISFIT, Answer, Evaluations
-from isorod.design.wanted import Vary, Constraint
+from isorod.design.wanted import Variable, Constraint
 from isorod.errors import InputError, SolveError
 
 # Relative tolerances of targets and limits, and of the objective.
@@ -92,7 +92,7 @@ class Problem:
     def __init__(
         self,
         evaluations: Evaluations,
-        variables: Sequence[Vary],
+        variables: Sequence[Variable],
         constraints: Sequence[Constraint],
         objective: tuple[str, float] | None,
         report: Callable[[str], None],

@@ -13,7 +13,7 @@ _LOWER, _UPPER = 0.5, 2.0
 _RELATION = re.compile(r"\s*(.+?)\s*(<=|>=|=|<|>)\s*(\S+)\s*")
 
 
-class Vary(NamedTuple):
+class Variable(NamedTuple):
     """A design variable: its name, its initial value and its bounds."""
 
     name: str
@@ -33,7 +33,7 @@ class Constraint(NamedTuple):
         return f"{self.name} {self.relation} {self.value:g}"
 
 
-def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
+def varied(texts: Sequence[str], scene: Any) -> list[Variable]:
     """Return the variables of ``NAME=lower:upper`` or ``NAME``, all numbers of a list or table.
 
     Raises
@@ -41,7 +41,7 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
     InputError
         If the scene has no such number, or its value is not between the bounds.
     """
-    variables = dict[str, Vary]()
+    variables = dict[str, Variable]()
     for text in _words(texts):
         name, given, bounds = (part.strip() for part in text.partition("="))
         for path, start in parameters.named(scene, name).items():
@@ -59,7 +59,7 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
                 )
             if lower * upper <= 0.0:
                 raise InputError(f"--vary {text}: bounds on both sides of zero; need both above or below it")
-            variables[path] = Vary(path, start, lower, upper)
+            variables[path] = Variable(path, start, lower, upper)
     if not variables:
         raise InputError("--vary: name what may change: --vary wire_radius=0.6:1.2")
     return [*variables.values()]
