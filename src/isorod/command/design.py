@@ -91,8 +91,8 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             f"a solve takes some {duration(seconds)}; a design takes 5 to 30, at most {optimise.SOLVES} a round"
         )
     known = wanted.Known(before.values, [*several] if table else [])
-    asked = wanted.wanted(found.target, "--target", "=", known)
-    asked += wanted.wanted(found.limit, "--limit", "<>", known)
+    asked = wanted.constraints(found.target, "--target", "=", known)
+    asked += wanted.constraints(found.limit, "--limit", "<>", known)
     objective = None if table is None else (evaluations.MISFIT, 1.0)
     if found.minimise or found.maximise:
         option = "--minimise" if found.minimise else "--maximise"

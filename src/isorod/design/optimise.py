@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
 from isorod.design.evaluations import MISFIT, Answer, Evaluations
-from isorod.design.wanted import Variable, Constraint
+from isorod.design.wanted import Constraint, Variable
 from isorod.errors import InputError, SolveError
 
 # Relative tolerances of targets and limits, and of the objective.

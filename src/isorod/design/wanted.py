@@ -83,17 +83,17 @@ class Known(NamedTuple):
         raise InputError(f"{option} {name}: not measured; there are: {', '.join(names)}")
 
 
-def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Constraint]:
+def constraints(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Constraint]:
     """Return targets or limits of results; raises `InputError`."""
-    constraints = []
+    required = []
     for text in _words(texts):
         match = _RELATION.fullmatch(text)
         if match is None or match[2][0] not in relations:
             example = "force=8.0" if "=" in relations else "stress<900"
             raise InputError(f"{option} {text}: need a name, {' or '.join(relations)} and a number, such as {example}")
         value = _number(f"{option} {text}", match[3])
-        constraints += [Constraint(name, match[2][0], value) for name in known.named(option, match[1])]
-    return constraints
+        required += [Constraint(name, match[2][0], value) for name in known.named(option, match[1])]
+    return required
 
 
 def _words(texts: Sequence[str]) -> list[str]:
