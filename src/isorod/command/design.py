@@ -108,7 +108,7 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     with scene.locating():
         best, last, error = _found(problem, own, x, before, _concerned(asked, objective, table))
     after = last.values
-    anew = optimise.missed_by(after, asked)
+    anew = optimise.violation(after, asked)
     if anew[0] > max(best.missed[0], SAME):
         best = best._replace(missed=anew)
     if best.trouble and best.missed[0] <= optimise.MET:

@@ -126,7 +126,7 @@ class Problem:
         y = np.log(x / self._start)
         self._answers = {y.tobytes(): known}
         self._last, self._stalled = y, 0
-        self._nearest = missed_by(known.values, self._constraints)[0]
+        self._nearest = violation(known.values, self._constraints)[0]
         if self._objective is not None:
             self._first = abs(known.values[self._objective[0]]) or 1.0
         squared = self._objective is not None and self._objective[0] == MISFIT
@@ -158,7 +158,7 @@ class Problem:
                 y, ended, trying = self._last, str(problem), False
         best = self._best(y)
         at_best = self._answer(best)
-        missed = missed_by(at_best.values, self._constraints)
+        missed = violation(at_best.values, self._constraints)
         return Design(self._at(best), at_best, missed, self._prices(best), self.trouble or ended)
 
     def _between(self, y: Array) -> Array | None:
@@ -166,7 +166,7 @@ class Problem:
 
         So a search leaves regions where the target's gradient vanishes, as of a permanent set where nothing yields.
         """
-        if missed_by(self._answer(self._solvable(y)).values, self._constraints)[0] <= MET:
+        if violation(self._answer(self._solvable(y)).values, self._constraints)[0] <= MET:
             return None
         tried = [np.frombuffer(key) for key in self._answers]
         for target in (target for target in self._constraints if target.relation == "="):
@@ -199,12 +199,12 @@ class Problem:
         """Return where the search ended or, if that violates constraints, the tried design that violates them least."""
         y = np.clip(y, *self._bounds.T)
         try:
-            if missed_by(self._answer(y).values, self._constraints)[0] <= MET:
+            if violation(self._answer(y).values, self._constraints)[0] <= MET:
                 return y
         except (InputError, SolveError) as problem:
             self.trouble = str(problem)
         tried = [np.frombuffer(key) for key in self._answers]
-        return min(tried, key=lambda design: missed_by(self._answer(design).values, self._constraints)[0])
+        return min(tried, key=lambda design: violation(self._answer(design).values, self._constraints)[0])
 
     def _at(self, y: Array) -> Array:
         """Return the variables from their logarithms."""
@@ -226,7 +226,7 @@ class Problem:
                 # Failed solves take longest, and the objective and each constraint ask for the same one.
                 self._failed[key] = problem
                 raise
-            violated = missed_by(self._answers[key].values, self._constraints)[0]
+            violated = violation(self._answers[key].values, self._constraints)[0]
             if violated < (1.0 - _NEARER) * self._nearest:
                 self._nearest, self._stalled = violated, 0
             state = ", ".join(
@@ -309,7 +309,7 @@ class Problem:
         return {name: float(value) for name, value in zip(gradients, multipliers, strict=True)}
 
 
-def missed_by(values: Mapping[str, float], constraints: Sequence[Constraint]) -> tuple[float, str]:
+def violation(values: Mapping[str, float], constraints: Sequence[Constraint]) -> tuple[float, str]:
     """Return the largest relative violation of targets and limits, and of which."""
     violations = [(0.0, "")]
     for constraint in constraints:
