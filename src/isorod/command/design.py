@@ -109,11 +109,11 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         best, last, error = _found(problem, own, x, before, _concerned(asked, objective, table))
     after = last.values
     anew = optimise.violation(after, asked)
-    if anew[0] > max(best.missed[0], SAME):
-        best = best._replace(missed=anew)
-    if best.trouble and best.missed[0] <= optimise.MET:
+    if anew[0] > max(best.violation[0], SAME):
+        best = best._replace(violation=anew)
+    if best.trouble and best.violation[0] <= optimise.MET:
         warnings.warn(f"on the way, not at its end: {best.trouble}", stacklevel=2)
-    missed = f"targets or limits are not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
+    missed = f"targets or limits are not met: {best.violation[1]}" if best.violation[0] > optimise.MET else ""
     held = [name for name in best.prices if " bound " in name]
     if missed and held:
         missed += f", with {' and '.join(held)}"
@@ -167,7 +167,7 @@ def _found(
         x = best.x
         before, error, warned = solve_anew(own, x)
         off = max(_apart(best.answer.values[name], before.values[name]) for name in concerned)
-        if off <= SAME or best.missed[0] > optimise.MET:
+        if off <= SAME or best.violation[0] > optimise.MET:
             # What cannot be met is not sought again.
             break
     else:

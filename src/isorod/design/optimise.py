@@ -58,7 +58,7 @@ class Design(NamedTuple):
         The design variables.
     answer
         The results there.
-    missed
+    violation
         The largest relative violation of targets and limits, and of which.
     prices
         Lagrange multipliers of active constraints, by their text: relative change of the objective over that of the
@@ -69,7 +69,7 @@ class Design(NamedTuple):
 
     x: Array
     answer: Answer
-    missed: tuple[float, str]
+    violation: tuple[float, str]
     prices: Mapping[str, float]
     trouble: str
 
