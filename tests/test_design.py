@@ -216,14 +216,14 @@ def test_where_answers_tell_no_derivatives_they_are_differences(twin, monkeypatc
     x = np.array([100.0, 0.3])
     answer = own.freeze(x)
     exact = own.derivatives(x, answer)
-    assert not own.untold
+    assert not own.fallback
 
     def refuse(*given):
         raise Unavailable("derivatives: not told with contact; isorod sweep varies the parameter")
 
     monkeypatch.setattr(type(answer.solutions[0]), "derivatives", refuse)
     found = own.derivatives(x, answer)
-    assert own.untold == "not told with contact"
+    assert own.fallback == "not told with contact"
     assert own.solves == 1 + 2 * len(x)
     for name in ("force", "torque"):
         assert found[name] == pytest.approx(exact[name], rel=1e-5, abs=1e-5 * np.abs(exact[name]).max())

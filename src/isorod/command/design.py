@@ -119,8 +119,8 @@ def _design(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         missed += f", with {' and '.join(held)}"
     if missed and best.trouble:
         missed += f" ({best.trouble})"
-    if own.untold:
-        warnings.warn(differences_of(own.untold), stacklevel=2)
+    if own.fallback:
+        warnings.warn(differences_of(own.fallback), stacklevel=2)
     values = dict(zip(own.names, map(float, best.x), strict=True))
     record = {
         "scene": scene.name,

@@ -70,8 +70,8 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
             "discretisation, or the branch of the answer, changes with the numbers",
             stacklevel=2,
         )
-    if own.untold:
-        warnings.warn(differences_of(own.untold), stacklevel=2)
+    if own.fallback:
+        warnings.warn(differences_of(own.fallback), stacklevel=2)
     two = {"measured": table.measured, "answered": table.values(best.answers)}
     if found.png and ending.rank() == 0:
         draw(scene, table, two, found.png)

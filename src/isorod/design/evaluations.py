@@ -57,7 +57,7 @@ class Evaluations:
     ----------
     solves
         Number of analyses.
-    untold
+    fallback
         Why some derivatives are finite differences, empty where none are.
     """
 
@@ -70,7 +70,7 @@ class Evaluations:
         table: Curve | None = None,
     ) -> None:
         self.scenes, self.names, self.settings, self.table = dict(several), list(names), dict(settings), table
-        self.solves, self.untold, self._begin = 0, "", begin
+        self.solves, self.fallback, self._begin = 0, "", begin
         self._frozen: list[_Frozen] = []
         self._last: Sequence[Any] = ()
 
@@ -129,7 +129,7 @@ class Evaluations:
             solution, make, at, lambda other: measured(scene, other), partial(self._solve, k)
         )
         rates = rates.averaged().told()
-        self.untold = rates.why or self.untold
+        self.fallback = rates.why or self.fallback
         # Modal derivatives are of frequencies alone, not of mass and volume.
         modal = scene.analysis == "modal"
         return [flat(rates.by[name]) | (self._own(make, at, name) if modal else {}) for name in self.names]
