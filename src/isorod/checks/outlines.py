@@ -1,4 +1,4 @@
-"""Outlines of sections of bodies, as they are displaced."""
+"""Outlines of displaced sections."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def outlines(space: Space, positions: Array, u: Array, count: int, slope: bool =
     Parameters
     ----------
     space, positions
-        Of a body, and of its nodes, shape ``(nodes, 3)``.
+        Space of a body, and its nodes' positions, shape ``(nodes, 3)``.
     u, count
         Axis parameters, shape ``(t,)``, and the number of points at equal angles.
     slope
