@@ -21,7 +21,7 @@ from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Found, Pencil
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
@@ -97,7 +97,7 @@ def solve(
         elif not at_rest:
             found = loaded.find(model, load_steps, comm, start, end_time)
         taken = {"equilibrium": perf_counter() - began} if found is not state else {}
-        with closing(Teller()) as told:
+        with closing(Reporter()) as told:
             # Vibrations are small: what flows does not, whatever state it has reached.
             past = () if found is None else (*found.model.past, Past(1.0, found.displacement))
             there = (model if found is None else found.model).after(past, settled=True)
@@ -111,7 +111,7 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
-    told: Teller | None,
+    told: Reporter | None,
 ) -> Modes:
     """Return the modes about a state, as the options in force say; some time was ``taken`` to find that."""
     start = perf_counter()

@@ -14,7 +14,7 @@ _FIRST, _BETWEEN = 6.0, 20.0
 _FIRST_SHOWN, _BETWEEN_SHOWN = 1.0, 0.2
 
 
-class Teller:
+class Reporter:
     """Shows lines, not too often; called with a function that returns the line."""
 
     def __init__(self) -> None:
@@ -54,16 +54,16 @@ class Progress:
 
     def __init__(self, begin: float, end: float, name: str = "time") -> None:
         self._begin, self._end, self._name = begin, end, name
-        self._teller = Teller()
-        self.close = self._teller.close
+        self._reporter = Reporter()
+        self.close = self._reporter.close
 
     def __call__(self, time: float) -> None:
         """Show the progress, if it is time to."""
         if time > self._begin:
-            self._teller(lambda: self._line(time))
+            self._reporter(lambda: self._line(time))
 
     def _line(self, time: float) -> str:
-        elapsed = perf_counter() - self._teller.start
+        elapsed = perf_counter() - self._reporter.start
         left = duration(elapsed * max(0.0, self._end - time) / (time - self._begin))
         text = f"{self._name} {time:.4g} of {self._end:.4g}, {time / self._end:.0%}, about {left} to go"
-        return f"[{'=' * int(30 * min(1.0, time / self._end)):30s}] {text}" if self._teller.shows else text
+        return f"[{'=' * int(30 * min(1.0, time / self._end)):30s}] {text}" if self._reporter.shows else text

@@ -17,7 +17,7 @@ from isorod.material.law import Material
 from isorod.model.body import Body
 from isorod.output.places import parameters
 from isorod.output.prism import Prism
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.output.section_forces import centroids, frames, normals
 from isorod.space.basis import Functions
 from isorod.space.polynomial import fine_rule, polynomials
@@ -222,7 +222,7 @@ def section_properties(
         raise InputError(f"axis parameter u: got {where.size} of them, need one")
     where = where.reshape(1)
     prism, centroid, frame = _prism(body, where)
-    with closing(Teller()) as report:
+    with closing(Reporter()) as report:
         stiffness, error, functions = _stiffness(prism, report if progress else lambda line: None)
     if not error <= _WARN:
         warnings.warn(
