@@ -19,7 +19,7 @@ A_SECOND = 12
 SWING = 24
 
 
-def shares() -> list[float]:
+def amplitudes() -> list[float]:
     """Return the factors of a mode's shape in the frames of one period."""
     return [float(one) for one in np.sin(2.0 * np.pi * np.arange(SWING) / SWING)]
 
