@@ -64,12 +64,12 @@ _ANGLE = 12.0
 class Frame(NamedTuple):
     """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and the text above them.
 
-    ``share`` is the factor of the motion, ``note`` the text below the colour bar, after least and largest value.
+    ``amplitude`` is the factor of the motion, ``note`` the text below the colour bar, after least and largest value.
     """
 
     meshes: Sequence[Any]
     words: str = ""
-    share: float = 1.0
+    amplitude: float = 1.0
     note: str = ""
 
 
@@ -138,16 +138,16 @@ def draw(
     range_text = f"least {lowest:.3g}\nlargest {highest:.3g}" if highest > lowest and not shape else ""
     points: list[Array] = [shown_skin.faces.points for shown_skin in skins.values()]
     for frame in frames:
-        points += [skins[id(mesh)].moved(scale * frame.share).faces.points for mesh in frame.meshes]
+        points += [skins[id(mesh)].moved(scale * frame.amplitude).faces.points for mesh in frame.meshes]
     all_points = np.concatenate(points)
     texts = [f"{frame.words}\n{factor}".strip() for frame in frames]
     for frame, text in zip(frames, texts, strict=True):
         with stage(size, window) as plotter:
             for k, mesh in enumerate(frame.meshes):
                 shown_skin = skins[id(mesh)]
-                if scale * frame.share:
+                if scale * frame.amplitude:
                     plotter.add_silhouette(shown_skin.whole, color="grey", line_width=1.5)
-                moved = shown_skin.moved(scale * frame.share)
+                moved = shown_skin.moved(scale * frame.amplitude)
                 add_skin(plotter, moved, "colour", limits, colour_bar if k == 0 else None)
             write(plotter, text, (10, 8))
             write(

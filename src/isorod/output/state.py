@@ -213,7 +213,7 @@ class Moment(NamedTuple):
 
     state: Deformation
     words: str = ""
-    share: float = 1.0
+    amplitude: float = 1.0
 
 
 class Animated:
