@@ -33,7 +33,7 @@ class Frame(NamedTuple):
         Load factor of the stress.
     solids
         Fields of each finite element body by name, each ``(3 nodes,)``; none where they are not known.
-    share
+    activation
         Factor of the activation of their laws.
     """
 
@@ -41,7 +41,7 @@ class Frame(NamedTuple):
     fields: Sequence[Mapping[str, Array]]
     factor: float = 1.0
     solids: Sequence[Mapping[str, Array]] = ()
-    share: float = 1.0
+    activation: float = 1.0
 
 
 def frames(solution: Any) -> list[Frame]:
@@ -152,7 +152,7 @@ def _of_solid(solid: "Solid", states: Sequence[Frame], number: int) -> Iterator[
     from isorod.output.solids import grid
 
     for state in states:
-        yield vtk.content(grid(solid, state.solids[number], state.share)) if any(state.solids) else None
+        yield vtk.content(grid(solid, state.solids[number], state.activation)) if any(state.solids) else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
