@@ -23,7 +23,7 @@ _ON = 1e-6
 _ANGLES = 32
 
 
-def share(state: "State", number: int, u: float, xi: Array) -> float:
+def relative_imbalance(state: "State", number: int, u: float, xi: Array) -> float:
     """Return the relative imbalance of the stress at a place of a body.
 
     It is the larger of that of its section (`imbalance`) and, on a free surface, of the traction left there over the
