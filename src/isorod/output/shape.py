@@ -17,7 +17,7 @@ from isorod.model.load import SectionLoad
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 from isorod.output import picture
-from isorod.output.solids import mesh_of, told
+from isorod.output.solids import mesh_of, summary
 from isorod.space.space import Space
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def show(
     model = what if isinstance(what, Model) else None
     rods = list(_rods(what))
     picture.check(view, size, "show")
-    solids = [] if model is None else [told(solid, f"solid {k}") for k, solid in enumerate(model.solids)]
+    solids = [] if model is None else [summary(solid, f"solid {k}") for k, solid in enumerate(model.solids)]
     with picture.stage(size) as plotter:
         draw(plotter, rods, model, None, "\n".join(filter(None, [title, *solids])), view, size)
         return picture.taken(plotter)

@@ -41,12 +41,12 @@ def owned(model: Model, everywhere: Array) -> list[Array]:
     return parts
 
 
-def told(solid: "Solid", name: str) -> str:
+def summary(solid: "Solid", name: str) -> str:
     """Return a summary of a body: its cells, nodes, volume and law; collective."""
     from isorod.fenics.groups import described
 
-    summary = described(solid)
-    cells = f"{summary['cells']:,} {summary['kind']} of degree {summary['degree']}, {summary['nodes']:,} nodes"
+    entries = described(solid)
+    cells = f"{entries['cells']:,} {entries['kind']} of degree {entries['degree']}, {entries['nodes']:,} nodes"
     law = "a form" if solid.law is None else type(solid.law).__name__
     return f"{name}, {cells}, volume {solid.volume:.6g}, {law}"
 
