@@ -215,10 +215,10 @@ class Response:
         return np.array(found)
 
     def told(self, found: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a record keeps of what is measured at each frequency (`isorod.output.swings.told`)."""
-        from isorod.output.swings import told
+        """Return what a record keeps of what is measured at each frequency (`isorod.output.swings.entries`)."""
+        from isorod.output.swings import entries
 
-        return told(found, self.frequencies, isinstance(self.asked, Span))
+        return entries(found, self.frequencies, isinstance(self.asked, Span))
 
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error of the heights of peaks; None where there is none.

@@ -11,7 +11,7 @@ from isorod.arrays import Array
 _ROUNDING = 1e-9
 
 
-def told(results: Mapping[str, Any], frequencies: Array, span: bool) -> dict[str, Any]:
+def entries(results: Mapping[str, Any], frequencies: Array, span: bool) -> dict[str, Any]:
     """Return the entries of a record for results over frequency.
 
     Parameters
