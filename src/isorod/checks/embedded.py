@@ -74,7 +74,7 @@ class Part(NamedTuple):
         return float(np.sum(self.volumes * density))
 
 
-class Share(NamedTuple):
+class EmbeddedError(NamedTuple):
     """The error of a result by embedded parts.
 
     Attributes
@@ -89,7 +89,7 @@ class Share(NamedTuple):
     part: Part | None
 
 
-def of(solution: Any) -> Share:
+def of(solution: Any) -> EmbeddedError:
     """Return the error of work, frequencies or load factors by embedded parts; in motion at the largest displacement.
 
     ``solution`` is an `isorod.statics.Equilibrium`, an `isorod.dynamics.History`, `isorod.modal.Modes` or
@@ -97,7 +97,7 @@ def of(solution: Any) -> Share:
     """
     known = parts(solution.model)
     if not known:
-        return Share(0.0, None)
+        return EmbeddedError(0.0, None)
     if hasattr(solution, "vectors"):
         return _of_shapes(solution.model, solution.shapes(), known)
     states = [solution] if isinstance(solution, State) else [state for _, state in solution.frames()]
@@ -107,7 +107,7 @@ def of(solution: Any) -> Share:
     return _largest(known, [energies], max(stored, _TINY))
 
 
-def _of_shapes(model: Model, shapes: Iterable[tuple[float, Array]], known: list[Part]) -> Share:
+def _of_shapes(model: Model, shapes: Iterable[tuple[float, Array]], known: list[Part]) -> EmbeddedError:
     """Return the error of modes, each a shape with the energy to which those of the parts are relative."""
     energies = []
     for reference, vector in shapes:
@@ -117,12 +117,12 @@ def _of_shapes(model: Model, shapes: Iterable[tuple[float, Array]], known: list[
     return _largest(known, energies, 1.0)
 
 
-def _largest(known: list[Part], energies: list[list[float]], reference: float) -> Share:
+def _largest(known: list[Part], energies: list[list[float]], reference: float) -> EmbeddedError:
     """Return the largest sum of the parts' energies, a list for each state, over a reference."""
     if not energies:
-        return Share(0.0, None)
+        return EmbeddedError(0.0, None)
     worst = max(energies, key=sum)
-    return Share(sum(worst) / reference, known[int(np.argmax(worst))])
+    return EmbeddedError(sum(worst) / reference, known[int(np.argmax(worst))])
 
 
 def parts(model: Model) -> list[Part]:
