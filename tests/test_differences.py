@@ -100,7 +100,7 @@ def test_a_bar_that_slides_is_dragged_by_its_weight_times_friction(tmp_path):
     assert float(found.by[FRICTION]["drag"]) == pytest.approx(-2.0, rel=1e-6)
     assert found.errors[FRICTION]["drag"] < 1e-6
     why = "not available with friction where contact alone holds a body"
-    assert found.why == why and told == [f"derivatives by differences of answers ({why}): 4 solves, some 4 min 0 s"]
+    assert found.why == why and told == [f"derivatives by finite differences ({why}): 4 solves, some 4 min 0 s"]
 
 
 @pytest.mark.slow

@@ -141,7 +141,7 @@ def parts(model: Model) -> list[Part]:
 def _within(
     space: Space, other: Space, at_start: bool
 ) -> "tuple[float, tuple[float, float] | None, Array, Array, Array] | None":
-    """Return depth, wholly embedded lengths, axis parameters, disk points and volumes of what is in another rod."""
+    """Return depth, wholly embedded range, axis parameters, disk points and volumes of the part in another rod."""
     rod, length = space.rod, space.rod.arc_length
     step = rod.radius / _SECTIONS
     distances = (np.arange(min(max(1, int(length.total / step)), _MOST)) + 0.5) * step

@@ -114,8 +114,8 @@ def of_stress(
             # Equal amplitudes, as stresses are relative to the amplitude.
             after *= np.sqrt(before @ before / (after @ after))
             changes.append(stresses.change(finer, vector, after) / (1.0 - finer.left))
-        for one in (ksp, matrix, mass):
-            one.destroy()
+        for item in (ksp, matrix, mass):
+            item.destroy()
         return np.array(changes)
 
     errors = correction.total(model, directions, ranks, change, eigenvalues.size)
@@ -141,9 +141,9 @@ def of_solids(
     if not eigenvalues.size or any(solid.law is None for solid in model.solids):
         return None, None
     errors = []
-    for value, *each in zip(eigenvalues, *shapes, strict=True):
-        states = about or [0.0 * result for result in each]
-        recovered = [solid.recovered(*pair) for solid, *pair in zip(model.solids, each, states, strict=True)]
+    for value, *shapes_of_mode in zip(eigenvalues, *shapes, strict=True):
+        states = about or [0.0 * result for result in shapes_of_mode]
+        recovered = [solid.recovered(*pair) for solid, *pair in zip(model.solids, shapes_of_mode, states, strict=True)]
         worst = max((result for result in recovered if result is not None), key=lambda result: result.work)
         work = sum(result.work for result in recovered if result is not None)
         errors.append((0.5 * work / abs(float(value)), worst.place))
@@ -194,9 +194,9 @@ def _modes(finer: Finer, comm: PETSc.Comm, modes: Spectrum) -> float | None:
             values = _squares(stiffness, basis.T @ gyroscopic @ basis)[: eigenvalues.size]
         frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
     finally:
-        for one in (ksp, matrix, mass, whirl):
-            if one is not None:
-                one.destroy()
+        for item in (ksp, matrix, mass, whirl):
+            if item is not None:
+                item.destroy()
     changes = np.abs(frequencies / better - 1.0)
     error = float((changes if counted is None else changes[counted]).max()) / (1.0 - finer.left)
     return error if np.isfinite(error) else None
@@ -279,8 +279,8 @@ def _factor(finer: Finer, comm: PETSc.Comm, about: State, vector: Array, left: f
         stiffness = force.dot(corrected) / corrected.dot(mass * corrected) * force.dot(shape)
         change = (stiffness - left) / (loss * about.factor)
     finally:
-        for one in (ksp, matrix, mass):
-            one.destroy()
+        for item in (ksp, matrix, mass):
+            item.destroy()
     return float(abs(change)) / (1.0 - finer.left)
 
 

@@ -92,18 +92,18 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
         first = group.bodies[0]
         center = places[first][control[first]].mean(axis=0)
     else:
-        center = np.mean([x for one in solids[0].comm.allgather(solids[0].positions) for x in one], axis=0)
+        center = np.concatenate(solids[0].comm.allgather(solids[0].positions)).mean(axis=0)
     raw = {b: motions_of(x - center * control[b][:, None], control[b]) for b, x in places.items()}
-    own = [motions_of(one.positions - center, np.ones(len(one.positions), dtype=bool)) for one in solids]
+    of_solids = [motions_of(solid.positions - center, np.ones(len(solid.positions), dtype=bool)) for solid in solids]
     # Triangular factors have the same inner products.
-    triangles = [np.linalg.qr(one, mode="r") for one in raw.values()]
-    for solid, one in zip(solids, own, strict=True):
-        triangles += solid.comm.allgather(np.linalg.qr(one, mode="r"))
+    triangles = [np.linalg.qr(motions, mode="r") for motions in raw.values()]
+    for solid, motions in zip(solids, of_solids, strict=True):
+        triangles += solid.comm.allgather(np.linalg.qr(motions, mode="r"))
     inverse = np.linalg.inv(np.linalg.qr(np.concatenate(triangles), mode="r"))
-    bodies = {b: one @ inverse for b, one in raw.items()}
+    bodies = {b: motions @ inverse for b, motions in raw.items()}
     held = [np.zeros((0, 6))]
-    for b, one in bodies.items():
-        held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], one))
+    for b, motions in bodies.items():
+        held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], motions))
     for support in model.means.values():
         if support.body in bodies:
             space = model.bodies[support.body].space
@@ -112,8 +112,8 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
             sizes = np.append(np.ones(len(support.ways)), np.full(len(support.axes), support.radius(space)))
             moved = bodies[support.body].reshape(-1, 3, 6)[nodes]
             held.append(sizes[:, None] * np.einsum("kna,nam->km", rows, moved))
-    for solid, one in zip(solids, own, strict=True):
-        held += solid.comm.allgather(one[solid.held[0] - 3 * solid.owned[0]] @ inverse)
+    for solid, motions in zip(solids, of_solids, strict=True):
+        held += solid.comm.allgather(motions[solid.held[0] - 3 * solid.owned[0]] @ inverse)
     return Motions(bodies, np.concatenate(held), center, inverse)
 
 

@@ -31,18 +31,18 @@ def _better(body: Body) -> Rule | None:
     if body.formulation != "displacement":
         return None
     space = body.space
-    good, given = space.basis.auto(space.axis.degree), space.rule
+    chosen, rule = space.basis.auto(space.axis.degree), space.rule
     # Where elements of degree p are joined without continuous slopes, p points along each leave no zero-energy mode, as
     # no derivative of degree p - 1 vanishes at all of them.  This reduced integration avoids locking of slender rods; a
     # better rule would add the locking energy.
     multiplicity = space.axis.multiplicities
-    least = good.axial - 1 if (multiplicity[1:-1] >= space.axis.degree).all() else good.axial
+    least = chosen.axial - 1 if (multiplicity[1:-1] >= space.axis.degree).all() else chosen.axial
     better = Rule(
-        max(good.radial, given.radial),
-        max(good.angular, given.angular),
-        given.axial if given.axial >= least else good.axial,
+        max(chosen.radial, rule.radial),
+        max(chosen.angular, rule.angular),
+        rule.axial if rule.axial >= least else chosen.axial,
     )
-    return None if better == given else better
+    return None if better == rule else better
 
 
 def check_modes(

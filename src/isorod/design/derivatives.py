@@ -1,4 +1,4 @@
-"""Derivatives of what a scene measures by its parameters."""
+"""Derivatives of a scene's results with respect to its parameters."""
 
 import warnings
 from collections.abc import Callable, Mapping
@@ -55,20 +55,20 @@ def of(
     """
     refuse(scene)
     parameters_at = parameters.parameters(scene) if names is None else names
-    given = scene.settings() if settings is None else settings
-    given = {name: value for name, value in given.items() if name not in _ALONE}
+    arguments = scene.settings() if settings is None else settings
+    arguments = {name: value for name, value in arguments.items() if name not in _ALONE}
 
     def make(values: Mapping[str, float]) -> "Model":
         model: Model = parameters.at(scene, values).model()
         return model
 
     def solve(model: "Model", near: Any) -> Any:
-        return differences.solve_beside(scene, model, given, near, solution)
+        return differences.solve_beside(scene, model, arguments, near, solution)
 
     def begin(why: str, count: int) -> None:
         seconds = count * sum(solution.seconds.values())
         if report is not None and seconds > LONG:
-            report(f"derivatives by differences of answers ({why}): {count} solves, some {duration(seconds)}")
+            report(f"derivatives by finite differences ({why}): {count} solves, some {duration(seconds)}")
 
     with scene.locating():
         if scene.analysis == "modal":
@@ -85,7 +85,7 @@ def of(
         worst, result, name = uncertain[-1]
         more = f", the worst of {len(uncertain)} that are known less well than to 1 %" if len(uncertain) > 1 else ""
         warnings.warn(
-            f"derivative of {result} by {name}: differences of answers are {100.0 * worst:.2g} % apart{more}",
+            f"derivative of {result} by {name}: finite differences are {100.0 * worst:.2g} % apart{more}",
             stacklevel=2,
         )
     return rates

@@ -23,7 +23,7 @@ from isorod.statics.differences import Beside, Derivatives, Measured, Steps, Una
 APART = 2e-3
 _PLACES, _BOTH = ((-1, 1), (1, 2), (-1, -2)), (-2, -1, 1, 2)
 
-# Errors are relative to the derivative, or to one that changes the result by this fraction over the whole parameter.
+# Errors are relative to the derivative, but at least to this fraction of result / parameter.
 _NOTHING = 1e-2
 
 # Where an increment has no derivative at the solution, as a point is about to yield, differences with a larger relative
@@ -54,7 +54,7 @@ def derivatives(
     sure: bool = False,
     begin: Callable[[str, int], None] | None = None,
 ) -> Derivatives:
-    """Return derivatives of what is measured of a solution: exact ones where available, else differences.
+    """Return derivatives of the results of a solution: exact ones where available, else finite differences.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def derivatives(
     if begin is not None:
         begin(why, (4 if sure else 2) * len(missing))
 
-    def answer(model: Model) -> Measured:
+    def evaluate(model: Model) -> Measured:
         with silently():
             return numbers(measure(solve(model, solution)))
 
@@ -94,7 +94,7 @@ def derivatives(
     none = {name: reason for name, reason in exact.none.items() if name not in missing}
     for name, kink in missing.items():
         try:
-            slopes, errors[name] = _by(name, beside, exact.values, answer, sure)
+            slopes, errors[name] = _by(name, beside, exact.values, evaluate, sure)
         except (InputError, SolveError) as problem:
             none[name] = f"models beside it cannot be solved: {problem}"
             continue
@@ -119,7 +119,7 @@ def _counts(model: Model) -> bool:
 
 
 def _by(
-    name: str, beside: Beside, values: Measured, answer: Callable[[Model], Measured], sure: bool
+    name: str, beside: Beside, values: Measured, evaluate: Callable[[Model], Measured], sure: bool
 ) -> tuple[Measured, dict[str, float]]:
     """Return the derivatives by a parameter, and their estimated errors."""
     size, known, problem = abs(beside.at[name]), dict[int, Measured](), None
@@ -128,10 +128,10 @@ def _by(
     def slopes(weights: Array, offsets: Sequence[int]) -> Measured:
         for key in offsets:
             if key not in known:
-                known[key] = answer(beside.model(name, key * step))
+                known[key] = evaluate(beside.model(name, key * step))
         rows = [known[key] for key in offsets]
         if any(row[key].shape != value.shape for row in rows for key, value in values.items()):
-            raise SolveError("answers beside take more load steps")
+            raise SolveError("neighbouring solutions take more load steps")
         return {
             key: np.einsum("i,i...->...", weights, np.array([row[key] for row in rows]) - value)
             for key, value in values.items()
@@ -149,7 +149,7 @@ def _by(
             continue
         off = {one: largest(coarse[one] - fine[one]) for one in values}
         if offsets == (-1, 1):
-            # Where slopes jump both are a mean of them.
+            # At a kink both central differences are the mean of the one-sided slopes.
             jumps = slopes(Steps(_BOTH, step, size).jumps, _BOTH)
             off = {one: max(off[one], largest(jumps[one])) for one in values}
         sizes = {one: max(largest(fine[one]), _NOTHING * largest(value) / size) for one, value in values.items()}

@@ -13,7 +13,7 @@ from isorod.design.curves import Curve
 from isorod.statics.derivatives import numbers
 from isorod.statics.differences import Measured, silently
 
-# Results of the rods themselves, beside what is measured, and the mean square misfit of a curve.
+# Results of all rods besides those measured, and the mean square misfit of a curve.
 OWN = ("mass", "volume")
 MISFIT = "misfit"
 
@@ -112,14 +112,14 @@ class Evaluations:
         if self.table is not None:
             values[MISFIT] = float(np.mean(self.table.off(values) ** 2))
 
-    def derivatives(self, x: Array, answer: Answer) -> dict[str, Array]:
+    def derivatives(self, x: Array, results: Answer) -> dict[str, Array]:
         """Return the derivatives of each result with respect to the parameters, shape ``(parameters,)``."""
         rates: dict[str, Array] = {}
         for k, case in enumerate(self.scenes):
-            rows = self._rates(k, self._named(x), answer.solutions[k])
+            rows = self._rates(k, self._named(x), results.solutions[k])
             rates |= of_case(case, {key: np.array([row[key] for row in rows]) for key in rows[0]})
         if self.table is not None:
-            rates[MISFIT] = 2.0 * np.mean(self.table.off(answer.values)[:, None] * self.table.slopes(rates), axis=0)
+            rates[MISFIT] = 2.0 * np.mean(self.table.off(results.values)[:, None] * self.table.slopes(rates), axis=0)
         return rates
 
     def _rates(self, k: int, at: dict[str, float], solution: Any) -> list[dict[str, float]]:

@@ -56,26 +56,26 @@ def identify(
     start = np.array([one.start for one in variables])
     size = np.abs(start)
     bounds = np.array([(one.lower, one.upper) for one in variables]) / size[:, None]
-    answers: dict[bytes, Answer] = {}
+    known: dict[bytes, Answer] = {}
 
-    def answer(y: Array) -> Answer:
+    def evaluate(y: Array) -> Answer:
         key = np.ascontiguousarray(y).tobytes()
-        if key not in answers:
-            answers[key] = evaluations.answer(y * size)
-        return answers[key]
+        if key not in known:
+            known[key] = evaluations.answer(y * size)
+        return known[key]
 
     def misfit(y: Array) -> Array:
-        residuals = table.off(answer(y).values)
+        residuals = table.off(evaluate(y).values)
         report(f"solve {evaluations.solves}: misfit {np.sqrt(np.mean(residuals**2)):.3g}")
         return residuals
 
     def slopes(y: Array) -> Array:
-        return table.slopes(evaluations.derivatives(y * size, answer(y))) * size
+        return table.slopes(evaluations.derivatives(y * size, evaluate(y))) * size
 
     y, tolerances = start / size, {"xtol": _ALIKE, "ftol": _ALIKE, "gtol": _ALIKE}
     for _ in range(_ROUNDS):
-        answers.clear()
-        answers[np.ascontiguousarray(y).tobytes()] = evaluations.freeze(y * size)
+        known.clear()
+        known[np.ascontiguousarray(y).tobytes()] = evaluations.freeze(y * size)
         fit = least_squares(misfit, y, slopes, bounds.T, max_nfev=_MOST, **tolerances)
         y = fit.x
     if not fit.success:
@@ -90,6 +90,6 @@ def identify(
     return Identified(
         fit.x * size,
         covariance * np.outer(size, size),
-        answer(fit.x).values,
+        evaluate(fit.x).values,
         float(np.sqrt(np.mean(fit.fun**2))),
     )

@@ -107,7 +107,7 @@ class Problem:
         self._ends = np.array([(one.lower, one.upper) for one in variables])
         self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
         self._names = [one.name for one in variables]
-        self._answers: dict[bytes, Answer] = {}
+        self._results: dict[bytes, Answer] = {}
         self._failed: dict[bytes, Exception] = {}
         self._rates: dict[bytes, dict[str, Array]] = {}
         self._first = 1.0
@@ -124,7 +124,7 @@ class Problem:
         self._rates.clear()
         self._failed.clear()
         y = np.log(x / self._start)
-        self._answers = {y.tobytes(): known}
+        self._results = {y.tobytes(): known}
         self._last, self._stalled = y, 0
         self._nearest = violation(known.values, self._constraints)[0]
         if self._objective is not None:
@@ -157,7 +157,7 @@ class Problem:
             except _Enough as problem:
                 y, ended, trying = self._last, str(problem), False
         best = self._best(y)
-        at_best = self._answer(best)
+        at_best = self._evaluate(best)
         missed = violation(at_best.values, self._constraints)
         return Design(self._at(best), at_best, missed, self._prices(best), self.trouble or ended)
 
@@ -166,11 +166,11 @@ class Problem:
 
         So a search leaves regions where the target's gradient vanishes, as of a permanent set where nothing yields.
         """
-        if violation(self._answer(self._solvable(y)).values, self._constraints)[0] <= MET:
+        if violation(self._evaluate(self._solvable(y)).values, self._constraints)[0] <= MET:
             return None
-        tried = [np.frombuffer(key) for key in self._answers]
+        tried = [np.frombuffer(key) for key in self._results]
         for target in (target for target in self._constraints if target.relation == "="):
-            above = [self._answer(z).values[target.name] > target.value for z in tried]
+            above = [self._evaluate(z).values[target.name] > target.value for z in tried]
             pairs = [
                 (float(np.linalg.norm(z - other)), 0.5 * (z + other))
                 for z, first in zip(tried, above, strict=True)
@@ -199,57 +199,57 @@ class Problem:
         """Return where the search ended or, if that violates constraints, the tried design that violates them least."""
         y = np.clip(y, *self._bounds.T)
         try:
-            if violation(self._answer(y).values, self._constraints)[0] <= MET:
+            if violation(self._evaluate(y).values, self._constraints)[0] <= MET:
                 return y
         except (InputError, SolveError) as problem:
             self.trouble = str(problem)
-        tried = [np.frombuffer(key) for key in self._answers]
-        return min(tried, key=lambda design: violation(self._answer(design).values, self._constraints)[0])
+        tried = [np.frombuffer(key) for key in self._results]
+        return min(tried, key=lambda design: violation(self._evaluate(design).values, self._constraints)[0])
 
     def _at(self, y: Array) -> Array:
         """Return the variables from their logarithms."""
         return np.clip(self._start * np.exp(y), *self._ends.T)
 
-    def _answer(self, y: Array) -> Answer:
+    def _evaluate(self, y: Array) -> Answer:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key in self._failed:
             raise self._failed[key]
-        if key not in self._answers:
-            if len(self._answers) + len(self._failed) >= SOLVES:
+        if key not in self._results:
+            if len(self._results) + len(self._failed) >= SOLVES:
                 raise _Enough(f"no end after {SOLVES} solves")
             if self._stalled >= _STALLED and self._nearest > MET:
                 raise _Enough(f"nothing comes nearer in {_STALLED} solves")
             try:
                 self._stalled += 1
-                self._answers[key] = self._evaluations.answer(self._at(y))
+                self._results[key] = self._evaluations.answer(self._at(y))
             except (InputError, SolveError) as problem:
                 # Failed solves take longest, and the objective and each constraint ask for the same one.
                 self._failed[key] = problem
                 raise
-            violated = violation(self._answers[key].values, self._constraints)[0]
+            violated = violation(self._results[key].values, self._constraints)[0]
             if violated < (1.0 - _NEARER) * self._nearest:
                 self._nearest, self._stalled = violated, 0
             state = ", ".join(
-                f"{constraint.name} {self._answers[key].values[constraint.name]:.6g}"
+                f"{constraint.name} {self._results[key].values[constraint.name]:.6g}"
                 for constraint in self._constraints[:3]
             )
             if self._objective is not None:
-                state = f"{self._objective[0]} {self._answers[key].values[self._objective[0]]:.6g}, {state}"
+                state = f"{self._objective[0]} {self._results[key].values[self._objective[0]]:.6g}, {state}"
             self._report(f"solve {self._evaluations.solves}: {state.rstrip(', ')}")
-        return self._answers[key]
+        return self._results[key]
 
     def _slopes(self, y: Array) -> dict[str, Array]:
         """Return the derivatives of the results with respect to the logarithms of the variables."""
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key not in self._rates:
-            rates, x = self._evaluations.derivatives(self._at(y), self._answer(y)), self._at(y)
+            rates, x = self._evaluations.derivatives(self._at(y), self._evaluate(y)), self._at(y)
             self._rates[key] = {name: slopes * x for name, slopes in rates.items()}
         return self._rates[key]
 
     def _margin(self, y: Array, constraint: Constraint) -> tuple[float, Array]:
         """Return the relative margin to a limit, or deviation from a target, and its derivative."""
         y = self._solvable(y)
-        ratio = self._answer(y).values[constraint.name] / (constraint.value or 1.0)
+        ratio = self._evaluate(y).values[constraint.name] / (constraint.value or 1.0)
         scale = (-1.0 if constraint.relation == "<" else 1.0) * (-1.0 if constraint.value < 0.0 else 1.0)
         near = max(ratio, _STRAIGHT)
         margin = np.log(near) + (ratio - near) / near if constraint.value else ratio
@@ -268,12 +268,12 @@ class Problem:
             return penalty + float(change @ change), 2.0 * change * x / self._start
         name, sign = self._objective
         factor = sign / self._first
-        return penalty + factor * self._answer(design).values[name], factor * self._slopes(design)[name]
+        return penalty + factor * self._evaluate(design).values[name], factor * self._slopes(design)[name]
 
     def _solvable(self, y: Array) -> Array:
         """Return the design, or the last that could be solved where this one cannot."""
         try:
-            self._answer(y)
+            self._evaluate(y)
             # SLSQP reuses the array.
             self._last = y.copy()
         except (InputError, SolveError) as problem:
@@ -303,7 +303,7 @@ class Problem:
             return dict.fromkeys(gradients, 0.0)
         # Relative to the objective here.
         name, sign = self._objective
-        gradient = sign * self._slopes(y)[name] / (abs(self._answer(y).values[name]) or 1.0)
+        gradient = sign * self._slopes(y)[name] / (abs(self._evaluate(y).values[name]) or 1.0)
         lower = [-np.inf if "=" in text.split() else 0.0 for text in gradients]
         multipliers = lsq_linear(np.array([*gradients.values()]).T, gradient, (lower, np.inf)).x
         return {name: float(value) for name, value in zip(gradients, multipliers, strict=True)}

@@ -205,8 +205,8 @@ class Solid:
     @property
     def volume(self) -> float:
         """The volume at rest, of all ranks."""
-        one = dolfinx.fem.Constant(self.space.mesh, PETSc.ScalarType(1.0))
-        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(one * self._dx(0), FAST))))
+        unit = dolfinx.fem.Constant(self.space.mesh, PETSc.ScalarType(1.0))
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(unit * self._dx(0), FAST))))
 
     def _dx(self, degree: int) -> Any:
         """Return the measure whose rule is exact for polynomials of a degree in the reference cell."""

@@ -25,7 +25,7 @@ def amplitudes() -> list[float]:
 
 
 def quarters() -> list[tuple[float, float]]:
-    """Return the factors of a whirl's shape, and of that a quarter of a period later, in the frames of one period."""
+    """Return the factors of a whirl's shape and its quarter-period shape in the frames of one period."""
     return [(float(np.cos(one)), float(np.sin(one))) for one in 2.0 * np.pi * np.arange(SWING) / SWING]
 
 

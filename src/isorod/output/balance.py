@@ -26,8 +26,8 @@ _ANGLES = 32
 def relative_imbalance(state: "State", number: int, u: float, xi: Array) -> float:
     """Return the relative imbalance of the stress at a place of a body.
 
-    It is the larger of that of its section (`imbalance`) and, on a free surface, of the traction left there over the
-    largest stress round the section.  Zero for bodies with contact, where neither is known.
+    It is the imbalance of the section (`imbalance`) or, on a free surface, the traction left there over the largest
+    stress round the section if that is larger.  Zero for bodies with contact, where neither is known.
     """
     model = state.model
     if any(body == number for contact in model.contacts for body, _ in contact.sides):

@@ -46,9 +46,9 @@ def crossings(columns: Mapping[str, Array]) -> list[Crossing]:
     Between two speeds squares of frequencies are interpolated linearly over the squared speed, as suits blades, which
     stiffen.  The error is the difference to linear interpolation over the speed, as suits round shafts.
     """
-    (given, *_), result = columns.values(), []
-    rows = np.argsort(np.asarray(given, dtype=float))
-    speed = np.asarray(given, dtype=float)[rows]
+    (speeds, *_), result = columns.values(), []
+    rows = np.argsort(np.asarray(speeds, dtype=float))
+    speed = np.asarray(speeds, dtype=float)[rows]
     turns = (speed / (2.0 * np.pi)) ** 2
     for name, values in columns.items():
         if not re.match(r"frequenc", name):

@@ -45,7 +45,7 @@ _SWINGS, _OVER, _WIDE = r" (amplitude|density)( \(.*\))?$", "frequency", 100.0
 # Targets and measurements, plotted as points beside the computed curves.
 _AIMS = (", wanted", ", measured")
 
-# Quantities whose units are named by others in files (`isorod.output.reading.Result.units`), by quantity.
+# Names in files (`isorod.output.reading.Result.units`) of the units of some quantities.
 _NAMED = {"displacement": "length", "penetration": "length"}
 
 
@@ -116,7 +116,7 @@ def _results(rows: Sequence[dict[str, str]], varied: Sequence[str]) -> dict[str,
 
 
 class Panel(NamedTuple):
-    """Curves of one quantity: labels below and beside them, and the columns of abscissa and ordinate of each."""
+    """Curves of one quantity: labels of both axes, and the columns of abscissa and ordinate of each curve."""
 
     below: str
     beside: str

@@ -364,7 +364,7 @@ def add_skin(plotter: Any, surface: Skin, field: str, scale: tuple[float, float]
         show_scalar_bar=bar is not None,
         scalar_bar_args=bar,
     )
-    # Behind its own lines.
+    # Drawn behind the lines of its edges.
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
     if surface.edges.n_cells:

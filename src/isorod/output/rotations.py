@@ -136,7 +136,7 @@ def vector(turned: Array) -> Array:
 
 
 def nearest(before: Array, after: Array) -> Array:
-    """Return the rotations that fit best points ``(t, q, 3)`` to others, shape ``(t, 3, 3)`` (Kabsch)."""
+    """Return the rotations ``(t, 3, 3)`` that fit best points ``(t, q, 3)`` before to those after (Kabsch)."""
     left, _, right = np.linalg.svd(np.einsum("tqa,tqb->tab", after, before))
     left[..., 2] *= np.linalg.det(left @ right)[:, None]
     return np.asarray(left @ right)

@@ -155,8 +155,8 @@ def _recovered(axis: Axis, means: tuple[Array, Array], centres: Array, u: Array)
 
     begin, local, _ = bspline.table(axis.knots[1:-1], axis.degree - 1, u)
     both = np.concatenate([force, solve(moment)], axis=1)[begin[:, None] + np.arange(axis.degree)]
-    found = np.einsum("tk,tkc->tc", local, both)
-    return found[:, :3], found[:, 3:]
+    splines_at = np.einsum("tk,tkc->tc", local, both)
+    return splines_at[:, :3], splines_at[:, 3:]
 
 
 def _beyond(layers: Array) -> Array:

@@ -279,24 +279,24 @@ def _pictures(
     """Yield a picture of each moment (`Deformation.plot`)."""
     from isorod.output import picture, words
 
-    one = moments[0].state
-    shown = one._colours[0] if colour is None else colour
-    if shown not in one._colours:
-        raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, one._colours))}")
+    first = moments[0].state
+    shown = first._colours[0] if colour is None else colour
+    if shown not in first._colours:
+        raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, first._colours))}")
     if scale is not None:
         expect("scale", scale, float)
         finite("scale", scale, "a finite number")
     picture.check(view, size, what)
     # All frames of a mode have the same state.
     states = {id(moment.state): moment.state for moment in moments}
-    meshes = {key: [state._mesh(b, shown) for b in range(len(one.model.bodies))] for key, state in states.items()}
+    meshes = {key: [state._mesh(b, shown) for b in range(len(first.model.bodies))] for key, state in states.items()}
     moved = np.concatenate([mesh.point_data["motion"] for of_state in meshes.values() for mesh in of_state])
     largest = float(np.linalg.norm(moved, axis=1).max())
     known = [getattr(moment.state, "stress_error", None) for moment in moments]
     notes = [words.stress_error(error) if shown == "von Mises" else "" for error in known]
     frames = [picture.Frame(meshes[id(one.state)], *one[1:], note) for one, note in zip(moments, notes, strict=True)]
-    scale, title = one._scale(largest) if scale is None else scale, words.FIELDS[shown.lower().replace(" ", "_")]
-    yield from picture.draw(frames, title, scale, view, size, shape=one._shape)
+    scale, title = first._scale(largest) if scale is None else scale, words.FIELDS[shown.lower().replace(" ", "_")]
+    yield from picture.draw(frames, title, scale, view, size, shape=first._shape)
 
 
 @dataclass(frozen=True, eq=False)

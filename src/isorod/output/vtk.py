@@ -202,7 +202,7 @@ def _cells(numbers: Sequence[Index], sizes: Sequence[int], count: int, degree: i
 
 
 def _pressed(points: Array, column: int) -> Array:
-    """Return axis parameters (0) or angles (1) of points under pressure, and of those beside them."""
+    """Return axis parameters (column 0) or angles (1) of contact points under pressure and of their neighbours."""
     result = []
     for contact in np.unique(points[:, 3]):
         rows = points[points[:, 3] == contact]
