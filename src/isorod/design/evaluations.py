@@ -22,7 +22,7 @@ MISFIT = "misfit"
 Begin = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
 
 
-class Answer(NamedTuple):
+class Results(NamedTuple):
     """Results of all scenes as single numbers by name, ``stress`` or ``frequencies[0]``, and the solutions."""
 
     values: dict[str, float]
@@ -74,7 +74,7 @@ class Evaluations:
         self._frozen: list[_Frozen] = []
         self._last: Sequence[Any] = ()
 
-    def freeze(self, x: Array) -> Answer:
+    def freeze(self, x: Array) -> Results:
         """Return the results of new models, and fix their discretisations and load steps for all later ones."""
         self._frozen = []
         for scene in self.scenes.values():
@@ -86,7 +86,7 @@ class Evaluations:
             self._frozen.append(_Frozen(seen, made, solution))
         return self._measured([one.first for one in self._frozen])
 
-    def answer(self, x: Array) -> Answer:
+    def answer(self, x: Array) -> Results:
         """Return the results.
 
         Raises
@@ -98,21 +98,21 @@ class Evaluations:
             [self._solve(k, self._make(k, self._named(x)), near) for k, near in enumerate(self._last)]
         )
 
-    def _measured(self, solutions: Sequence[Any]) -> Answer:
+    def _measured(self, solutions: Sequence[Any]) -> Results:
         values: dict[str, float] = {}
         for case, frozen, solution in zip(self.scenes, self._frozen, solutions, strict=True):
             with silently():
                 values |= of_case(case, flat(measured(frozen.scene, solution)))
         self._last = solutions
         self.add_misfit(values)
-        return Answer(values, solutions)
+        return Results(values, solutions)
 
     def add_misfit(self, values: dict[str, float]) -> None:
         """Add the mean square misfit of the curve to results, if there is a curve."""
         if self.table is not None:
             values[MISFIT] = float(np.mean(self.table.off(values) ** 2))
 
-    def derivatives(self, x: Array, results: Answer) -> dict[str, Array]:
+    def derivatives(self, x: Array, results: Results) -> dict[str, Array]:
         """Return the derivatives of each result with respect to the parameters, shape ``(parameters,)``."""
         rates: dict[str, Array] = {}
         for k, case in enumerate(self.scenes):

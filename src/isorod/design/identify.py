@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from isorod.arrays import Array
 from isorod.design.curves import Curve
-from isorod.design.evaluations import Answer, Evaluations
+from isorod.design.evaluations import Results, Evaluations
 from isorod.design.wanted import Variable
 from isorod.errors import InputError
 
@@ -56,9 +56,9 @@ def identify(
     start = np.array([one.start for one in variables])
     size = np.abs(start)
     bounds = np.array([(one.lower, one.upper) for one in variables]) / size[:, None]
-    known: dict[bytes, Answer] = {}
+    known: dict[bytes, Results] = {}
 
-    def evaluate(y: Array) -> Answer:
+    def evaluate(y: Array) -> Results:
         key = np.ascontiguousarray(y).tobytes()
         if key not in known:
             known[key] = evaluations.answer(y * size)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
-from isorod.design.evaluations import MISFIT, Answer, Evaluations
+from isorod.design.evaluations import MISFIT, Results, Evaluations
 from isorod.design.wanted import Constraint, Variable
 from isorod.errors import InputError, SolveError
 
@@ -68,7 +68,7 @@ class Design(NamedTuple):
     """
 
     x: Array
-    answer: Answer
+    answer: Results
     violation: tuple[float, str]
     prices: Mapping[str, float]
     trouble: str
@@ -107,13 +107,13 @@ class Problem:
         self._ends = np.array([(one.lower, one.upper) for one in variables])
         self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
         self._names = [one.name for one in variables]
-        self._results: dict[bytes, Answer] = {}
+        self._results: dict[bytes, Results] = {}
         self._failed: dict[bytes, Exception] = {}
         self._rates: dict[bytes, dict[str, Array]] = {}
         self._first = 1.0
         self.trouble = ""
 
-    def solve(self, x: Array, known: Answer) -> Design:
+    def solve(self, x: Array, known: Results) -> Design:
         """Return the optimum from an initial design whose results are known.
 
         Raises
@@ -210,7 +210,7 @@ class Problem:
         """Return the variables from their logarithms."""
         return np.clip(self._start * np.exp(y), *self._ends.T)
 
-    def _evaluate(self, y: Array) -> Answer:
+    def _evaluate(self, y: Array) -> Results:
         key = np.ascontiguousarray(y, dtype=float).tobytes()
         if key in self._failed:
             raise self._failed[key]
