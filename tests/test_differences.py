@@ -186,6 +186,6 @@ def test_a_design_begins_on_the_spaces_that_see_a_patch(tmp_path):
     unknowns = first.solutions[0].model.unknowns
     with choices.kept():
         assert unknowns > scene.model().unknowns
-    moved = own.answer(1.001 * x * at)
+    moved = own.evaluate(1.001 * x * at)
     assert moved.solutions[0].model.unknowns == unknowns
     assert moved.values["push"] == pytest.approx(first.values["push"], rel=1e-2)

@@ -86,7 +86,7 @@ class Evaluations:
             self._frozen.append(_Frozen(seen, made, solution))
         return self._measured([one.first for one in self._frozen])
 
-    def answer(self, x: Array) -> Results:
+    def evaluate(self, x: Array) -> Results:
         """Return the results.
 
         Raises

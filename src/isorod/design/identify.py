@@ -61,7 +61,7 @@ def identify(
     def evaluate(y: Array) -> Results:
         key = np.ascontiguousarray(y).tobytes()
         if key not in known:
-            known[key] = evaluations.answer(y * size)
+            known[key] = evaluations.evaluate(y * size)
         return known[key]
 
     def misfit(y: Array) -> Array:

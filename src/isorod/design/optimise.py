@@ -221,7 +221,7 @@ class Problem:
                 raise _Enough(f"nothing comes nearer in {_STALLED} solves")
             try:
                 self._stalled += 1
-                self._results[key] = self._evaluations.answer(self._at(y))
+                self._results[key] = self._evaluations.evaluate(self._at(y))
             except (InputError, SolveError) as problem:
                 # Failed solves take longest, and the objective and each constraint ask for the same one.
                 self._failed[key] = problem
