@@ -166,7 +166,7 @@ def _found(
         best = problem.solve(x, before)
         x = best.x
         before, error, warned = solve_anew(own, x)
-        off = max(_apart(best.answer.values[name], before.values[name]) for name in concerned)
+        off = max(_apart(best.results.values[name], before.values[name]) for name in concerned)
         if off <= SAME or best.violation[0] > optimise.MET:
             # What cannot be met is not sought again.
             break

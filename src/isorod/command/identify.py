@@ -63,7 +63,7 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
             best = identify.identify(own, several, table, tell)
         after, error, warned = solve_anew(own, best.x)
     say(warned)
-    off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())
+    off = float(np.abs(table.off(after.values) - table.off(best.results)).max())
     if off > SAME:
         warnings.warn(
             f"solved as new answers are up to {100.0 * off:.2g} % of the largest value off those of the fit: the "
@@ -72,7 +72,7 @@ def _identify(scene: Any, found: Any) -> dict[str, Any]:
         )
     if own.fallback:
         warnings.warn(differences_of(own.fallback), stacklevel=2)
-    two = {"measured": table.measured, "answered": table.values(best.answers)}
+    two = {"measured": table.measured, "answered": table.values(best.results)}
     if found.png and ending.rank() == 0:
         draw(scene, table, two, found.png)
     # As many values as numbers leave no misfit by which to tell it.

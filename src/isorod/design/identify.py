@@ -31,7 +31,7 @@ class Identified(NamedTuple):
     ----------
     x, covariance
         The parameters, ``(n,)``, and their covariance, estimated from the residuals.
-    answers
+    results
         Results of the scenes of all points, by name.
     misfit
         Root mean square of the residuals, relative to each column's largest value.
@@ -39,7 +39,7 @@ class Identified(NamedTuple):
 
     x: Array
     covariance: Array
-    answers: Mapping[str, float]
+    results: Mapping[str, float]
     misfit: float
 
 

@@ -56,7 +56,7 @@ class Design(NamedTuple):
     ----------
     x
         The design variables.
-    answer
+    results
         The results there.
     violation
         The largest relative violation of targets and limits, and of which.
@@ -68,7 +68,7 @@ class Design(NamedTuple):
     """
 
     x: Array
-    answer: Results
+    results: Results
     violation: tuple[float, str]
     prices: Mapping[str, float]
     trouble: str
