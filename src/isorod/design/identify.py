@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from isorod.arrays import Array
 from isorod.design.curves import Curve
-from isorod.design.evaluations import Results, Evaluations
+from isorod.design.evaluations import Evaluations, Results
 from isorod.design.wanted import Variable
 from isorod.errors import InputError
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
-from isorod.design.evaluations import MISFIT, Results, Evaluations
+from isorod.design.evaluations import MISFIT, Evaluations, Results
 from isorod.design.wanted import Constraint, Variable
 from isorod.errors import InputError, SolveError
 
@@ -97,12 +97,8 @@ class Problem:
         objective: tuple[str, float] | None,
         report: Callable[[str], None],
     ) -> None:
-        self._evaluations, self._constraints, self._objective, self._report = (
-            evaluations,
-            constraints,
-            objective,
-            report,
-        )
+        self._evaluations, self._constraints = evaluations, constraints
+        self._objective, self._report = objective, report
         self._start = np.array([one.start for one in variables])
         self._ends = np.array([(one.lower, one.upper) for one in variables])
         self._bounds = np.sort(np.log(self._ends / self._start[:, None]), axis=1)
@@ -173,9 +169,9 @@ class Problem:
             above = [self._evaluate(z).values[target.name] > target.value for z in tried]
             pairs = [
                 (float(np.linalg.norm(z - other)), 0.5 * (z + other))
-                for z, first in zip(tried, above, strict=True)
-                for other, second in zip(tried, above, strict=True)
-                if first and not second
+                for z, is_above in zip(tried, above, strict=True)
+                for other, other_above in zip(tried, above, strict=True)
+                if is_above and not other_above
             ]
             length, middle = min(pairs, key=lambda pair: pair[0], default=(0.0, y))
             if length > _CLOSE and middle.tobytes() not in self._failed:
