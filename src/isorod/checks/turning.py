@@ -12,8 +12,7 @@ from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.moving import refuse_late
-from isorod.model.support import Support
-from isorod.output.rotations import APART, angles, followed, nearest, steps
+from isorod.output.rotations import APART, AROUND, angles, clamped_layer, followed, nearest, sections, steps
 from isorod.tensors import rotation
 
 # Largest rotation in a load step, radians, of a support, alone or relative to another of its body.
@@ -27,9 +26,6 @@ _MOST = 100
 
 # A section that rotates by more than this in a step may have rotated in the other sense.
 _LOST = 0.75 * np.pi
-
-# Sections in each element, and points round each.
-_SECTIONS, _AROUND = 8, 8
 
 
 class Turning:
@@ -107,31 +103,23 @@ class Turning:
     def _arms(self, body: int, displacement: Array) -> Array:
         """Return points round sections of a body relative to their centres, shape ``(t, q, 3)``."""
         space = self._model.bodies[body].space
-        breaks = space.axis.breaks
-        fractions = np.arange(_SECTIONS) / _SECTIONS
-        u = np.append((breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel(), breaks[-1])
-        points = outlines(space, space.positions + self._model.nodal(displacement, body), u, _AROUND)
+        points = outlines(space, space.positions + self._model.nodal(displacement, body), sections(space), AROUND)
         return points - points.mean(axis=1, keepdims=True)
 
     def _winds(self, body: int, displacement: Array) -> bool:
         model, space = self._model, self._model.bodies[body].space
         if any(one.body == body for one in model.means.values()):
             return False
-        supports = [
-            (support, motion)
-            for support, motion in zip(model.supports, model.motions, strict=True)
-            if support.body == body and isinstance(support, Support)
-        ]
+        pairs = zip(model.supports, model.motions, strict=True)
+        supports = [(support, motion) for support, motion in pairs if support.body == body]
         if len(supports) == 1:
             # The body rotates with its only support.
             return True
         ends: dict[int, Array] = {}
         for support, motion in supports:
-            layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
-            clamped = layers.size == 1 and count[0] == space.layer_nodes and layers[0] in (0, space.layers - 1)
-            if not clamped or space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
+            if (layer := clamped_layer(space, support)) is None:
                 return False
-            ends[int(layers[0])] = motion.turn
+            ends[layer] = motion.turn
         if len(ends) < 2:
             return False
         first, last = ends[0], ends[space.layers - 1]

@@ -20,8 +20,7 @@ class Curve(NamedTuple):
     def values(self, results: Mapping[str, float]) -> dict[str, Array]:
         """Return the computed results at the points, by name, ``(points,)``."""
         return {
-            name: np.array([results[f"{k}.{name}"] for k in range(len(column))])
-            for name, column in self.measured.items()
+            name: np.array([results[f"{k}.{name}"] for k in range(len(rows))]) for name, rows in self.measured.items()
         }
 
     def off(self, results: Mapping[str, float]) -> Array:
@@ -31,9 +30,7 @@ class Curve(NamedTuple):
 
     def slopes(self, rates: Mapping[str, Array]) -> Array:
         """Return the derivatives of the residuals, ``(columns * points, parameters)``."""
-        rows = [
-            rates[f"{k}.{name}"] / _size(column) for name, column in self.measured.items() for k in range(len(column))
-        ]
+        rows = [rates[f"{k}.{name}"] / _size(col) for name, col in self.measured.items() for k in range(len(col))]
         return np.array(rows)
 
 

@@ -125,9 +125,7 @@ class Evaluations:
     def _rates(self, k: int, at: dict[str, float], solution: Any) -> list[dict[str, float]]:
         """Return the derivatives of a scene's results, for each parameter."""
         scene, make = self._frozen[k].scene, partial(self._make, k)
-        rates = differences.derivatives(
-            solution, make, at, lambda other: measured(scene, other), partial(self._solve, k)
-        )
+        rates = differences.derivatives(solution, make, at, lambda near: measured(scene, near), partial(self._solve, k))
         rates = rates.averaged().told()
         self.fallback = rates.why or self.fallback
         # Modal derivatives are of frequencies alone, not of mass and volume.

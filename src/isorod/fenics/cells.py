@@ -76,10 +76,8 @@ class Cells:
         if self.element.degree >= self.geometry.degree:
             return True
         nodal = tabulated(self.geometry, 0, self.element.points)[0] @ self.x
-        deviation = tabulated(self.element, 0, self.geometry.points)[0] @ nodal - self.x
-        return bool(
-            (np.abs(deviation) <= _SAME * np.ptp(self.x, axis=1, keepdims=True).max(axis=2, keepdims=True)).all()
-        )
+        off = tabulated(self.element, 0, self.geometry.points)[0] @ nodal - self.x
+        return bool((np.abs(off) <= _SAME * np.ptp(self.x, axis=1, keepdims=True).max(axis=2, keepdims=True)).all())
 
     def on_faces(self, face: Index, s: Array) -> Array:
         """Return the reference points ``(k, 3)`` of points ``s`` ``(k, 2)`` of reference facets, one facet each."""

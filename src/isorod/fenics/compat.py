@@ -36,6 +36,7 @@ __all__ = [
     "entities",
     "expression",
     "exterior_facets",
+    "facets_in_cells",
     "fill",
     "form",
     "from_gmsh",
@@ -296,6 +297,13 @@ def links(mesh: Any, low: int, high: int) -> tuple[Index, Index]:
     mesh.topology.create_connectivity(low, high)
     connectivity = mesh.topology.connectivity(low, high)
     return np.asarray(connectivity.array, dtype=np.int64), np.asarray(connectivity.offsets, dtype=np.int64)
+
+
+def facets_in_cells(mesh: Any, facets: Index, count: int) -> tuple[Index, Index]:
+    """Return the cells of exterior facets, and their numbers among the ``count`` facets of the cell."""
+    cells, first = links(mesh, 2, 3)
+    cell = cells[first[facets]]
+    return cell, (links(mesh, 3, 2)[0].reshape(-1, count)[cell] == facets[:, None]).argmax(axis=1)
 
 
 def exterior_facets(mesh: Any) -> Index:

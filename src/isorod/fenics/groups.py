@@ -79,11 +79,9 @@ class Groups:
 def corners(mesh: Any, facets: Index) -> Index:
     """Return the original numbers ``(f, 3 or 4)`` of the corners of this rank's facets, in the mesh as given."""
     faces = np.array(basix.topology(compat.geometry_element(mesh).cell_type)[2], dtype=np.int64)
-    cells, first = compat.links(mesh, 2, 3)
-    cell = cells[first[facets]]
-    table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[cell]
+    cell, face = compat.facets_in_cells(mesh, facets, len(faces))
     nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[cell]
-    vertices = np.take_along_axis(nodes, faces[(table == facets[:, None]).argmax(axis=1)], axis=1)
+    vertices = np.take_along_axis(nodes, faces[face], axis=1)
     return np.asarray(compat.original_nodes(mesh)[vertices])
 
 

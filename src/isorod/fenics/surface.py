@@ -69,7 +69,7 @@ class Surface:
 
     def rows(self, points: Array, facets: Index | None) -> Rows:
         """Return `Rows` at points that are equal on all ranks."""
-        cell, face = self._places(self._exterior if facets is None else self._own(facets))
+        cell, face = self._places(facets)
         some = np.arange(len(self._cells.x)) if facets is None else np.unique(cell)
         place = Nearest(self._cells, some, cell, face)(points)
         # The nearest rank evaluates, the first of several.
@@ -92,7 +92,7 @@ class Surface:
     def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
         """Return the `Trace` of exterior facets."""
         cells = self._cells
-        cell, face = self._places(self._exterior if facets is None else self._own(facets))
+        cell, face = self._places(facets)
         kind = basix.CellType.triangle if cells.simplex else basix.CellType.quadrilateral
         degree = 2 * cells.element.degree + 2 * cells.geometry.degree
         s, w = basix.make_quadrature(kind, degree if pieces is None else 2)[:2]
@@ -141,13 +141,10 @@ class Surface:
             )
         return own
 
-    def _places(self, facets: Index) -> tuple[Index, Index]:
-        """Return the cells of exterior facets, and their numbers among the facets of the cell."""
-        mesh = self._space.mesh
-        cells, first = compat.links(mesh, 2, 3)
-        cell = cells[first[facets]]
-        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[cell]
-        return cell, (table == facets[:, None]).argmax(axis=1)
+    def _places(self, facets: Index | None) -> tuple[Index, Index]:
+        """Return the cells of facets, all exterior ones if None, and their numbers among the facets of the cell."""
+        own = self._exterior if facets is None else self._own(facets)
+        return compat.facets_in_cells(self._space.mesh, own, len(self._cells.faces))
 
 
 def _subdivided(s: Array, w: Array, count: int, simplex: bool) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
+from isorod.geometry.disk import circle
 from isorod.material.along_rod import Laws
 from isorod.model.body import Body
 from isorod.model.load import Pressure
@@ -38,8 +39,7 @@ def relative_imbalance(state: "State", number: int, u: float, xi: Array) -> floa
     pressed = any(isinstance(load, Pressure) and load.body == number for load in model.loads)
     if pressed or (radius < 1.0 - _ON and not (hole and radius < hole + _ON)):
         return float(error)
-    angle = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    largest = state.stress(number, u, radius * np.stack([np.cos(angle), np.sin(angle)], axis=1), "von Mises").max()
+    largest = state.stress(number, u, radius * circle(_ANGLES), "von Mises").max()
     _, jacobian = body.space.rod.grid(xi[None], np.array([u]))
     moved = state.deformation_gradient(number, u, xi) @ jacobian[0, 0]
     normal = np.cross(xi[0] * moved[:, 1] - xi[1] * moved[:, 0], moved[:, 2])

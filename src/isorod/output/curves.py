@@ -136,7 +136,7 @@ def panels(columns: dict[str, Array], units: Mapping[str, str]) -> list[Panel]:
         return f"{quantity} ({unit})" if unit else text
 
     first, *others = columns
-    by_labels: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
     largest: dict[str, float] = {}
     sizes = {name: float(np.nan_to_num(np.abs(columns[name])).max()) for name in others}
     for name, size in sizes.items():
@@ -147,14 +147,12 @@ def panels(columns: dict[str, Array], units: Mapping[str, str]) -> list[Panel]:
         force = name.replace("displacement", "force")
         # Force-displacement loops suit statics over time, not motions, which have energies.
         if force != name and force in plotted and np.ptp(columns[name]) > 0.0 and "kinetic" not in columns:
-            by_labels.setdefault((label(name), label(force)), []).append((name, force))
-    ordinates = {force for curves in by_labels.values() for _, force in curves}
-    abscissas = {name for curves in by_labels.values() for name, _ in curves}
-    for name in [column for column in plotted if column not in ordinates | abscissas] or (
-        [] if by_labels else others[:1]
-    ):
-        by_labels.setdefault((label(first), label(name)), []).append((first, name))
-    return [Panel(*labels, curves) for labels, curves in by_labels.items()]
+            groups.setdefault((label(name), label(force)), []).append((name, force))
+    ordinates = {force for curves in groups.values() for _, force in curves}
+    abscissas = {name for curves in groups.values() for name, _ in curves}
+    for name in [one for one in plotted if one not in ordinates | abscissas] or ([] if groups else others[:1]):
+        groups.setdefault((label(first), label(name)), []).append((first, name))
+    return [Panel(*labels, curves) for labels, curves in groups.items()]
 
 
 def axis_label(name: str) -> str:
@@ -257,10 +255,10 @@ def _draw_orders(axis: Any, columns: dict[str, Array], lines: Sequence[str]) -> 
     for name in lines:
         axis.plot(speed, columns[name], "--", color="0.55", linewidth=0.9)
         # Labelled at its end, or where it leaves the picture.
-        fraction = min(1.0, top / columns[name][last])
+        scale = min(1.0, top / columns[name][last])
         axis.annotate(
             name.removeprefix(campbell.LINE) + "x",
-            (fraction * speed[last], fraction * columns[name][last]),
+            (scale * speed[last], scale * columns[name][last]),
             fontsize="small",
         )
     axis.set_ylim(0.0, top)

@@ -168,11 +168,9 @@ class Prism:
             E += sums[1, 2].reshape(M.shape) + sums[1, 2].reshape(M.shape).T
             return M, C, E
         for r, moduli in enumerate(self.moduli / unit):
-            inside = points.ring == r
-            root = np.sqrt(points.weight[inside])[:, None] / self._size
-            table = np.concatenate(
-                [root * values[inside], root * slopes[inside, :, 0], root * slopes[inside, :, 1]], axis=1
-            )
+            on = points.ring == r
+            root = np.sqrt(points.weight[on])[:, None] / self._size
+            table = np.concatenate([root * values[on], root * slopes[on, :, 0], root * slopes[on, :, 1]], axis=1)
             products = (table.T @ table).reshape(3, basis.count, 3, basis.count)
             # The first direction is along the prism.
             M += np.einsum("ij,lm->iljm", moduli[:, 0, :, 0], products[0, :, 0]).reshape(M.shape)

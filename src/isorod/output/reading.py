@@ -118,7 +118,8 @@ def _run(folder: Path, run: int | None) -> Result:
     records = _records(folder / RECORDS)
     count = len(records)
     if run is not None and not 1 <= run <= count:
-        raise InputError(f"{folder}: there is no run {run}; need 1 to {count}" if count > 1 else _only(folder, run))
+        need = f"need 1 to {count}" if count > 1 else "it has one alone"
+        raise InputError(f"{folder}: there is no run {run}; {need}")
     record = records[-1 if run is None else run - 1]
     files = [folder / name for name in record.get("files", ())]
     kinds = {kind: [file for file in files if file.suffix == kind] for kind in (".pvd", ".vtu", ".csv")}
@@ -128,10 +129,6 @@ def _run(folder: Path, run: int | None) -> Result:
     elif kinds[".vtu"]:
         steps = (Step(0.0, tuple(kinds[".vtu"])),)
     return Result(str(record.get("scene", folder.name)), record, steps, next(iter(kinds[".csv"]), None))
-
-
-def _only(folder: Path, run: int) -> str:
-    return f"{folder}: there is no run {run}; it has one alone"
 
 
 def _records(path: Path) -> list[dict[str, Any]]:
@@ -148,9 +145,7 @@ def _series(path: Path) -> tuple[Step, ...]:
     """Return the states that a ``.pvd`` file names."""
     try:
         sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
-        entries = [
-            (float(entry.get("timestep", "0")), int(entry.get("part", "0")), entry.attrib["file"]) for entry in sets
-        ]
+        entries = [(float(row.get("timestep", "0")), int(row.get("part", "0")), row.attrib["file"]) for row in sets]
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as problem:
         raise InputError(f"{path}: cannot be read ({problem})") from None
     if not entries:

@@ -7,9 +7,11 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.geometry.disk import circle
 from isorod.model.mean import MeanSupport, turns_about
 from isorod.model.model import Model
 from isorod.model.support import Support
+from isorod.space.space import Space
 from isorod.tensors import rotation
 
 # A section that rotates by more than this relative to its neighbour may have rotated in the other sense.
@@ -19,7 +21,7 @@ APART = 0.5 * np.pi
 _SEEN = 0.2
 
 # Sections in each element, and points round each.
-_SECTIONS, _AROUND = 8, 8
+_SECTIONS, AROUND = 8, 8
 
 # Beyond half a turn, a rotation this near to full turns, radians, does not determine its axis.
 _WHOLE = 0.1
@@ -79,12 +81,8 @@ def _turns(difference: float) -> float:
 def _path(model: Model, nodal: Array, body: int, u: float, factor: float) -> Array:
     """Return rotations ``(t, 3, 3)`` from zero to that of an end's support, and along the rod to a section."""
     space = model.bodies[body].space
-    breaks = space.axis.breaks
-    fractions = np.arange(_SECTIONS) / _SECTIONS
-    along = np.append((breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel(), breaks[-1])
-    ends = _ends(model, body, factor)
-    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-    xi = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    along, ends = sections(space), _ends(model, body, factor)
+    xi = circle(AROUND)
 
     def turned(where: Array) -> Array:
         rest = space.rod.grid(xi, where)[0]
@@ -93,7 +91,7 @@ def _path(model: Model, nodal: Array, body: int, u: float, factor: float) -> Arr
 
     if not ends:
         # Without a clamped end, the end that has rotated less.
-        first, last = (vector(one) for one in turned(breaks[[0, -1]]))
+        first, last = (vector(one) for one in turned(along[[0, -1]]))
         ends = {0: first} if np.linalg.norm(first) <= np.linalg.norm(last) else {-1: last}
     side, turn = next(iter(ends.items()))
     path = np.append(along[along < u], u) if side == 0 else np.append(along[along > u], u)
@@ -107,15 +105,27 @@ def _ends(model: Model, body: int, factor: float) -> dict[int, Array]:
     """Return the rotations of clamped ends of a body by their supports: the start by key 0, the end by -1."""
     space, rotations = model.bodies[body].space, {}
     for support, motion in zip(model.supports, model.motions, strict=True):
-        if support.body != body or not isinstance(support, Support) or space.rod.closed:
-            continue
-        layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
-        clamped = {*support.components, *support.tied} == {*"xyz"} and (count == space.layer_nodes).all()
-        if clamped and layers.size == 1 and layers[0] in (0, space.layers - 1):
+        if support.body == body and (layer := clamped_layer(space, support)) is not None:
             begin, end = motion.during
             fraction = np.clip((factor - begin) / (end - begin), 0.0, 1.0)
-            rotations[0 if layers[0] == 0 else -1] = fraction * motion.turn
+            rotations[0 if layer == 0 else -1] = fraction * motion.turn
     return rotations
+
+
+def clamped_layer(space: Space, support: Support | MeanSupport) -> int | None:
+    """Return the layer of the end face that a support clamps, None if it does not clamp one."""
+    if not isinstance(support, Support) or space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
+        return None
+    layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
+    clamped = layers.size == 1 and count[0] == space.layer_nodes and layers[0] in (0, space.layers - 1)
+    return int(layers[0]) if clamped else None
+
+
+def sections(space: Space) -> Array:
+    """Return axis parameters ``(t,)`` at which the rotation of sections is followed, with both ends."""
+    breaks = space.axis.breaks
+    fractions = np.arange(_SECTIONS) / _SECTIONS
+    return np.append((breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel(), breaks[-1])
 
 
 def direction(name: str, given: ArrayLike) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError, expect, numbers
+from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import WHOLE, section_points
 from isorod.geometry.rod import Rod
 from isorod.material.law import Material
@@ -296,9 +297,9 @@ def _prism(body: Body, u: Array) -> tuple[Prism, Array, Array]:
 
 def _samples(rings: Sequence[float]) -> Array:
     """Return ten points of the disk in each ring, at which moduli are compared."""
-    radii, angles = np.array(rings), 2.0 * np.pi * np.arange(5) / 5
+    radii = np.array(rings)
     radius = radii[:-1, None, None, None] + np.diff(radii)[:, None, None, None] * np.array([0.25, 0.75])[:, None, None]
-    return np.asarray((radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2))
+    return np.asarray((radius * circle(5)).reshape(-1, 2))
 
 
 def _stiffness(prism: Prism, report: Callable[[Callable[[], str]], None]) -> tuple[Array, float, str]:
