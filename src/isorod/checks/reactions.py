@@ -123,8 +123,8 @@ def check_means(assembler: Assembler, x: PETSc.Vec, reactions: Array, moments: A
         force, moment = float(np.linalg.norm(reactions[k])), float(np.linalg.norm(moments[k]))
         if mean.free and max(force, moment / model.size) > _BALANCED * assembler.carried(x):
             raise SolveError(
-                f"support {k}: the loads do not balance each other, and what holds rigid motions alone would carry "
-                f"force {force:.3g} and moment {moment:.3g}; balance them, or take a support that says where"
+                f"support {k}: the loads do not balance each other, and a support of rigid motions alone would carry "
+                f"force {force:.3g} and moment {moment:.3g}; balance them, or add a support that carries them"
             )
 
 

@@ -50,7 +50,7 @@ def curve(rows: Mapping[str, Array], scene: Any, variables: Sequence[Variable]) 
     unknown = next((name for name in measured if name.partition("[")[0] not in results), None)
     if unknown is not None:
         raise InputError(
-            f"column {unknown!r} is no number of the scene, nor measured; there are: {', '.join([*results, *known])}"
+            f"column {unknown!r} is no parameter of the scene, nor measured; there are: {', '.join([*results, *known])}"
         )
     if not measured:
         raise InputError(f"the table has no column of what is measured: {', '.join(results)}")

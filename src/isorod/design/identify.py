@@ -79,7 +79,7 @@ def identify(
         fit = least_squares(misfit, y, slopes, bounds.T, max_nfev=_MOST, **tolerances)
         y = fit.x
     if not fit.success:
-        raise InputError(f"the numbers are not found in {_MOST} steps; begin nearer (--set), or give bounds")
+        raise InputError(f"the fit does not converge in {_MOST} steps; begin nearer (--set), or give bounds")
     _, sizes, directions = np.linalg.svd(fit.jac, full_matrices=False)
     if not sizes[-1] > _DEPENDENT * max(sizes[0], 1.0):
         worst = variables[int(np.argmax(np.abs(directions[-1])))].name

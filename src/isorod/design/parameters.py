@@ -52,7 +52,9 @@ def named(scene: Any, name: str) -> dict[str, float]:
     known = parameters(scene)
     matches = {path: value for path, value in known.items() if path == name or path.startswith(f"{name}.")}
     if not matches:
-        raise InputError(f"{name!r} is no number of the scene that can vary; there are: {', '.join(known) or 'none'}")
+        raise InputError(
+            f"{name!r} is no parameter of the scene that can vary; there are: {', '.join(known) or 'none'}"
+        )
     return matches
 
 

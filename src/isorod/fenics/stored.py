@@ -281,7 +281,7 @@ class _Converter:
     def _piecewise(self, node: sympy.Piecewise) -> Any:
         *branches, (last, rest) = node.args
         if rest != sympy.true:
-            raise InputError("stored energy: a Piecewise says nothing of the rest; end it with (value, True)")
+            raise InputError("stored energy: a Piecewise has no default; end it with (value, True)")
         value = self(last)
         for branch, condition in reversed(branches):
             value = ufl.conditional(self._condition(condition), self(branch), value)
