@@ -92,7 +92,7 @@ def test_a_design_knows_a_case_by_what_the_file_says(file, command):
         name = "root[1]" if case else "both.root[1]"
         words = ("--vary", f"rod.bar.section,{push}", "--target", f"{name}=3")
         if not case:
-            assert f"'{push}' is no number of the scene" in command.refuses("design", path, *words)
+            assert f"'{push}' is no parameter of the scene" in command.refuses("design", path, *words)
             continue
         found = command.record("design", path, *case, *words)
         assert found["answers"][name]["before"] == pytest.approx(1.5, rel=1e-6)

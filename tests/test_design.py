@@ -216,14 +216,14 @@ def test_where_answers_tell_no_derivatives_they_are_differences(twin, monkeypatc
     x = np.array([100.0, 0.3])
     answer = own.freeze(x)
     exact = own.derivatives(x, answer)
-    assert not own.untold
+    assert not own.fallback
 
     def refuse(*given):
         raise Unavailable("derivatives: not told with contact; isorod sweep varies the parameter")
 
     monkeypatch.setattr(type(answer.solutions[0]), "derivatives", refuse)
     found = own.derivatives(x, answer)
-    assert own.untold == "not told with contact"
+    assert own.fallback == "not told with contact"
     assert own.solves == 1 + 2 * len(x)
     for name in ("force", "torque"):
         assert found[name] == pytest.approx(exact[name], rel=1e-5, abs=1e-5 * np.abs(exact[name]).max())
@@ -239,7 +239,7 @@ REFUSED = [
         ("--vary", "rod.beam.section.circle", "--table", "beam.csv", "--limit", "sag<1"),
         "--limit sag: not measured; there are: volume, mass, deflection",
     ),
-    (("--vary", "rod.beam.section.round"), "'rod.beam.section.round' is no number of the scene that can vary"),
+    (("--vary", "rod.beam.section.round"), "'rod.beam.section.round' is no parameter of the scene that can vary"),
     (("--vary", "rod.beam.section.circle=1.5:2"), "it begins at 1, need bounds about that"),
     (("--vary", "rod.beam.section.circle=2:1"), "need a lower bound below the upper one"),
     (("--vary", "rod.beam.section.circle=-1:2"), "bounds on both sides of zero"),
@@ -314,7 +314,7 @@ def test_a_fit_on_too_few_elements_says_how_far_it_is_off(command, beam):
 
 TABLES = [
     (f"force,{PULL}\n1.0,0.1\n", (f"{LAW}.E", f"{LAW}.nu"), "1 measured values for 2 numbers"),
-    (f"sag,{PULL}\n1.0,0.1\n", (f"{LAW}.E",), "column 'sag' is no number of the scene, nor measured"),
+    (f"sag,{PULL}\n1.0,0.1\n", (f"{LAW}.E",), "column 'sag' is no parameter of the scene, nor measured"),
     (f"{PULL},{TURN}\n1.0,5.0\n", (f"{LAW}.E",), "no column of what is measured"),
     (f"{LAW}.E,force\n1.0,2.0\n", (f"{LAW}.E",), "it cannot both vary and be given in the table"),
     (

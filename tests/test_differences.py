@@ -96,11 +96,11 @@ def test_a_bar_that_slides_is_dragged_by_its_weight_times_friction(tmp_path):
     scene, told = scene_of(tmp_path, SLIDE), []
     solution = statics.solve(scene.model())
     long = replace(solution, seconds={"solve": 60.0})
-    found = derivatives.of(scene, long, {FRICTION: 0.3}, tell=told.append)
+    found = derivatives.of(scene, long, {FRICTION: 0.3}, report=told.append)
     assert float(found.by[FRICTION]["drag"]) == pytest.approx(-2.0, rel=1e-6)
     assert found.errors[FRICTION]["drag"] < 1e-6
     why = "not available with friction where contact alone holds a body"
-    assert found.why == why and told == [f"derivatives by differences of answers ({why}): 4 solves, some 4 min 0 s"]
+    assert found.why == why and told == [f"derivatives by finite differences ({why}): 4 solves, some 4 min 0 s"]
 
 
 @pytest.mark.slow
@@ -186,6 +186,6 @@ def test_a_design_begins_on_the_spaces_that_see_a_patch(tmp_path):
     unknowns = first.solutions[0].model.unknowns
     with choices.kept():
         assert unknowns > scene.model().unknowns
-    moved = own.answer(1.001 * x * at)
+    moved = own.evaluate(1.001 * x * at)
     assert moved.solutions[0].model.unknowns == unknowns
     assert moved.values["push"] == pytest.approx(first.values["push"], rel=1e-2)

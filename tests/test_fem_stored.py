@@ -139,7 +139,7 @@ def test_laws_store_what_they_say(sample, name):
         (sp.gamma(J), "UFL has no function gamma"),
         (sp.Symbol("k") * J, "the symbol k has no value"),
         (I4b, "it has fibres b, and no direction of these is given"),
-        (sp.Piecewise((I1, J > 1)), "a Piecewise says nothing of the rest"),
+        (sp.Piecewise((I1, J > 1)), "a Piecewise has no default"),
         (sp.Piecewise((I1, sp.Xor(J > 1, I1 > 3)), (J, True)), "UFL has no condition Xor"),
     ],
 )

@@ -183,7 +183,7 @@ def test_a_whirl_is_shown_as_one(scene):
     mode = solved(scene(ROD + HELD + SPIN, z=0.2, modes=1, **SHAFT))[0]
     moments = mode._moments()
     places = np.array([one.state.at(0, 0.5) for one in moments])
-    assert len(moments) == 24 and {one.share for one in moments} == {1.0}
+    assert len(moments) == 24 and {one.amplitude for one in moments} == {1.0}
     sizes = np.linalg.norm(places, axis=1)
     assert sizes == pytest.approx(sizes[0], rel=1e-6)
     turned = np.unwrap(np.arctan2(places[:, 1], places[:, 0]))

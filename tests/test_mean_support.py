@@ -244,7 +244,10 @@ def unbalanced(own):
 
 
 test_loads_that_do_not_balance = refused(
-    (lambda: unbalanced(space()), "support 0: the loads do not balance each other, and what holds rigid motions alone"),
+    (
+        lambda: unbalanced(space()),
+        "support 0: the loads do not balance each other, and a support of rigid motions alone",
+    ),
     (
         lambda: statics.solve(model(lambda own: [MeanSupport.end(own, "start", mean="pin")])),
         "body 0 is free to turn about",

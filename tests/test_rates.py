@@ -277,7 +277,10 @@ test_what_has_no_derivative_is_refused = refused(
     (lambda: no_derivative(kink, travel=1.0), "derivative by travel: there is none here: the slope of kink jumps"),
     (lambda: derivatives.of(scenes.find("ring")(), None), "derivatives: not available in geometry"),
     (lambda: refuse(scenes.find("coil")(coils=1).model()), "derivatives: not available with friction"),
-    (lambda: parameters.named(SPRING, "radius"), "'radius' is no number of the scene that can vary; there are: coils"),
+    (
+        lambda: parameters.named(SPRING, "radius"),
+        "'radius' is no parameter of the scene that can vary; there are: coils",
+    ),
 )
 
 

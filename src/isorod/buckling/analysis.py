@@ -23,7 +23,7 @@ from isorod.material.law import Material
 from isorod.material.thermal import Thermal, bare
 from isorod.modal import loaded
 from isorod.model.model import Model, unmoved
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.output.state import State
 from isorod.petsc.options import in_force
 
@@ -76,7 +76,7 @@ def solve(
     if linear_at is not None and not 0.0 <= linear_at < np.inf:
         raise InputError(f"linear_at: got {linear_at:g}, need a load factor from 0 on")
     refuse(model)
-    with in_force(petsc), closing(Teller()) as display:
+    with in_force(petsc), closing(Reporter()) as display:
         return _solve(model, modes, linear_at, comm, display if progress else None)
 
 
@@ -116,7 +116,7 @@ def _softens(law: Material) -> bool:
 
 
 def _solve(
-    model: Model, modes: int, linear_at: float | None, comm: PETSc.Comm | None, display: Teller | None
+    model: Model, modes: int, linear_at: float | None, comm: PETSc.Comm | None, display: Reporter | None
 ) -> BucklingModes:
     start = perf_counter()
     heavy = model.of_density(1.0)

@@ -1,8 +1,8 @@
-"""The coarsest of the spaces tried whose result is estimated to be within a tolerance.
+"""Adaptive refinement of spaces until the estimated error of the result is within a tolerance.
 
-Each step estimates the error across the section and along the axis (`isorod.checks.estimate`), and refines what makes
-more than its half of the tolerance: a degree more across the section (or an order, then twice the control points), a
-degree more along the axis, then twice the elements.
+Each step estimates the error across the section and along the axis (`isorod.checks.estimate`), and refines the
+directions that contribute more than half of the tolerance: a degree more across the section (or an order, then twice
+the control points), a degree more along the axis, then twice the elements.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,61 +19,61 @@ from isorod.space import choice
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.space import Space
 
-# Results are not converged to less than this.
+# Smallest tolerance.
 SMALLEST = 1e-10
 # Refinements tried before giving up, and unknowns beyond which no space is tried.
 MAX_STEPS = 24
 MAX_UNKNOWNS = 400_000
 
-# Polyharmonic order from which points round the section tell more than another order.
+# Polyharmonic order from which more points round the section reduce the error more than a higher order.
 _ORDER = 2
 
 
 class Solution(Protocol):
-    """What is asked of a solution."""
+    """What refinement needs of a solution."""
 
     @property
     def model(self) -> Model:
-        """What was solved."""
+        """The model that was solved."""
 
     def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of its error, or of that in one of `isorod.checks.finer.DIRECTIONS`."""
+        """Return an estimate of its error, or of its error in some of `isorod.checks.finer.DIRECTIONS`."""
 
     def errors(self, *directions: str) -> "tuple[float | None, float | None]":
-        """Return that, and an estimate of the error of stresses."""
+        """Return `estimate`, and an estimate of the error of stresses."""
 
 
-Found = TypeVar("Found", bound=Solution)
+Solved = TypeVar("Solved", bound=Solution)
 
 
 @dataclass(frozen=True)
 class Step:
-    """Spaces that were tried: what was changed since the last ones, in the first body refined, and the error left."""
+    """A refinement: the change of the first body's space that was refined, and the estimated error."""
 
     changed: dict[str, Any]
     error: float
 
 
-class Reached(NamedTuple, Generic[Found]):
-    """A solution, its spaces, the steps to it, and in words why it is not within the tolerance, empty if it is."""
+class Reached(NamedTuple, Generic[Solved]):
+    """A solution, its spaces, the refinements, and why it is not within the tolerance, empty if it is."""
 
-    solution: Found
+    solution: Solved
     spaces: Sequence[Space]
     steps: Sequence[Step]
     short: str = ""
 
 
 def reach(
-    solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float, stresses: bool = False
-) -> Reached[Found]:
-    """Return the first solution whose estimated relative error is within the tolerance, else the best there was.
+    solve: Callable[[Sequence[Space]], Solved], spaces: Sequence[Space], tolerance: float, stresses: bool = False
+) -> Reached[Solved]:
+    """Return the first solution whose estimated relative error is within the tolerance, else the best one.
 
     Parameters
     ----------
     solve
-        Builds a model on spaces, one a body, and solves it.
+        Builds a model on spaces, one for each body, and solves it.
     spaces
-        To start with.
+        Initial spaces.
     tolerance
         Relative error, between 1e-10 and 1.
     stresses
@@ -84,12 +84,12 @@ def reach(
     InputError
         If the tolerance is out of range, or the solution has no estimate (supports within the rod).
     SolveError
-        If the first solution is not found.
+        If the first solve fails.
     """
     check(tolerance)
     changed: dict[str, Any] = {}
     steps: list[Step] = []
-    kept: list[tuple[Found, Sequence[Space]]] = []
+    kept: list[tuple[Solved, Sequence[Space]]] = []
     while True:
         try:
             solution = solve(spaces)
@@ -101,7 +101,7 @@ def reach(
                 raise
             return _best(kept, steps, tolerance, f"; the refined model fails: {str(problem) or SHORT}")
         steps.append(Step(changed, across + along))
-        # All but the best would be memory for nothing.
+        # Only the best is kept, to save memory.
         if steps[-1].error <= min(one.error for one in steps):
             kept = [(solution, spaces)]
         if steps[-1].error <= tolerance:
@@ -114,15 +114,15 @@ def reach(
 
 
 def _best(
-    kept: Sequence[tuple[Found, Sequence[Space]]], steps: Sequence[Step], tolerance: float, why: str = ""
-) -> Reached[Found]:
-    """Return what came nearest to a tolerance that is not reached."""
+    kept: Sequence[tuple[Solved, Sequence[Space]]], steps: Sequence[Step], tolerance: float, why: str = ""
+) -> Reached[Solved]:
+    """Return the solution with the smallest error where none is within the tolerance."""
     k = min(range(len(steps)), key=lambda k: (steps[k].error, -k))
     return Reached(*kept[0], steps[: k + 1], short(tolerance, steps[k].error, len(steps) - 1, why))
 
 
 def short(tolerance: float, error: float, refinements: int, why: str = "") -> str:
-    """Return in words that a tolerance is not reached, and how near a result is."""
+    """Return the message that a tolerance is not reached, with the estimated error."""
     return f"tolerance {tolerance:g} not reached: estimated error {error:.2g} after {refinements} refinements{why}"
 
 
@@ -139,33 +139,33 @@ def check(tolerance: float) -> None:
 
 
 def section(rod: Rod, tolerance: float) -> dict[str, int]:
-    """Return section functions that miss as much as the tolerance lets them, to start with."""
+    """Return initial section functions whose error is about the tolerance."""
     check(tolerance)
     # A frequency goes with the root of a stiffness.
     return choice.section(rod, min(1.5 * tolerance, 0.1))
 
 
 def refined(space: Space, changed: dict[str, Any]) -> Space:
-    """Return a space with other numbers, and the rule that goes with them unless one was given that follows."""
+    """Return a space with changes, and a quadrature rule that suits them; ``auto`` and ``full`` adapt by themselves."""
     follows = space.quadrature in ("auto", "full")
     made = replace(space, quadrature=space.quadrature if follows else "auto", **changed)
     return made if follows else replace(made, quadrature=str(choice.rule(made)))
 
 
 def _changes(spaces: Sequence[Space], across: bool, along: bool) -> list[dict[str, Any]]:
-    """Return what to refine each space by, along the axis too where no more can be done across.
+    """Return the refinement of each space, along the axis too where none across is left.
 
-    Those of the lowest degree are refined first.
+    Spaces of the lowest degree are refined first.
     """
-    wide = min(space.section_degree or 0 for space in spaces)
-    found = [_across(one) if across and (one.section_degree or 0) == wide else {} for one in spaces]
-    if along or not any(found):
+    lowest = min(space.section_degree or 0 for space in spaces)
+    changes = [_across(space) if across and (space.section_degree or 0) == lowest else {} for space in spaces]
+    if along or not any(changes):
         least = min(space.axis.degree for space in spaces)
-        found = [
-            changed | (more_along(one) if one.axis.degree == least else {})
-            for changed, one in zip(found, spaces, strict=True)
+        changes = [
+            changed | (more_along(space) if space.axis.degree == least else {})
+            for changed, space in zip(changes, spaces, strict=True)
         ]
-    return found
+    return changes
 
 
 def _across(space: Space) -> dict[str, Any]:

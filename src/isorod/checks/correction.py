@@ -1,4 +1,4 @@
-"""One tangent on finer spaces, at a result: what it takes the result to, and what of that is an error."""
+"""Correction of a result on finer spaces by Newton's method with, if possible, one tangent."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from isorod.contact.frozen import Frozen
     from isorod.contact.result import ContactResult
 
-# Steps of Newton's method at most, with one tangent as long as each is this much smaller than the one before; steps of
-# this share of the longest are enough.
+# Newton iterations at most; reduction by each for which the tangent is kept; fraction of the largest at which they end.
 _STEPS, QUICK, _DONE = 8, 0.1, 1e-3
 
 _PREFIX = "estimate_"
@@ -30,7 +29,7 @@ _PREFIX = "estimate_"
 def total(
     model: Model, directions: Sequence[str], ranks: int, change: Callable[[Finer, PETSc.Comm], Array], count: int
 ) -> list[float | None]:
-    """Return sums ``(count,)`` of what finer spaces change; None where there is none, as on some ranks of many."""
+    """Return sums ``(count,)`` of changes on finer spaces; None where there are none, as on a part of the ranks."""
     total, comm = np.zeros(count), PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
     none: list[float | None] = [None] * count
     if ranks != comm.getSize():
@@ -39,7 +38,7 @@ def total(
         try:
             finer = Finer.of(model, direction)
         except InputError:
-            # No finer one can be had: too many elements, or points, or what they take.
+            # The finer space would have too many elements or points.
             return none
         if finer is None or not model.unknowns:
             return none
@@ -55,14 +54,14 @@ def corrected(
     added: tuple[float, PETSc.Mat] | None = None,
     factor: float = 1.0,
 ) -> tuple[list[float], float, Array]:
-    """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads.
+    """Move a state to the nearby equilibrium; return sizes of increments, and work and displacement of the first.
 
-    ``added`` is a number and a matrix that make the tangent of a body with rigid-body modes definite; ``factor`` is the
+    ``added`` is a factor and a matrix that make the tangent of a body with rigid-body modes definite; ``factor`` is the
     load factor.
     """
     force, change = assembler.vector(), assembler.vector()
     sizes: list[float] = []
-    # What is rolled up turns by straight steps.
+    # Coiled bodies rotate by linear increments.
     assembler.extrapolate()
     for _ in range(_STEPS):
         assembler.residual(x, factor, force)
@@ -70,7 +69,7 @@ def corrected(
         if sizes:
             ksp.solve(force, change)
             size = change.norm()
-        # One tangent does, unless what slender rods turn by a straight step stretches them.
+        # One tangent is enough, unless a linear increment that rotates slender rods stretches them.
         if not sizes or not size < QUICK * sizes[-1]:
             assembler.tangent(x, factor, matrix)
             if added:
@@ -82,10 +81,10 @@ def corrected(
         x.axpy(-1.0, change)
         sizes.append(size)
         if len(sizes) == 1:
-            gained, first = abs(force.dot(change)), assembler.displacement(x, factor)
+            work, first = abs(force.dot(change)), assembler.displacement(x, factor)
         if not size > _DONE * max(sizes):
             break
-    return sizes, gained, first
+    return sizes, work, first
 
 
 def reduced(mass: PETSc.Mat, forces: Sequence[PETSc.Vec], motions: Sequence[PETSc.Vec]) -> tuple[Array, Array]:
@@ -102,22 +101,22 @@ def reduced(mass: PETSc.Mat, forces: Sequence[PETSc.Vec], motions: Sequence[PETS
     -------
     stiffness : (k, k)
     basis : (m, k)
-        Fewer than there are motions where these depend on each other but for rounding, as many modes on few unknowns.
+        Fewer than the motions where these are linearly dependent to round-off, as many modes on few unknowns.
     """
-    heavy = [mass * one for one in motions]
-    above, below = (np.array([[a.dot(b) for b in motions] for a in images]) for images in (forces, heavy))
-    scale = 1.0 / np.sqrt(np.diag(below))
-    above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
-    sizes, basis = eigh(below)
-    kept = sizes > sizes.size * np.finfo(float).eps * sizes[-1]
-    basis = basis[:, kept] / np.sqrt(sizes[kept])
-    return basis.T @ above @ basis, scale[:, None] * basis
+    inertia = [mass * motion for motion in motions]
+    stiffness, masses = (np.array([[a.dot(b) for b in motions] for a in images]) for images in (forces, inertia))
+    scale = 1.0 / np.sqrt(np.diag(masses))
+    stiffness, masses = (0.5 * (one + one.T) * scale * scale[:, None] for one in (stiffness, masses))
+    sizes, basis = eigh(masses)
+    independent = sizes > sizes.size * np.finfo(float).eps * sizes[-1]
+    basis = basis[:, independent] / np.sqrt(sizes[independent])
+    return basis.T @ stiffness @ basis, scale[:, None] * basis
 
 
 def touching(
     finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm, tight: bool = False
 ) -> "Frozen | None":
-    """Return contact as it is on finer spaces, if there is any."""
+    """Return the frozen contact on finer spaces, if there is any."""
     if not contacts:
         return None
     from isorod.contact.frozen import Frozen
@@ -126,5 +125,5 @@ def touching(
 
 
 def solver(assembler: Assembler, matrix: PETSc.Mat) -> PETSc.KSP:
-    """Return a direct solver, of which `-estimate_...` options say more."""
+    """Return a direct solver with the options `-estimate_...`."""
     return direct(matrix, factorisation(assembler, _PREFIX), _PREFIX)

@@ -1,10 +1,10 @@
-"""An estimate of an equilibrium's error: what one tangent on finer spaces, at the result, changes.
+"""Hierarchical error estimate of an equilibrium: its change by the tangent on finer spaces.
 
-There are two of these (`isorod.checks.finer`): one is finer across the section, one along the axis, and what they
-change, and what is left on them by the rule for singular solutions, adds up.  The tangent at the result takes its
-residual there to corrections, as hierarchical error estimates do (Bank & Weiser, Math. Comp. 44 (1985) 283-301, with
-the whole space in the place of bubbles).  What a finer space sees it says: nothing of the geometry, and nothing across
-sections of degree 8.  Those of modes: `isorod.checks.estimate_of_modes`.
+There are two finer spaces (`isorod.checks.finer`), across the section and along the axis.  Their changes add up, each
+extrapolated by the convergence rate of singular solutions.  The tangent at the result turns the residual on the finer
+space into a correction (Bank & Weiser, Math. Comp. 44 (1985) 283-301, with the full space instead of bubbles).  The
+estimate does not include errors of the geometry, nor those across sections of degree 8.  Modes:
+`isorod.checks.estimate_of_modes`.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from isorod.output import held
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
 
-# A sum that is a smaller share of its terms is rounding.
+# A sum below this fraction of its terms is round-off.
 _CANCELS = 1e-9
 
-# Forces that are a smaller share of loads, or of moments over the width, are none.
+# Forces below this fraction of the loads, or of moments over the width, do not count.
 _LITTLE = 1e-3
 
-# Work of supports that is not so many times what rounding makes of it is none.
+# Work of supports below this many times its round-off does not count.
 _ROUNDS = 100.0
 
 
@@ -41,10 +41,10 @@ class Error(NamedTuple):
     Attributes
     ----------
     work
-        Of the work that supports, loads or obstacles do and of the supports' forces and moments, the largest; where
-        none do any work, of the displacements' size in its place.
+        The largest of the work of supports, loads and obstacles and of the supports' forces and moments; where there
+        is no work, of the norm of displacements instead.
     stress
-        Of stresses away from edges (`isorod.checks.stresses`), relative to the largest.
+        That of stresses away from edges (`isorod.checks.stresses`), relative to the largest.
     """
 
     work: float | None
@@ -52,22 +52,22 @@ class Error(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """What is known of an equilibrium.
+    """An equilibrium.
 
     Attributes
     ----------
     displacement
         All degrees of freedom, shape ``(dofs,)``.
     work
-        Of the supports' forces on the displacements, and of their moments on the turns, that they prescribe.
+        Work of the supports' forces and moments on prescribed displacements and rotations.
     pressures
         Coefficients of mixed bodies.
     contacts
-        Their outcome.
+        Results of contacts.
     carried
         Force and moment of each support, shape ``(supports, 3)`` each; None if they do not count.
     solids
-        Displacements of finite element bodies, on this rank, whose meshes stay.
+        Displacements of finite element bodies on this rank; their meshes are not refined.
     """
 
     displacement: Array
@@ -81,46 +81,47 @@ class Reached(NamedTuple):
 def of_equilibrium(model: Model, reached: Reached, directions: Sequence[str] = (), ranks: int = 1) -> Error:
     """Return estimates of the errors of an equilibrium.
 
-    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): what sticks and slips goes on to.
+    Contact on finer spaces is linearised with a fixed active set, and sticks and slips as before
+    (`isorod.contact.frozen`).
 
     Parameters
     ----------
     model
-        What was solved.
+        The model that was solved.
     directions
         Which of `isorod.checks.finer.DIRECTIONS` count, all if empty.
     ranks
-        Number of those that solved it: this one alone, or all, which then call this together.
+        Number of ranks of the solve: 1, or all, which then call this collectively.
     """
     return Error(*correction.total(model, directions, ranks, partial(_equilibrium, reached), 2))
 
 
 def of_solids(model: Model, displacements: Sequence[Array], stored: float) -> tuple[Error, Array | None]:
-    """Return what recovered strains say of a model's finite element bodies (`isorod.fenics.recovery`); collective.
+    """Return the error of a model's finite element bodies by recovered strains (`isorod.fenics.recovery`); collective.
 
-    Rods are not among them.  Of linear bodies the error of what loads do is twice the energy of the solution's error.
-    With it comes where most of it is, ``(3,)``.
+    Rods are not included.  For linear bodies the error of the loads' work is twice the energy of the solution's error.
+    Also returned is the point ``(3,)`` where it is largest.
 
     Parameters
     ----------
     displacements
-        Of each body's degrees of freedom on this rank.
+        Degrees of freedom of each body on this rank.
     stored
         Energy of the rods.
     """
-    found = [solid.recovered(one) for solid, one in zip(model.solids, displacements, strict=True)]
-    known = [one for one in found if one is not None]
-    if len(known) < len(found):
+    recovered = [solid.recovered(result) for solid, result in zip(model.solids, displacements, strict=True)]
+    known = [result for result in recovered if result is not None]
+    if len(known) < len(recovered):
         return Error(None, None), None
-    stored += sum(solid.energy(one, 1.0) for solid, one in zip(model.solids, displacements, strict=True))
-    work = sum(one.work for one in known)
+    stored += sum(solid.energy(result, 1.0) for solid, result in zip(model.solids, displacements, strict=True))
+    work = sum(result.work for result in known)
     if not (np.isfinite(work) and stored > 0.0):
         return Error(None, None), None
-    return Error(work / (2.0 * stored), None), max(known, key=lambda one: one.work).place
+    return Error(work / (2.0 * stored), None), max(known, key=lambda result: result.work).place
 
 
 def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
-    """Return the errors of work and stress that a finer space sees, NaN where there is none."""
+    """Return the errors of work and stress by a finer space, NaN where there is none."""
     displacement, work, pressures, contacts, supported, solids = reached
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
@@ -130,11 +131,11 @@ def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
     matrix = assembler.matrix()
     ksp = correction.solver(assembler, matrix)
     try:
-        sizes, gained, first = correction.corrected(assembler, x, matrix, ksp)
-        found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
-        given = finer.model.driven[finer.model.bound]
+        sizes, energy, first = correction.corrected(assembler, x, matrix, ksp)
+        refined, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
+        prescribed = finer.model.driven[finer.model.bound]
         after = reactions.carried(assembler, x, 1.0)
-        # Supports of unevenly spaced nodes have others in the middle of finer ones.
+        # The mean of unevenly spaced nodes moves on finer spaces: moments are taken about the coarse one.
         arms = reactions.support_places(finer.model, state) - reactions.support_places(finer.coarse, displacement)
         after = after._replace(moments=after.moments + np.cross(arms, after.reactions))
         carried = after.bound
@@ -144,43 +145,43 @@ def _equilibrium(reached: Reached, finer: Finer, comm: PETSc.Comm) -> Array:
         ksp.destroy()
         matrix.destroy()
     if not np.isfinite(sizes[-1]):
-        # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
-        found, given, noise = first, given * 0.0, given * 0.0
-        if not np.isfinite(found).all():
+        # No convergence: the first increment alone, with moved supports its energy; if that fails, an error of 1.
+        refined, prescribed, noise = first, prescribed * 0.0, prescribed * 0.0
+        if not np.isfinite(refined).all():
             return np.ones(2)
         if not finer.model.external.any() and work:
-            return np.array([gained / (abs(work) + gained) / (1.0 - finer.left), np.nan])
-    # What moved supports do and what loads do, or where neither do, how far it goes.
+            return np.array([energy / (abs(work) + energy) / (1.0 - finer.left), np.nan])
+    # Work of moved supports and of loads, or where there is neither, the norm of displacements.
     loads, moved = finer.model.external, finer.model.prescribed(1.0)[finer.model.bound]
-    along = float(loads @ _carried_along(finer.model, moved))
-    changes = [_change(carried * given, work, _ROUNDS * float(noise @ np.abs(given)))]
-    changes.append(_change(loads * found, float(loads @ state), 0.0, along))
+    rigid = float(loads @ _carried_along(finer.model, moved))
+    changes = [_change(carried * prescribed, work, _ROUNDS * float(noise @ np.abs(prescribed)))]
+    changes.append(_change(loads * refined, float(loads @ state), 0.0, rigid))
     if touching is not None:
-        changes.append(_change(touching.work(found), float(touching.work(state).sum())))
-    known = [one for one in changes if one is not None]
+        changes.append(_change(touching.work(refined), float(touching.work(state).sum())))
+    known = [value for value in changes if value is not None]
     if not known:
-        known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
+        known = [value for value in [_change(state * refined, float(state @ state))] if value is not None]
     if supported is not None:
         known.append(_supported(finer.model, supported, after, _ROUNDS * float(np.abs(noise).sum()), driving))
     error = max(known, default=np.nan) / (1.0 - finer.left)
-    # Stresses away from edges converge faster than works, of which edges have a part.
-    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected, contacts)])
+    # Stresses away from edges converge faster than work, to which edges contribute.
+    return np.array([error, stresses.change(finer, displacement, refined, pressures, corrected, contacts)])
 
 
 def _driving(assembler: Assembler, x: PETSc.Vec) -> float:
-    """Return the size of all forces of loads, those that depend on the state and a spin's too, and of laws at rest."""
+    """Return the sum of all load magnitudes, with follower loads and spin, and of stresses at rest."""
     model, parts, spin = assembler.model, assembler.parts, assembler.model.spin
-    own = sum(part.expelled for part in parts)
+    local = sum(part.expelled for part in parts)
     if spin is not None:
         rest = [np.zeros(int(part.slots.max()) + 1) for part in parts]
-        own += sum(float(np.abs(part.centrifugal(at, spin)).sum()) for part, at in zip(parts, rest, strict=True))
-    found = float(np.abs(model.external).sum()) + float(x.comm.tompi4py().allreduce(own))
+        local += sum(float(np.abs(part.centrifugal(at, spin)).sum()) for part, at in zip(parts, rest, strict=True))
+    total = float(np.abs(model.external).sum()) + float(x.comm.tompi4py().allreduce(local))
     if model.following:
         loads = x.duplicate()
         assembler.load(model, x, 1.0, loads)
-        found += loads.norm(PETSc.NormType.N1)
+        total += loads.norm(PETSc.NormType.N1)
         loads.destroy()
-    return found
+    return total
 
 
 def _supported(
@@ -188,18 +189,18 @@ def _supported(
 ) -> float:
     """Return the change of the supports' forces and moments, relative to the largest of each.
 
-    Forces that are next to nothing beside loads or moments do not count, nor moments that are beside forces.
+    Forces that are negligible beside loads or moments do not count, nor do moments beside forces.
 
     Parameters
     ----------
     before
-        Force and moment of each support, as they were.
+        Force and moment of each support on the model's spaces.
     carried
-        What supports exert on a finer space.
+        Those on a finer space.
     rounding
-        Changes of force of less are none.
+        Changes of force below this do not count.
     driving
-        Size of all forces of loads, and of laws that act by themselves.
+        Sum of all load magnitudes, and of stresses at rest.
     """
     after = carried.reactions, carried.moments
     force, moment = (float(np.linalg.norm(one, axis=1).max(initial=0.0)) for one in after)
@@ -213,16 +214,16 @@ def _supported(
 
 
 def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:
-    """Return the change of a sum relative to it, or to what it is without a part; None where it is rounding.
+    """Return the change of a sum relative to it, or to it without a part; None where it is round-off.
 
     Parameters
     ----------
     terms, before
-        Of the sum, and what it was.
+        Terms of the sum, and its former value.
     noise
-        What rounding makes of it.
+        Its round-off.
     along
-        The part that is the same in a frame that moves along, and may cancel the rest.
+        The part by a rigid translation with the supports, which may cancel the rest.
     """
     total = float(terms.sum())
     if not abs(total) > max(noise, _CANCELS * float(np.abs(terms).sum())) and not along:
@@ -230,11 +231,11 @@ def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0)
     return abs(before - total) / max(abs(total), abs(total - along))
 
 
-def _carried_along(model: Model, given: Array) -> Array:
-    """Return all degrees of freedom where everything moves as supports do on average, given how their nodes move."""
+def _carried_along(model: Model, prescribed: Array) -> Array:
+    """Return all degrees of freedom of a rigid translation by the mean of the supports' prescribed displacements."""
     moved = np.zeros((model.dofs // 3, 3))
-    carriers = model.is_control_point[model.bound // 3]
+    control = model.is_control_point[model.bound // 3]
     for a in range(3):
-        own = given[carriers & (model.bound % 3 == a)]
-        moved[model.is_control_point, a] = own.mean() if own.size else 0.0
+        values = prescribed[control & (model.bound % 3 == a)]
+        moved[model.is_control_point, a] = values.mean() if values.size else 0.0
     return moved.ravel()

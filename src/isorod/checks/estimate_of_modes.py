@@ -1,4 +1,4 @@
-"""An estimate of the error of frequencies, and of load factors: inverse iteration and Rayleigh-Ritz on finer spaces."""
+"""Error estimates of frequencies and buckling loads: inverse iteration and Rayleigh-Ritz on finer spaces."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,17 +16,17 @@ from isorod.checks.finer import Finer
 from isorod.model.model import Model
 from isorod.output.state import State
 
-# Changes of a smaller fraction of a state are rounding.
+# Changes below this fraction of a state are round-off.
 _SETTLED = 1e-8
 
-# The same near a load factor at which a state may move by itself, and rounding does more.
+# That near a critical load factor, where the tangent is almost singular and amplifies round-off.
 _SLIGHTLY = 1e-4
 
-# Displacements of modes whose stresses are compared, over the size of the model: stresses are linear in them.
+# Displacement of modes over the model's size at which stresses are compared: stresses are linear there.
 _TINY = 1e-7
 
-# Shift, in first eigenvalues, with which the tangent of a free body corrects its equilibrium: rigid motions stay within
-# rounding over it, and the rest converges as fast as without.
+# Shift, relative to the first eigenvalue, of the tangent that corrects the equilibrium of a free body: rigid motions
+# stay at round-off over it, and convergence is as fast as without.
 _SLIGHT = 1e-6
 
 
@@ -40,13 +40,13 @@ class Spectrum(NamedTuple):
     free
         Whether there are rigid ones.
     lumped
-        Whether with the lumped mass matrix.
+        Whether the mass matrix is lumped.
     about
-        The equilibrium about which they are; None for the state of rest.
+        The equilibrium about which they vibrate; None for the state of rest.
     quarter
-        Of a body that spins the shapes a quarter of a period later.
+        For a spinning body the shapes a quarter of a period later.
     solids
-        Shapes ``(m, 3 nodes)`` of finite element bodies, on this rank, whose meshes stay.
+        Shapes ``(m, 3 nodes)`` of finite element bodies on this rank; their meshes are not refined.
     counted
         Which of the modes count, shape ``(m,)``; all where not given.
     """
@@ -64,7 +64,7 @@ class Spectrum(NamedTuple):
 def of_modes(model: Model, modes: Spectrum, directions: Sequence[str] = (), ranks: int = 1) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes; None where there is none.
 
-    About an equilibrium its own change is in it: on finer spaces that is corrected first.
+    For modes about an equilibrium this includes the error of the equilibrium, which is corrected first.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def of_modes(model: Model, modes: Spectrum, directions: Sequence[str] = (), rank
         return None
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        found = _modes(finer, comm, modes)
-        return np.array([np.nan if found is None else found])
+        error = _modes(finer, comm, modes)
+        return np.array([np.nan if error is None else error])
 
     return correction.total(model, directions, ranks, change, 1)[0]
 
@@ -84,10 +84,10 @@ def of_modes(model: Model, modes: Spectrum, directions: Sequence[str] = (), rank
 def of_stress(
     model: Model, eigenvalues: Array, vectors: Array, directions: Sequence[str] = (), ranks: int = 1
 ) -> float | None:
-    """Return how far stresses of modes about the state of rest are off, relative to the largest, away from edges.
+    """Return the largest error of stresses of modes about the state of rest, relative to the largest, away from edges.
 
-    Of several modes it is the worst.  On finer spaces a mode is that of one step of inverse iteration
-    (`isorod.checks.stresses`).  None where there is no finer one, of free bodies, and in the mixed formulation.
+    On finer spaces modes are corrected by one step of inverse iteration (`isorod.checks.stresses`).  None where there
+    is no finer space, for free bodies, and in the mixed formulation.
 
     Parameters
     ----------
@@ -103,63 +103,63 @@ def of_stress(
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
         assembler = assembler_for(finer.model, comm)
         matrix, mass = assembler.matrix(), assembler.mass_operator()
-        ksp, found = correction.solver(assembler, matrix), assembler.vector()
+        ksp, corrected = correction.solver(assembler, matrix), assembler.vector()
         assembler.tangent(assembler.vector(), 0.0, matrix)
         ksp.setOperators(matrix)
         changes = []
         for eigenvalue, vector in zip(eigenvalues, small, strict=True):
             before = finer.displacement(vector)
-            ksp.solve(float(eigenvalue) * (mass * assembler.state(before)), found)
-            after = assembler.shapes(assembler.all_unknowns(found)[None])[0]
-            # Both as large: stresses are told over the amplitude.
+            ksp.solve(float(eigenvalue) * (mass * assembler.state(before)), corrected)
+            after = assembler.shapes(assembler.all_unknowns(corrected)[None])[0]
+            # Equal amplitudes, as stresses are relative to the amplitude.
             after *= np.sqrt(before @ before / (after @ after))
             changes.append(stresses.change(finer, vector, after) / (1.0 - finer.left))
-        for one in (ksp, matrix, mass):
-            one.destroy()
+        for item in (ksp, matrix, mass):
+            item.destroy()
         return np.array(changes)
 
-    found = correction.total(model, directions, ranks, change, eigenvalues.size)
-    known = [one for one in found if one is not None]
-    return max(known) if len(known) == len(found) else None
+    errors = correction.total(model, directions, ranks, change, eigenvalues.size)
+    known = [error for error in errors if error is not None]
+    return max(known) if len(known) == len(errors) else None
 
 
 def of_solids(
     model: Model, eigenvalues: Array, shapes: Sequence[Array], about: Sequence[Array] = ()
 ) -> tuple[float | None, Array | None]:
-    """Return what recovered strains say of frequencies by a model's finite element bodies, and where most of it is.
+    """Return the error of frequencies by recovered strains of finite element bodies, and the point where it is largest.
 
-    Modes err by ``a(e, e) / lambda`` in their eigenvalues, ``a`` the stiffness and ``e`` the error of a shape of unit
-    mass (Babuska and Osborn, Handbook of Numerical Analysis II, 1991).  None where a body has no law; collective.
+    The relative error of an eigenvalue is ``a(e, e) / lambda``, ``a`` the stiffness and ``e`` the error of a shape of
+    unit mass (Babuska and Osborn, Handbook of Numerical Analysis II, 1991).  None where a body has no law; collective.
 
     Parameters
     ----------
     eigenvalues, shapes
-        ``omega^2`` ``(m,)`` of modes above the rigid ones, and of each body the shapes ``(m, 3 nodes)`` on this rank.
+        ``omega^2`` ``(m,)`` of modes above the rigid ones, and the shapes ``(m, 3 nodes)`` of each body on this rank.
     about
-        Displacements of the bodies in the equilibrium about which they are; none of the state of rest.
+        Displacements of the bodies in the equilibrium of the modes; none for the state of rest.
     """
     if not eigenvalues.size or any(solid.law is None for solid in model.solids):
         return None, None
     errors = []
-    for value, *each in zip(eigenvalues, *shapes, strict=True):
-        states = about or [0.0 * one for one in each]
-        found = [solid.recovered(*pair) for solid, *pair in zip(model.solids, each, states, strict=True)]
-        most = max((one for one in found if one is not None), key=lambda one: one.work)
-        work = sum(one.work for one in found if one is not None)
-        errors.append((0.5 * work / abs(float(value)), most.place))
-    error, place = max(errors, key=lambda one: one[0])
+    for value, *shapes_of_mode in zip(eigenvalues, *shapes, strict=True):
+        states = about or [0.0 * result for result in shapes_of_mode]
+        recovered = [solid.recovered(*pair) for solid, *pair in zip(model.solids, shapes_of_mode, states, strict=True)]
+        worst = max((result for result in recovered if result is not None), key=lambda result: result.work)
+        work = sum(result.work for result in recovered if result is not None)
+        errors.append((0.5 * work / abs(float(value)), worst.place))
+    error, place = max(errors, key=lambda result: result[0])
     return (error, place) if np.isfinite(error) else (None, None)
 
 
 def _modes(finer: Finer, comm: PETSc.Comm, modes: Spectrum) -> float | None:
-    """Return the change on finer spaces."""
+    """Return the largest relative change of frequencies on finer spaces."""
     eigenvalues, vectors, free, lumped, about, quarter, solids, counted = modes
     assembler = assembler_for(finer.model, comm)
     if about is not None:
         state = finer.displacement(about.displacement)
         assembler.contact = correction.touching(finer, getattr(about, "contacts", ()), state, comm, True)  # type: ignore[assignment]
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
-    # Definite, of a free body too, but for pressures.
+    # The shift makes the matrix definite for a free body too, but for pressures.
     shift = float(eigenvalues[0]) if free else 0.0
     shapes = [finer.displacement(vector) for vector in vectors]
     whirl = None if quarter is None else coriolis(assembler, lumped)
@@ -174,29 +174,29 @@ def _modes(finer: Finer, comm: PETSc.Comm, modes: Spectrum) -> float | None:
             matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         ksp.setOperators(matrix)
         if whirl is None or quarter is None:
-            parts = [[one[k] for one in solids] for k in range(len(shapes))]
-            pushed = [mass * assembler.state(shape, (), own or 0.0) for shape, own in zip(shapes, parts, strict=True)]
+            meshes = [[one[k] for one in solids] for k in range(len(shapes))]
+            forces = [mass * assembler.state(shape, (), own or 0.0) for shape, own in zip(shapes, meshes, strict=True)]
         else:
-            later = [finer.displacement(vector) for vector in quarter]
-            pushed = _whirled(assembler, mass, whirl, eigenvalues, shapes, later)
+            quarters = [finer.displacement(vector) for vector in quarter]
+            forces = _whirled(assembler, mass, whirl, eigenvalues, shapes, quarters)
         if finer.wider and not free:
-            pushed += [mass * assembler.state(shape) for shape in _turns(finer.model)]
-        found = [assembler.vector() for _ in pushed]
-        for force, better in zip(pushed, found, strict=True):
+            forces += [mass * assembler.state(shape) for shape in _turns(finer.model)]
+        images = [assembler.vector() for _ in forces]
+        for force, better in zip(forces, images, strict=True):
             ksp.solve(force, better)
-        above, basis = correction.reduced(mass, pushed, found)
+        stiffness, basis = correction.reduced(mass, forces, images)
         if basis.shape[1] < eigenvalues.size:
             return None
         if whirl is None:
-            values = eigh(above, eigvals_only=True)[: eigenvalues.size] - shift
+            values = eigh(stiffness, eigvals_only=True)[: eigenvalues.size] - shift
         else:
-            turned = np.array([[(whirl * a).dot(b) for a in found] for b in found])
-            values = _squares(above, basis.T @ turned @ basis)[: eigenvalues.size]
+            gyroscopic = np.array([[(whirl * a).dot(b) for a in images] for b in images])
+            values = _squares(stiffness, basis.T @ gyroscopic @ basis)[: eigenvalues.size]
         frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
     finally:
-        for one in (ksp, matrix, mass, whirl):
-            if one is not None:
-                one.destroy()
+        for item in (ksp, matrix, mass, whirl):
+            if item is not None:
+                item.destroy()
     changes = np.abs(frequencies / better - 1.0)
     error = float((changes if counted is None else changes[counted]).max()) / (1.0 - finer.left)
     return error if np.isfinite(error) else None
@@ -228,11 +228,11 @@ class Softening(NamedTuple):
     Attributes
     ----------
     state
-        An equilibrium short of the load factor at which there is none left: there it moves by itself.
+        An equilibrium just below the critical load factor.
     vector
         The shape, ``(dofs,)``.
     left, loss
-        Its stiffness ``x^T K x`` there, and by how much that falls with the load factor.
+        Its stiffness ``x^T K x`` there, and the decrease of that with the load factor.
     """
 
     state: State
@@ -246,13 +246,13 @@ def of_factors(
 ) -> float | None:
     """Return the largest relative change of load factors at which a model buckles; None where there is none.
 
-    On finer spaces an equilibrium is corrected, and the shape by one step of inverse iteration: what stiffness it has
-    less, over what it loses with the load factor, is by how much that is lower.
+    On finer spaces the equilibrium is corrected, and the shape by one step of inverse iteration: the decrease of its
+    stiffness over the loss of stiffness with the load factor is the decrease of the critical load factor.
 
     Parameters
     ----------
     model
-        With a density, any.
+        Any density will do.
     softening
         The shapes.
     directions, ranks
@@ -274,56 +274,56 @@ def _factor(finer: Finer, comm: PETSc.Comm, about: State, vector: Array, left: f
         if not _tangent_about(finer, assembler, about, matrix, ksp, settled=_SLIGHTLY):
             return 1.0
         ksp.setOperators(matrix)
-        pushed, better = mass * shape, assembler.vector()
-        ksp.solve(pushed, better)
-        newer = pushed.dot(better) / better.dot(mass * better) * pushed.dot(shape)
-        change = (newer - left) / (loss * about.factor)
+        force, corrected = mass * shape, assembler.vector()
+        ksp.solve(force, corrected)
+        stiffness = force.dot(corrected) / corrected.dot(mass * corrected) * force.dot(shape)
+        change = (stiffness - left) / (loss * about.factor)
     finally:
-        for one in (ksp, matrix, mass):
-            one.destroy()
+        for item in (ksp, matrix, mass):
+            item.destroy()
     return float(abs(change)) / (1.0 - finer.left)
 
 
 def _whirled(
     assembler: Assembler, mass: PETSc.Mat, whirl: PETSc.Mat, eigenvalues: Array, first: list[Array], later: list[Array]
 ) -> list[PETSc.Vec]:
-    """Return what the stiffness has to hold in modes ``x cos(omega t) + y sin(omega t)`` with Coriolis forces."""
-    pushed = []
+    """Return inertial and Coriolis forces of modes ``x cos(omega t) + y sin(omega t)``."""
+    forces = []
     for value, *pair in zip(eigenvalues, first, later, strict=True):
         x, y = (assembler.state(one) for one in pair)
         if value <= 0.0:
-            pushed.append(mass * x)
+            forces.append(mass * x)
             continue
         for own, other, rate in ((x, y, -np.sqrt(value)), (y, x, np.sqrt(value))):
             force = mass * own
             force.scale(value)
             force.axpy(rate, whirl * other)
-            pushed.append(force)
-    return pushed
+            forces.append(force)
+    return forces
 
 
 def _squares(stiffness: Array, whirl: Array) -> Array:
-    """Return ``omega^2``, ascending, of ``x'' + G x' + K x = 0``: negative of motions that grow."""
+    """Return ``omega^2``, ascending, of ``x'' + G x' + K x = 0``: negative for motions that grow."""
     size = len(stiffness)
     rates = eigvals(np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -whirl]]))
-    swings = np.abs(rates.imag) > np.abs(rates.real)
-    squares = np.where(swings, rates.imag**2, -(rates.real**2))
-    return np.sort(squares[np.where(swings, rates.imag, rates.real) > 0.0])
+    oscillates = np.abs(rates.imag) > np.abs(rates.real)
+    squares = np.where(oscillates, rates.imag**2, -(rates.real**2))
+    return np.sort(squares[np.where(oscillates, rates.imag, rates.real) > 0.0])
 
 
 def _turns(model: Model) -> list[Array]:
-    """Return motions of all degrees of freedom that turn the sections the more the farther along they are.
+    """Return displacements ``(dofs,)`` that rotate sections in proportion to the distance along the axis.
 
-    They find modes of torsion that are lower on the finer space than those which come first on the model's.
+    They find torsional modes that are lower on the finer space than the first ones of the model.
     """
-    found = []
+    motions = []
     for turn in np.eye(3):
         moved = []
         for body in model.bodies:
             space = body.space
-            carriers = space.is_control_point[:, None]
-            arms = space.positions - carriers * space.positions[carriers[:, 0]].mean(axis=0)
-            way = np.repeat(np.arange(space.layers) / space.layers, space.layer_nodes)
-            moved.append((way[:, None] * np.cross(turn, arms)).ravel())
-        found.append(np.concatenate(moved))
-    return found
+            control = space.is_control_point[:, None]
+            arms = space.positions - control * space.positions[control[:, 0]].mean(axis=0)
+            distance = np.repeat(np.arange(space.layers) / space.layers, space.layer_nodes)
+            moved.append((distance[:, None] * np.cross(turn, arms)).ravel())
+        motions.append(np.concatenate(moved))
+    return motions

@@ -1,8 +1,8 @@
-"""The same model on a finer space that contains its own: of a higher degree across the section, or along the axis.
+"""A model on a finer, nested space: of a higher degree across the section, or along the axis.
 
-Where a section looks the same turned by half, even and odd functions have parts of their own: torsion warps by even
-ones, shear by bending by odd ones, and one degree more has new ones of one kind alone.  Then it is two degrees more;
-from degree 1 it is always the fourth, with which a square first warps.
+In sections with half-turn symmetry even and odd functions are independent: warping in torsion is even, that of shear by
+bending odd, and one degree more adds functions of one parity alone.  The degree is then raised by two; from degree 1 it
+is always raised to 4, the first with which a square warps.
 """
 
 import warnings
@@ -31,29 +31,29 @@ from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.pressure import Pressures
 from isorod.space.space import Space
 
-# In which a space can be finer.
+# Directions of refinement.
 DIRECTIONS = ("section", "axis")
 
-# Power of the degree, or of the number of points or elements, that the error at the edge of a clamped face falls with.
-# What a finer space changes is the error but for that share of it; along smooth axes it is nearer to the whole.
-# Measured over random rods, most of them on coarse spaces.
+# Convergence order of the error at the edge of a clamped face, in the degree or the number of points or elements, from
+# which the error left on a finer space follows; for smooth solutions less is left.  Measured over random rods, most of
+# them on coarse spaces.
 _POWER = 4
 
-# Share that is left at lines of contact when arcs there are half as long: wires give way by as much each time.
+# Fraction of the error left at lines of contact when knot spans round the section there are halved.
 _AT_LINES = 0.25
 
-# Degree of a square's warping in torsion.
+# Degree of the warping of a square in torsion.
 _SQUARE = 4
 
-# That of polynomials in rings beyond the largest degree without.
+# Degree of polynomials in rings, used beyond the largest degree without rings.
 _RINGED = 6
 
-# Entries of the matrices of all elements of a body beyond which its control points are not doubled: a gigabyte.
+# Matrix entries of all elements of a body beyond which its control points are not doubled: a gigabyte.
 _MOST = 2**27
 
-# What of a section function another basis may miss.
+# Tolerance on section functions that another basis contains.
 _EXACT = 1e-6
-# What a symmetric section may be off, relative.
+# Relative tolerance on the symmetry of sections.
 _SAME = 1e-6
 
 
@@ -64,11 +64,11 @@ class Finer:
     Attributes
     ----------
     coarse, model
-        The model as it was, and on the finer spaces.
+        The model, and its copy on the finer spaces.
     across
-        Of each body, the section functions in those of the finer space, shape ``(finer count, count)``.
+        For each body its section functions in terms of those of the finer space, shape ``(finer count, count)``.
     left
-        Largest share of the error that is left on a finer space.
+        Largest fraction of the error left on a finer space.
     """
 
     coarse: Model
@@ -80,23 +80,23 @@ class Finer:
     def of(cls, model: Model, direction: str) -> "Finer | None":
         """Return the model on spaces finer in one of `DIRECTIONS`, without contacts.
 
-        None if a support does not fit, or something touches where there are solids.  Meshes of these are as they are.
+        None if a support does not fit, or with contact beside solids, whose meshes are not refined.
         """
         if model.solids and model.contacts:
             return None
         spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
         supports: list[Support | MeanSupport] = []
-        for one in model.supports:
-            if isinstance(one, MeanSupport):
-                supports.append(replace(one, space=None))
+        for support in model.supports:
+            if isinstance(support, MeanSupport):
+                supports.append(replace(support, space=None))
                 continue
-            moved = _support(one, model.bodies[one.body].space, spaces[one.body], across[one.body])
+            moved = _support(support, model.bodies[support.body].space, spaces[support.body], across[support.body])
             if moved is None:
                 return None
             supports.append(moved)
         with warnings.catch_warnings():
-            # They were said of the model itself.
+            # The model itself has warned already.
             warnings.simplefilter("ignore")
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
             loads = [_load(load, bodies) for load in model.loads]
@@ -104,43 +104,43 @@ class Finer:
             made = Model(
                 bodies, supports, model.spin, loads=loads, ties=model.ties, solids=model.solids, times=model.times
             )
-        found = cls(model, made, across, left)
+        result = cls(model, made, across, left)
         if not model.remembers:
-            return found
-        past = [Past(factor, found.displacement(one)) for factor, one in model.past]
-        return replace(found, model=made.after(past, any(body.settled for body in model.bodies)))
+            return result
+        past = [Past(factor, result.displacement(moved)) for factor, moved in model.past]
+        return replace(result, model=made.after(past, any(body.settled for body in model.bodies)))
 
     @property
     def wider(self) -> bool:
-        """Whether there are more section functions."""
+        """Whether a body has more section functions."""
         return any(one.shape[0] > one.shape[1] for one in self.across)
 
     def displacement(self, displacement: Array) -> Array:
         """Return a vector of all degrees of freedom on the finer spaces."""
-        found = []
+        parts = []
         for b, (body, fine) in enumerate(zip(self.coarse.bodies, self.model.bodies, strict=True)):
             space = body.space
             nodal = self.coarse.nodal(displacement, b).reshape(space.layers, space.layer_nodes, 3)
             if fine.space.layers != space.layers:
-                whole = np.concatenate([nodal, nodal[: space.rod.closed]])
-                nodal = space.axis.transfer(fine.space.axis, whole)[: fine.space.layers]
-            found.append((self.across[b] @ nodal).ravel())
-        return np.concatenate(found)
+                layers = np.concatenate([nodal, nodal[: space.rod.closed]])
+                nodal = space.axis.transfer(fine.space.axis, layers)[: fine.space.layers]
+            parts.append((self.across[b] @ nodal).ravel())
+        return np.concatenate(parts)
 
     def pressures(self, coefficients: Sequence[Array | None]) -> list[Array | None]:
         """Return pressure coefficients on the finer spaces."""
-        found: list[Array | None] = []
-        for b, given in enumerate(coefficients):
-            own, fine = self.coarse.bodies[b].pressures, self.model.bodies[b].pressures
-            if given is None or own is None or fine is None:
-                found.append(None)
+        refined: list[Array | None] = []
+        for b, values in enumerate(coefficients):
+            coarse, fine = self.coarse.bodies[b].pressures, self.model.bodies[b].pressures
+            if values is None or coarse is None or fine is None:
+                refined.append(None)
                 continue
             xi = _points(fine.space)
-            across = _inclusion(own.section_functions(xi), fine.section_functions(xi))
+            across = _inclusion(coarse.section_functions(xi), fine.section_functions(xi))
             u = axis_points(fine.space.axis, fine.degree + 1)[0].ravel()
-            along = _inclusion(*(_table(one, u) for one in (own, fine)))
-            found.append((along @ given @ across.T)[: fine.layers])
-        return found
+            along = _inclusion(*(_table(one, u) for one in (coarse, fine)))
+            refined.append((along @ values @ across.T)[: fine.layers])
+        return refined
 
 
 def _finer(body: Body, direction: str) -> Space:
@@ -152,12 +152,12 @@ def _finer(body: Body, direction: str) -> Space:
         along |= more_along(space)
     rod = space.rod
     if direction == "section" and across == _across_as_is(space) == {"section_degree": MAX_SECTION_DEGREE}:
-        # Of the highest degree there is, rings see the rim, though with another degree, and not what is there already.
+        # At the highest degree, rings resolve the rim instead, with another degree.
         rod = choice.with_rim(rod)
         across = {"section_degree": _RINGED if rod is not space.rod else MAX_SECTION_DEGREE}
     made = Space(rod, continuity=space.continuity, quadrature="auto", **along, **across)
-    rule, wanted = space.rule, choice.rule(made)
-    radial, angular, axial = map(max, zip(vars(rule).values(), vars(wanted).values(), strict=True))
+    rule, chosen = space.rule, choice.rule(made)
+    radial, angular, axial = map(max, zip(vars(rule).values(), vars(chosen).values(), strict=True))
     if body.remembers and direction == "section":
         radial = min(2 * radial, MAX_POINTS)
     return made.integrated(Rule(radial, angular, axial))
@@ -169,26 +169,26 @@ def more_along(space: Space) -> dict[str, Any]:
 
 
 def _across_as_is(space: Space) -> dict[str, Any]:
-    """Return what a space is told of its section functions."""
+    """Return a space's settings of its section functions."""
     names = ("order", "section_points", "section_degree", "section_basis")
     return {name: getattr(space, name) for name in names if getattr(space, name) is not None}
 
 
 def _more_across(body: Body) -> dict[str, Any]:
-    """Return what a space with more section functions than a body's is told of them."""
+    """Return settings of more section functions than a body has."""
     space = body.space
     if space.section_degree is not None:
         degree = space.section_degree
-        two = space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
-        wanted = degree + 1 + two if degree > 1 else _SQUARE
-        return {"section_degree": min(wanted, getattr(space.basis, "most", degree))}
+        symmetric = space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
+        target = degree + 1 + symmetric if degree > 1 else _SQUARE
+        return {"section_degree": min(target, getattr(space.basis, "most", degree))}
     if isinstance(space.section_basis, Graded):
-        # Whether its arcs see a small patch is for contact to say (`isorod.contact.quality`); at lines shorter arcs do.
+        # `isorod.contact.quality` checks the resolution of small patches; at lines of contact knot spans are halved.
         basis = space.section_basis if space.section_basis.order >= ORDER else space.section_basis.finer()
         return {"section_basis": replace(basis, order=basis.order + 1)}
     if space.order is None:
         return {}
-    # Beyond biharmonic functions waves round the section are what is missing.
+    # From biharmonic functions on, the error is in the angular direction.
     entries = space.axis.elements * (6 * space.element_nodes.shape[1]) ** 2
     if space.order > 1 and 2 * space.points_around <= MAX_COUNT and entries <= _MOST:
         return {"section_points": 2 * space.points_around}
@@ -196,27 +196,27 @@ def _more_across(body: Body) -> dict[str, Any]:
 
 
 def _left(space: Space, fine: Space) -> float:
-    """Return the share of the error that is left on the finer space."""
+    """Return the fraction of the error left on the finer space."""
     numbers = [(space.axis.elements, fine.axis.elements), (space.axis.degree, fine.axis.degree)]
     if space.section_degree is not None and fine.section_degree is not None:
         numbers.append((space.section_degree, fine.section_degree))
     elif space.section_basis is None:
         numbers.append((space.points_around * (space.order or 1), fine.points_around * (fine.order or 1)))
-    share = min(coarse / more for coarse, more in numbers)
+    ratio = min(coarse / more for coarse, more in numbers)
     if isinstance(fine.section_basis, Graded) and fine.points_around > space.points_around:
         return _AT_LINES
-    return float(share**_POWER) if share < 1.0 else 0.0
+    return float(ratio**_POWER) if ratio < 1.0 else 0.0
 
 
 def _turns_onto_itself(rod: Rod) -> bool:
-    """Return whether the sections are the same turned by half about their centres."""
+    """Return whether the sections have half-turn symmetry about their centres."""
     polygons = rod.control_points - rod.control_points.mean(axis=1, keepdims=True)
     turned = np.roll(polygons, rod.section_points // 2, axis=1)
     return rod.section_points % 2 == 0 and bool(np.abs(polygons + turned).max() < _SAME * np.abs(polygons).max())
 
 
 def _points(space: Space) -> Array:
-    """Return points of the disk that tell functions of the highest degree apart."""
+    """Return points of the disk that determine functions of the highest degree."""
     waves = 2 + ceil(pi * MAX_SECTION_DEGREE / space.points_around)
     return space.section_rule(Rule(MAX_SECTION_DEGREE + 2, 2 * waves, 1))[0]
 
@@ -226,7 +226,7 @@ def _inclusion(own: Array, fine: Array) -> Array:
 
 
 def _table(pressures: Pressures, u: Array) -> Array:
-    """Return the functions along the axis at parameters ``(t,)``, which may jump at knots, shape ``(t, layers)``."""
+    """Return the axial functions, which may jump at knots, at parameters ``(t,)``, shape ``(t, layers)``."""
     first, values = pressures.axial_functions(u)
     table = np.zeros((u.size, pressures.layers))
     np.put_along_axis(table, first[:, None] + np.arange(values.shape[1]), values, axis=1)
@@ -260,7 +260,7 @@ def _load(load: Any, bodies: Sequence[Body]) -> Any:
 
 
 def _support(support: Support, space: Space, fine: Space, across: Array) -> Support | None:
-    """Return a support on the finer space: of the whole of an end face there, or of the same functions of one."""
+    """Return a support on the finer space, of an end face or of the same functions on it; None if it does not fit."""
     layer, function = np.divmod(np.asarray(support.nodes, dtype=np.int64), space.layer_nodes)
     last = space.layers - 1
     if space.rod.closed or not layer.size or not np.isin(layer, (0, last)).all():
@@ -268,26 +268,26 @@ def _support(support: Support, space: Space, fine: Space, across: Array) -> Supp
     functions = range(across.shape[0])
     nodes: list[int] = []
     rows: list[Array] = []
-    for place in np.unique(layer):
-        here = np.flatnonzero(layer == place)
+    for end in np.unique(layer):
+        here = np.flatnonzero(layer == end)
         onto = np.zeros((across.shape[0], function.size))
         onto[:, here] = across[:, function[here]]
         if np.unique(function[here]).size == space.layer_nodes:
-            wanted: Index = np.arange(across.shape[0])
+            chosen: Index = np.arange(across.shape[0])
         else:
-            # Those that are functions of the finer space too.
-            wanted = np.array([int(np.argmax(np.abs(column))) for column in onto[:, here].T])
-            if np.abs(onto[wanted, here] - 1.0).max() > _EXACT or np.abs(onto).sum(axis=0)[here].max() > 1.0 + _EXACT:
+            # Functions that the finer space has too.
+            chosen = np.array([int(np.argmax(np.abs(column))) for column in onto[:, here].T])
+            if np.abs(onto[chosen, here] - 1.0).max() > _EXACT or np.abs(onto).sum(axis=0)[here].max() > 1.0 + _EXACT:
                 return None
-        first = 0 if place == 0 else fine.layers - 1
-        nodes += [first * len(functions) + int(i) for i in wanted]
-        rows += list(onto[wanted])
+        first = 0 if end == 0 else fine.layers - 1
+        nodes += [first * len(functions) + int(i) for i in chosen]
+        rows += list(onto[chosen])
     onto = np.array(rows)
 
-    def moved(given: Any) -> Array:
-        return onto @ np.broadcast_to(np.asarray(given, dtype=float), (function.size, 3))
+    def moved(displacement: Any) -> Array:
+        return onto @ np.broadcast_to(np.asarray(displacement, dtype=float), (function.size, 3))
 
     arms = None if support.arms is None else moved(support.arms)
-    given = moved(support.displacement)
-    found = Support(np.array(nodes), support.components, given, support.body, support.turn, arms, support.tied)
-    return replace(found, history=support.history)
+    displacement = moved(support.displacement)
+    result = Support(np.array(nodes), support.components, displacement, support.body, support.turn, arms, support.tied)
+    return replace(result, history=support.history)

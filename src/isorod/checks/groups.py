@@ -1,4 +1,4 @@
-"""What ties weld together, and how a group of rods and solids moves as one rigid body."""
+"""Groups of tied rods and solids, and their rigid motions."""
 
 from typing import NamedTuple
 
@@ -17,14 +17,14 @@ class Group(NamedTuple):
     solids: list[int]
 
     def has(self, surface: Surface) -> bool:
-        """Return whether a surface is one of theirs."""
+        """Return whether a surface belongs to the group."""
         if isinstance(surface, SolidSurface):
             return surface.solid in self.solids
         return surface.body in self.bodies
 
 
 def groups(model: Model, welds: bool = False) -> list[Group]:
-    """Return what is tied together, rods that no tie names alone; of ``welds`` but for what slides freely."""
+    """Return groups of tied bodies, untied rods alone; with ``welds`` ties that slide freely do not count."""
     count = len(model.bodies)
     leader = list(range(count + len(model.solids)))
 
@@ -37,20 +37,21 @@ def groups(model: Model, welds: bool = False) -> list[Group]:
         if welds and slides(tie):
             continue
         first, second = (
-            root(count + one.solid if isinstance(one, SolidSurface) else one.body) for one in (tie.slave, tie.master)
+            root(count + side.solid if isinstance(side, SolidSurface) else side.body)
+            for side in (tie.slave, tie.master)
         )
         leader[max(first, second)] = min(first, second)
     members: dict[int, list[int]] = {}
     for k in range(len(leader)):
         members.setdefault(root(k), []).append(k)
     return [
-        Group([k for k in one if k < count], [k - count for k in one if k >= count])
-        for _, one in sorted(members.items())
+        Group([k for k in group if k < count], [k - count for k in group if k >= count])
+        for _, group in sorted(members.items())
     ]
 
 
 def slides(tie: Tie) -> bool:
-    """Return whether nothing resists that the surfaces of a tie slide on each other."""
+    """Return whether the surfaces of a tie slide on each other without resistance."""
     return tie.kind == "slide" and not tie.bond
 
 
@@ -62,10 +63,10 @@ class Motions(NamedTuple):
     bodies : dict of (3 nodes, 6)
         Displacements of each rod's nodes, by its number.
     held : (h, 6)
-        What moves that supports hold, and how far what tied components join moves apart, of rods and of this and all
-        other ranks' parts of solids.
+        Displacements of supported degrees of freedom, and relative ones of tied components, of rods and of the solids
+        of all ranks.
     center, inverse
-        Turns about the origin, and translations, of positions less a centre times a matrix ``(6, 6)`` are these.
+        The motions are rotations and translations of positions relative to a centre, times a matrix ``(6, 6)``.
     """
 
     bodies: dict[int, Array]
@@ -85,39 +86,39 @@ def motions_of_group(model: Model, group: Group, displacement: Array | None) -> 
         b: model.bodies[b].space.positions + (0.0 if displacement is None else model.nodal(displacement, b))
         for b in group.bodies
     }
-    carriers = {b: model.bodies[b].space.is_control_point for b in group.bodies}
+    control = {b: model.bodies[b].space.is_control_point for b in group.bodies}
     solids = [model.solids[s] for s in group.solids]
     if group.bodies:
         first = group.bodies[0]
-        center = places[first][carriers[first]].mean(axis=0)
+        center = places[first][control[first]].mean(axis=0)
     else:
-        center = np.mean([x for one in solids[0].comm.allgather(solids[0].positions) for x in one], axis=0)
-    raw = {b: motions_of(x - center * carriers[b][:, None], carriers[b]) for b, x in places.items()}
-    own = [motions_of(one.positions - center, np.ones(len(one.positions), dtype=bool)) for one in solids]
-    # Triangular factors have the same norms.
-    triangles = [np.linalg.qr(one, mode="r") for one in raw.values()]
-    for solid, one in zip(solids, own, strict=True):
-        triangles += solid.comm.allgather(np.linalg.qr(one, mode="r"))
+        center = np.concatenate(solids[0].comm.allgather(solids[0].positions)).mean(axis=0)
+    raw = {b: motions_of(x - center * control[b][:, None], control[b]) for b, x in places.items()}
+    of_solids = [motions_of(solid.positions - center, np.ones(len(solid.positions), dtype=bool)) for solid in solids]
+    # Triangular factors have the same inner products.
+    triangles = [np.linalg.qr(motions, mode="r") for motions in raw.values()]
+    for solid, motions in zip(solids, of_solids, strict=True):
+        triangles += solid.comm.allgather(np.linalg.qr(motions, mode="r"))
     inverse = np.linalg.inv(np.linalg.qr(np.concatenate(triangles), mode="r"))
-    bodies = {b: one @ inverse for b, one in raw.items()}
+    bodies = {b: motions @ inverse for b, motions in raw.items()}
     held = [np.zeros((0, 6))]
-    for b, one in bodies.items():
-        held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], one))
+    for b, motions in bodies.items():
+        held.append(_held(model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]], motions))
     for support in model.means.values():
         if support.body in bodies:
             space = model.bodies[support.body].space
             nodes, rows = support.rows(space)
-            # Of rotations what moves on the section.
+            # Rotations count as displacements at the section's radius.
             sizes = np.append(np.ones(len(support.directions)), np.full(len(support.axes), support.radius(space)))
             moved = bodies[support.body].reshape(-1, 3, 6)[nodes]
             held.append(sizes[:, None] * np.einsum("kna,nam->km", rows, moved))
-    for solid, one in zip(solids, own, strict=True):
-        held += solid.comm.allgather(one[solid.held[0] - 3 * solid.owned[0]] @ inverse)
+    for solid, motions in zip(solids, of_solids, strict=True):
+        held += solid.comm.allgather(motions[solid.held[0] - 3 * solid.owned[0]] @ inverse)
     return Motions(bodies, np.concatenate(held), center, inverse)
 
 
 def _held(free: Index, moved: Array) -> Array:
-    """Return what moves of a rod's degrees of freedom that is held, and how far tied components move apart."""
+    """Return displacements of a rod's supported degrees of freedom, and relative ones of tied components."""
     _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
     apart = (free >= 0) & (first[unknown] != np.arange(free.size))
     return np.concatenate([moved[free < 0], (moved - moved[first[unknown]])[apart]])

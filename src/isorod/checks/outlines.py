@@ -1,8 +1,9 @@
-"""Outlines of sections of bodies, as they are displaced."""
+"""Outlines of displaced sections."""
 
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.geometry.disk import circle
 from isorod.space.space import Space
 
 
@@ -12,7 +13,7 @@ def outlines(space: Space, positions: Array, u: Array, count: int, slope: bool =
     Parameters
     ----------
     space, positions
-        Of a body, and of its nodes, shape ``(nodes, 3)``.
+        Space of a body, and its nodes' positions, shape ``(nodes, 3)``.
     u, count
         Axis parameters, shape ``(t,)``, and the number of points at equal angles.
     slope
@@ -22,8 +23,7 @@ def outlines(space: Space, positions: Array, u: Array, count: int, slope: bool =
     -------
     Array of shape ``(t, count, 3)``.
     """
-    angle = 2.0 * np.pi * np.arange(count) / count
-    values = space.basis.functions(np.stack([np.cos(angle), np.sin(angle)], axis=1))[0]
+    values = space.basis.functions(circle(count))[0]
     first, axial, slopes = space.axis.local(u)
     layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
     near = positions.reshape(space.layers, space.layer_nodes, 3)[layers]

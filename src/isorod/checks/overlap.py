@@ -1,8 +1,8 @@
-"""Bodies that run through each other or through themselves, whether contact is declared or not: where, and how deep.
+"""Interpenetration of bodies, or of a body with itself, with contact declared or not: its place and depth.
 
-Two stages: sections, two to a radius, whose circumscribed spheres overlap and that may touch (`isorod.model.near`);
-of the pairs that are deepest in each other, all points round their surfaces.  Most models end with the first.  Sections
-serve any rod, so that the loops of contact stay unloaded.
+Two stages: pairs of sections, spaced half a radius, that may touch (`isorod.model.near`) and whose circumscribed
+spheres overlap; for the deepest of them, all points of their surfaces.  Most models need the first alone.  Sections
+serve any rod without loading the compiled contact search.
 """
 
 import warnings
@@ -17,23 +17,23 @@ from isorod.model.model import Model
 from isorod.model.near import Stretches
 from isorod.space.space import Space
 
-# Depth, in radii of the thinner body, that is warned of: of any bodies, and of those that contact presses together.
+# Depth, in radii of the thinner body, above which to warn: for any bodies, and for those in contact.
 _DEEP = 0.01
 _PRESSED = 0.1
 
 _UNDECLARED = "no contact is defined between them; add one"
 
-# Points round a section: for its sphere, for the distance of two sections, and for depths; by how much spheres are too
-# small for want of more points, and the part of a radius by which distances are too large.
+# Points round a section: for its sphere, for the distance of two sections, and for depths; factor by which spheres of
+# so few points may be too small, and fraction of a radius by which distances may be too large.
 _COARSE, _OUTLINE, _FINE = 8, 32, 48
 _WIDER = 1.08
 _SLACK = 0.05
 
-# Sections to a radius of length, and sections of an element, at most.
+# Sections for each radius of length, and at most in an element.
 _TO_A_RADIUS = 2.0
 _MOST = 200
 
-# Pairs of sections of which depths are measured, at most, and sections by which each is.
+# Pairs of sections whose depth is measured, at most, and sections of each patch.
 _MEASURED = 20
 _STATIONS = 9
 
@@ -46,9 +46,9 @@ class Overlap(NamedTuple):
     bodies, u
         Two bodies, the same twice where one overlaps itself, and the axis parameter of each.
     depth, relative
-        How deep a point of the one is in the other: length, and in radii of the thinner one.
+        Penetration of a point of one in the other: length, and in radii of the thinner one.
     declared
-        Whether a contact of the model is between the two places.
+        Whether the model declares contact between the two.
     middle
         Whether the centre line of one is in the other.
     """
@@ -61,12 +61,12 @@ class Overlap(NamedTuple):
     middle: bool
 
 
-# Sections of which all pairs take less time, some milliseconds, than to load SciPy's trees takes.
+# Sections up to which all pairs take less time, some milliseconds, than importing SciPy's trees.
 _FEW = 300
 
 
 class _Sections(NamedTuple):
-    """Sections of all bodies: where they are, their centres ``(m, 3)``, and the radii of their spheres ``(m,)``."""
+    """Sections of all bodies: their places, centres ``(m, 3)``, and radii of their spheres ``(m,)``."""
 
     stretches: Stretches
     centre: Array
@@ -74,56 +74,58 @@ class _Sections(NamedTuple):
 
 
 def warn_at_rest(model: Model, displacement: Array | None = None) -> float:
-    """Warn of the deepest overlap of bodies at rest, where there is contact, which acts on it; return its depth.
+    """Warn of the deepest initial overlap of a model with contact, on which contact acts; return its depth.
 
     Parameters
     ----------
     displacement
-        That of the start, all degrees of freedom, shape ``(dofs,)``, if it is not zero.
+        Initial displacement ``(dofs,)``, if it is not zero.
 
     Raises
     ------
     InputError
-        If contact is to press apart two bodies one of whose centre lines is in the other, or which coincide: no side is
-        the nearer one.
+        If contact is declared for two bodies of which one's centre line is in the other, or which coincide: the
+        direction of separation is undetermined.
     """
-    found = deepest(model, displacement) if model.contacts else None
-    if found is None:
+    overlap = deepest(model, displacement) if model.contacts else None
+    if overlap is None:
         return 0.0
-    if found.declared and found.middle:
-        raise InputError(f"initial overlap: {_said(found)}: too deep for contact to separate them; move one of them")
-    what = "contact forces act before any load" if found.declared else _UNDECLARED
-    warnings.warn(f"initial overlap: {_said(found)}: {what}", stacklevel=3)
-    return found.depth
+    if overlap.declared and overlap.middle:
+        raise InputError(
+            f"initial overlap: {_message(overlap)}: too deep for contact to separate them; move one of them"
+        )
+    cause = "contact forces act before any load" if overlap.declared else _UNDECLARED
+    warnings.warn(f"initial overlap: {_message(overlap)}: {cause}", stacklevel=3)
+    return overlap.depth
 
 
 def warn_in_the_end(model: Model, displacement: Array, known: float) -> None:
-    """Warn of the deepest overlap in the end, if it is deeper than what `warn_at_rest` told of."""
-    found = deepest(model, displacement, _PRESSED)
-    if found is not None and found.depth > 1.1 * known:
-        what = "too few contact points there, or the penalty is too low" if found.declared else _UNDECLARED
-        warnings.warn(f"final overlap: {_said(found)}: {what}", stacklevel=3)
+    """Warn of the deepest final overlap, if it is deeper than the ``known`` one of `warn_at_rest`."""
+    overlap = deepest(model, displacement, _PRESSED)
+    if overlap is not None and overlap.depth > 1.1 * known:
+        cause = "too few contact points there, or the penalty is too low" if overlap.declared else _UNDECLARED
+        warnings.warn(f"final overlap: {_message(overlap)}: {cause}", stacklevel=3)
 
 
-def _said(found: Overlap) -> str:
-    """Return where and how deep an overlap is."""
-    (one, other), (u, v) = found.bodies, found.u
-    partner = "itself" if one == other else f"body {other}"
+def _message(overlap: Overlap) -> str:
+    """Return the message on an overlap."""
+    (first, second), (u, v) = overlap.bodies, overlap.u
+    partner = "itself" if first == second else f"body {second}"
     return (
-        f"body {one} at u = {u:.4g} penetrates {partner} at u = {v:.4g} by {found.depth:.3g}, {found.relative:.2g} of "
-        "the radius"
+        f"body {first} at u = {u:.4g} penetrates {partner} at u = {v:.4g} by {overlap.depth:.3g}, "
+        f"{overlap.relative:.2g} of the radius"
     )
 
 
 def deepest(model: Model, displacement: Array | None = None, pressed: float = _DEEP) -> Overlap | None:
-    """Return the deepest overlap that is too deep, or None.
+    """Return the deepest overlap above the limit, or None.
 
     Parameters
     ----------
     displacement
         All degrees of freedom, shape ``(dofs,)``; zero where not given.
     pressed
-        Depth, in radii, that is right for bodies between which a contact is declared.
+        Depth, in radii, that is accepted between bodies in contact.
     """
     moved = np.zeros(model.dofs) if displacement is None else displacement
     places = [body.space.positions + model.nodal(moved, b) for b, body in enumerate(model.bodies)]
@@ -142,19 +144,19 @@ def deepest(model: Model, displacement: Array | None = None, pressed: float = _D
     for k in order[:_MEASURED]:
         if depth[k] + _SLACK <= excess * limit[k]:
             break
-        one, other = int(first[k]), int(second[k])
-        found = _measure(model, places, sections, one, other)
-        if found.relative > excess * limit[k]:
-            excess = found.relative / limit[k]
-            best = found._replace(declared=bool(declared[k]))
-            if depth[k] <= 1.2 * found.relative:
-                # What comes next is no deeper to speak of.
+        i, j = int(first[k]), int(second[k])
+        overlap = _measure(model, places, sections, i, j)
+        if overlap.relative > excess * limit[k]:
+            excess = overlap.relative / limit[k]
+            best = overlap._replace(declared=bool(declared[k]))
+            if depth[k] <= 1.2 * overlap.relative:
+                # The next ones are hardly deeper.
                 break
     return best
 
 
 def _sections(model: Model, places: list[Array]) -> _Sections:
-    """Return sections of all bodies, some to a radius."""
+    """Return sections of all bodies, spaced by a fraction of their radius."""
     rows = []
     for b, (body, at) in enumerate(zip(model.bodies, places, strict=True)):
         space, breaks = body.space, body.space.axis.breaks
@@ -164,17 +166,17 @@ def _sections(model: Model, places: list[Array]) -> _Sections:
         thinnest = np.minimum(np.minimum(sizes[:-2:2], sizes[1::2]), sizes[2::2])
         count = np.clip(np.ceil(_TO_A_RADIUS * np.diff(along) / thinnest), 1, _MOST).astype(np.int64)
         element = np.repeat(np.arange(count.size), count)
-        share = (np.arange(element.size) - (np.cumsum(count) - count)[element] + 0.5) / count[element]
-        u, way = (one[element] + share * np.diff(one)[element] for one in (breaks, along))
+        fraction = (np.arange(element.size) - (np.cumsum(count) - count)[element] + 0.5) / count[element]
+        u, length = (column[element] + fraction * np.diff(column)[element] for column in (breaks, along))
         period = np.full(u.size, along[-1] if space.rod.closed else np.inf)
         centre, radius, reach = _circled(outlines(space, at, u, _COARSE))
-        rows.append((np.full(u.size, b), element, u, way, way, period, radius, centre, reach))
-    columns = [np.concatenate(one) for one in zip(*rows, strict=True)]
+        rows.append((np.full(u.size, b), element, u, length, length, period, radius, centre, reach))
+    columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
     return _Sections(Stretches(*columns[:7]), *columns[7:])
 
 
 def _circled(points: Array) -> tuple[Array, Array, Array]:
-    """Return centres of sections ``(t, q, 3)``, and mean and largest distance of their points from these."""
+    """Return centres of sections ``(t, q, 3)``, and the mean and largest distance of their points from them."""
     centre = points.sum(axis=1) / points.shape[1]
     arms = points - centre[:, None]
     spokes = np.sqrt(np.einsum("tqa,tqa->tq", arms, arms))
@@ -182,16 +184,16 @@ def _circled(points: Array) -> tuple[Array, Array, Array]:
 
 
 def _near(sections: _Sections) -> tuple[Index, Index]:
-    """Return pairs of sections that may touch, whose surroundings overlap."""
+    """Return pairs of sections that may touch and whose spheres overlap."""
     stretches, centre, reach = sections
     if len(centre) <= _FEW:
-        # Squares of distances from products of vectors that are short, so that rounding does not count.
-        off = centre - centre.mean(axis=0)
-        size, wide = np.sum(off**2, axis=1), off @ off.T
-        wide *= -2.0
-        wide += size[:, None]
-        wide += size
-        both = np.flatnonzero(wide.ravel() < (2.0 * _WIDER * float(reach.max())) ** 2)
+        # Positions relative to the mean keep round-off of squared distances small.
+        relative = centre - centre.mean(axis=0)
+        size, squares = np.sum(relative**2, axis=1), relative @ relative.T
+        squares *= -2.0
+        squares += size[:, None]
+        squares += size
+        both = np.flatnonzero(squares.ravel() < (2.0 * _WIDER * float(reach.max())) ** 2)
         first, second = np.divmod(both, len(centre))
         once = first < second
         first, second = first[once], second[once]
@@ -202,12 +204,12 @@ def _near(sections: _Sections) -> tuple[Index, Index]:
     square = np.sum((centre[first] - centre[second]) ** 2, axis=1)
     near = square < (_WIDER * (reach[first] + reach[second])) ** 2
     first, second = first[near], second[near]
-    meet = stretches.may_touch(first, second)
-    return first[meet], second[meet]
+    may = stretches.may_touch(first, second)
+    return first[may], second[may]
 
 
 def _depths(model: Model, places: list[Array], sections: _Sections, first: Index, second: Index) -> Array:
-    """Return the depth of one section in the other along the line of their centres in radii."""
+    """Return the depth, in radii, of one section in the other along the line of their centres."""
     stretches, centre, _ = sections
     used, number = np.unique(np.concatenate([first, second]), return_inverse=True)
     body = stretches.body[used]
@@ -220,14 +222,14 @@ def _depths(model: Model, places: list[Array], sections: _Sections, first: Index
     line /= np.maximum(distance, np.finfo(float).tiny)[:, None]
     mine = np.einsum("kqa,ka->kq", arms[number[: first.size]], line).max(axis=1)
     theirs = np.einsum("kqa,ka->kq", arms[number[first.size :]], -line).max(axis=1)
-    both = stretches.radius[first], stretches.radius[second]
-    # Sections in one place have no line between their centres.
-    depth = np.where(distance < 0.5 * np.minimum(*both), both[0] + both[1], mine + theirs) - distance
-    return np.asarray(depth / np.minimum(*both))
+    radii = stretches.radius[first], stretches.radius[second]
+    # Centres that coincide have no line between them.
+    depth = np.where(distance < 0.5 * np.minimum(*radii), radii[0] + radii[1], mine + theirs) - distance
+    return np.asarray(depth / np.minimum(*radii))
 
 
 def _measure(model: Model, places: list[Array], sections: _Sections, first: int, second: int) -> Overlap:
-    """Return how deep the surfaces about two sections are in each other."""
+    """Return the overlap of the surfaces about two sections."""
     best, middle, at = 0.0, False, (float(sections.stretches.u[first]), float(sections.stretches.u[second]))
     numbers = int(sections.stretches.body[first]), int(sections.stretches.body[second])
     own = [
@@ -245,7 +247,7 @@ def _measure(model: Model, places: list[Array], sections: _Sections, first: int,
 
 
 class _Patch(NamedTuple):
-    """The surface about a section: stations ``(t,)``, points and outward normals ``(t, q, 3)``, centres, and hole."""
+    """The surface about a section: axis parameters ``(t,)``, points, outward normals ``(t, q, 3)``, centres, hole."""
 
     u: Array
     points: Array
@@ -255,7 +257,7 @@ class _Patch(NamedTuple):
 
     @classmethod
     def of(cls, space: Space, places: Array, sections: _Sections, k: int) -> "_Patch":
-        """Return that of a section, a radius long."""
+        """Return the patch of a section, of a length of one radius."""
         at = np.array([sections.stretches.u[k]])
         speed = float(np.linalg.norm(outlines(space, places, at, _COARSE, slope=True).mean(axis=1)))
         low, high = space.axis.breaks[[0, -1]]
@@ -269,25 +271,25 @@ class _Patch(NamedTuple):
         return cls(u, points, normals * np.sign(outward), centre, space.rod.rings[0])
 
     def deepest(self, other: "_Patch") -> tuple[float, float, float, bool]:
-        """Return how deep points of another patch are in this one's body, and where: its ``u`` and this one's.
+        """Return the largest depth of another patch's points in this body, its ``u`` and this one's.
 
-        The last is whether its centres are.
+        The last item is whether centres of the other patch are inside.
         """
         from scipy.spatial import cKDTree
 
         probes, u = other.points.reshape(-1, 3), np.repeat(other.u, other.points.shape[1])
         if other.hole == 0.0:
-            # The centre too: of bodies in the same place no surface is within the other.
+            # Centres too: if bodies coincide, neither surface is within the other.
             probes, u = np.concatenate([probes, other.centre]), np.concatenate([u, other.u])
         _, nearest = cKDTree(self.points.reshape(-1, 3)).query(probes)
         station = nearest // self.points.shape[1]
         away = probes - self.points.reshape(-1, 3)[nearest]
         depth = -np.einsum("pa,pa->p", away, self.normals.reshape(-1, 3)[nearest])
-        # What lies in a hole is not in the body.
+        # Points in a hole are not in the body.
         inner = np.linalg.norm(probes - self.centre[station], axis=1)
         outer = np.linalg.norm(self.points[station] - self.centre[station][:, None], axis=2).mean(axis=1)
         depth = np.minimum(depth, inner - self.hole * outer) if self.hole > 0.0 else depth
-        # Beyond the patch, or the rod, is what is nearest to its rim.
+        # Points nearest to the patch's ends are beyond it, or beyond the rod.
         depth = np.where((station == 0) | (station == self.u.size - 1), 0.0, depth)
         k = int(np.argmax(depth))
         middle = bool((depth[other.points.shape[0] * other.points.shape[1] :] > 0.0).any())

@@ -1,4 +1,4 @@
-"""Rigid motions of a model: which the supports leave free, and the near-null space they make."""
+"""Rigid-body modes of a model: those that the supports leave free, and the near-null space."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -16,34 +16,33 @@ from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
 from isorod.tensors import motions_of
 
-# A motion counts as free if it moves held components by less than this share of its size.
+# A motion is free if it moves supported components by less than this fraction of its norm.
 _TOLERANCE = 1e-8
 
-# A face of this share of the rod's size holds all of its motions, without a closer look.
+# An end face larger than this fraction of the rod's size holds all rigid motions when clamped.
 _FACE = 1e-4
 
-# Width of a section over the size of its rod below which a free one has no bending modes in double precision: a hundred
-# times thicker ones have none any more either.
+# Width of a section over the size of its rod below which an unsupported one has no bending modes in double precision.
 _THIN = 1e-7
 
 
 def motions(space: Space, moved: Array | float = 0.0) -> Array:
     """Return the six infinitesimal rigid motions of a space's nodes, orthonormal, shape ``(3 nodes, 6)``.
 
-    A rod reproduces them exactly, since its functions reproduce its own map.  They are those of the rod where it has
-    ``moved`` to, by ``(nodes, 3)``.
+    A rod contains them exactly, since its functions contain its geometry map.  They are about the configuration
+    displaced by ``moved``, ``(nodes, 3)``.
     """
     return np.linalg.qr(motions_of(_arms(space, moved), space.is_control_point))[0]
 
 
 def _arms(space: Space, moved: Array | float = 0.0) -> Array:
-    """Return the coefficients of the position from a point near the middle."""
+    """Return the coefficients of positions relative to their mean."""
     places = space.positions + moved
     return np.asarray(places - places[space.is_control_point].mean(axis=0) * space.is_control_point[:, None])
 
 
 def _clamped(space: Space, free: Index) -> bool:
-    """Return whether supports (``free`` as in the model, of this space) hold all of an end face that is not small."""
+    """Return whether supports (the model's ``free`` of this space) clamp an end face that is not small."""
     if space.rod.closed:
         return False
     points = space.rod.control_points
@@ -51,7 +50,7 @@ def _clamped(space: Space, free: Index) -> bool:
     for face in np.flatnonzero(held.all(axis=1)):
         arms = points[-face] - points[-face].mean(axis=0)
         spread = arms.T @ arms
-        # Of the eigenvalues a >= b >= c of that, (ab + bc + ca) / (a + b + c) is 2 b at most.
+        # For its eigenvalues a >= b >= c, (ab + bc + ca) / (a + b + c) is 2 b at most.
         trace = spread.trace()
         second = (trace**2 - (spread * spread).sum()) / (4.0 * trace) if trace > 0.0 else 0.0
         if second > (_FACE * np.abs(points - points[0, 0]).max()) ** 2:
@@ -62,79 +61,79 @@ def _clamped(space: Space, free: Index) -> bool:
 def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[int, Array]]:
     """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``.
 
-    They are those about a ``displacement`` ``(dofs,)``, or at rest.  What ties weld together moves as one; its motions
-    are described by those of its first rod.
+    They are about a ``displacement`` ``(dofs,)``, or at rest.  Welded bodies move as one and are represented by their
+    first rod.
 
     Raises
     ------
     SolveError
-        If one moves finite element bodies alone.
+        If a motion moves finite element bodies alone.
     """
-    found = moved_freely(model, displacement)
-    if not all(found):
+    motions = moved_freely(model, displacement)
+    if not all(motions):
         raise SolveError("supports: a solid is free to move as a rigid body; add a condition")
-    return [one[0] for one in found]
+    return [rods[0] for rods in motions]
 
 
 def moved_freely(model: Model, displacement: Array | None = None) -> list[list[tuple[int, Array]]]:
-    """Return what each of the motions of `free_motions` moves: rods, and their nodes; none where solids alone."""
-    found: list[list[tuple[int, Array]]] = []
+    """Return the rods that each free motion moves, with displacements of their nodes; empty where solids alone move."""
+    free: list[list[tuple[int, Array]]] = []
     parts = groups(model, welds=True)
     for group in groups(model):
-        mine = [
+        welded = [
             part for part in parts if set(part.bodies) <= set(group.bodies) and set(part.solids) <= set(group.solids)
         ]
-        if len(mine) == 1 and any(_clamped(model.bodies[b].space, _free(model, b)) for b in group.bodies):
+        if len(welded) == 1 and any(_clamped(model.bodies[b].space, _free(model, b)) for b in group.bodies):
             continue
-        moving = [motions_of_group(model, part, displacement) for part in mine]
-        rows = block_diag(*(one.held for one in moving))
+        moving = [motions_of_group(model, part, displacement) for part in welded]
+        rows = block_diag(*(motions.held for motions in moving))
         for tie in model.ties:
             if slides(tie) and group.has(tie.slave):
-                rows = np.concatenate([rows, _apart(model, tie, mine, moving)])
-        # The triangular factor has the same singular values and as many columns.
+                rows = np.concatenate([rows, _apart(model, tie, welded, moving)])
+        # The triangular factor has the same singular values and number of columns.
         triangle = np.linalg.qr(rows, mode="r") if len(rows) else np.zeros((1, rows.shape[1]))
         _, sizes, turns = np.linalg.svd(triangle, full_matrices=True)
-        full = np.zeros(rows.shape[1])
-        full[: sizes.size] = sizes
-        for turn in turns[full < _TOLERANCE].reshape(-1, len(mine), 6):
-            found.append(
+        padded = np.zeros(rows.shape[1])
+        padded[: sizes.size] = sizes
+        for turn in turns[padded < _TOLERANCE].reshape(-1, len(welded), 6):
+            free.append(
                 [
-                    (b, (one.bodies[b] @ six).reshape(-1, 3))
-                    for one, six in zip(moving, turn, strict=True)
-                    for b in one.bodies
-                    if np.abs(six).max() > _TOLERANCE
+                    (b, (motions.bodies[b] @ amounts).reshape(-1, 3))
+                    for motions, amounts in zip(moving, turn, strict=True)
+                    for b in motions.bodies
+                    if np.abs(amounts).max() > _TOLERANCE
                 ]
             )
-    return found
+    return free
 
 
 def _free(model: Model, b: int) -> Index:
-    """Return the unknown of each degree of freedom of a rod."""
+    """Return the number of the unknown of each degree of freedom of a rod, negative if supported."""
     return model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
 
 
 def _apart(model: Model, tie: Tie, parts: Sequence[Group], moving: Sequence[Motions]) -> Array:
-    """Return how far motions of parts move the two sides of what slides apart, along the slave's normals."""
+    """Return the relative normal displacement of a sliding tie's surfaces in motions of parts."""
     from isorod.assembly.constraints import trace_of
 
     trace = trace_of(model, tie.slave)
-    along = [np.einsum("qa,qak->qk", trace.normals, one.at(trace.points)) for one in moving]
+    along = [np.einsum("qa,qak->qk", trace.normals, motions.at(trace.points)) for motions in moving]
     signs = [float(part.has(tie.slave)) - float(part.has(tie.master)) for part in parts]
-    return np.concatenate([sign * one for sign, one in zip(signs, along, strict=True)], axis=1)
+    return np.concatenate([sign * motions for sign, motions in zip(signs, along, strict=True)], axis=1)
 
 
 def _spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]:
-    """Return a rigid motion of a rod's nodes ``(nodes, 3)`` as that of its whole group.
+    """Return the rigid motion of a group, given that of the nodes ``(nodes, 3)`` of one of its rods.
 
     Returns
     -------
     rods : (dofs,)
     solids
-        Of each solid's degrees of freedom on this rank.
+        For each solid its degrees of freedom on this rank.
     """
     if any(slides(tie) for tie in model.ties):
         raise InputError("modes: what slides freely has rigid motions; give the tie a bond, or support the body")
-    group = next(one for one in groups(model) if body in one.bodies)
+    group = next(group for group in groups(model) if body in group.bodies)
     space = model.bodies[body].space
     amounts = np.linalg.lstsq(motions_of(space.positions, space.is_control_point), motion.ravel(), rcond=None)[0]
     rods = np.zeros(model.dofs)
@@ -149,7 +148,7 @@ def _spread(model: Model, body: int, motion: Array) -> tuple[Array, list[Array]]
 
 
 def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Iterator[PETSc.Vec]:
-    """Yield motions of bodies (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
+    """Yield motions (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
     for body, motion in moved:
         if assembler.coupling is not None:
             rods, solids = _spread(assembler.model, body, motion)
@@ -171,24 +170,24 @@ def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
 
 
 def refuse_free(model: Model) -> None:
-    """Raise `SolveError` if a rigid motion is free, and name it."""
+    """Raise `SolveError` with the first free rigid motion, if there is one."""
     _refuse(model, free_motions(model))
 
 
 def left_to_contact(model: Model) -> list[tuple[int, Array]]:
-    """Return the free motions (as `free_motions` does) of bodies that may touch others or obstacles.
+    """Return the free motions (`free_motions`), all of bodies that may touch others or obstacles.
 
     Raises
     ------
     SolveError
-        If one of another body is free.
+        If another body has a free motion.
     """
     loose, touching = free_motions(model), set[int]()
     for contact in model.contacts:
-        named = {body for body, _ in contact.sides}
-        # Contact with itself alone holds no body.
-        touching |= named if contact.second is not None or len(named) > 1 else set()
-    # What is tied to a body that may touch is held with it.
+        sides = {body for body, _ in contact.sides}
+        # Self-contact holds no body.
+        touching |= sides if contact.second is not None or len(sides) > 1 else set()
+    # Contact holds tied bodies too.
     touching = {b for group in groups(model) if touching.intersection(group.bodies) for b in group.bodies}
     _refuse(model, [(body, motion) for body, motion in loose if body not in touching])
     return loose
@@ -204,7 +203,7 @@ def _refuse(model: Model, loose: list[tuple[int, Array]]) -> None:
 
 
 def describe(space: Space, motion: Array) -> str:
-    """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
+    """Return a text for a motion of nodes ``(nodes, 3)``: the direction of its translation, or axis of its rotation."""
     arm = _arms(space)
     shift = motion[space.is_control_point].mean(axis=0)
     turn, *_ = np.linalg.lstsq(
@@ -221,9 +220,9 @@ def describe(space: Space, motion: Array) -> str:
 
 
 def refuse_thin(model: Model, loose: Sequence[tuple[int, Array]]) -> None:
-    """Raise `InputError` for a body that nothing holds, so thin that rounding of stretching is all of its bending.
+    """Raise `InputError` for an unsupported body so thin that round-off of stretching exceeds its bending stiffness.
 
-    Eigensolvers would look for its first bending mode for ever.
+    Eigensolvers would not converge to its bending modes.
     """
     bodies = [body for body, _ in loose]
     for b in {body for body in bodies if bodies.count(body) == 6}:

@@ -1,4 +1,4 @@
-"""Laws of small strains: whether their bodies stay where such laws hold."""
+"""Small-strain laws: warnings where rotations or strains exceed their range."""
 
 import warnings
 from collections.abc import Sequence
@@ -13,27 +13,26 @@ from isorod.model.motion import SupportMotion
 from isorod.model.tie import SolidSurface
 from isorod.tensors import turning
 
-# Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
-# percent.
+# Largest component of the displacement gradient: a rotation by so many radians gives a spurious strain of 0.5 %.
 LARGE = 0.1
 
-# Share of the largest strain from which one that a rotation is taken for is warned of.
+# Spurious strain by rotation from which to warn, relative to the largest strain.
 _FALSE = 0.005
 
 
 def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[Array]] = ()) -> None:
-    """Warn of bodies that are turned or strained by more than their laws of small strains know of.
+    """Warn of bodies whose rotations or strains exceed the range of their small-strain laws.
 
     Parameters
     ----------
     model
-        What has moved.
+        The model.
     displacements
         All degrees of freedom at outputs, shape ``(outputs, dofs)``.
     solids
-        At each, what this rank has of each solid (`isorod.output.state.State.solids`); collective.
+        For each output, displacements of solids on this rank (`isorod.output.state.State.solids`); collective.
     """
-    found = []
+    checked = []
     cure = "use a finite-strain law such as StVenantKirchhoff or OrthotropicKirchhoff"
     for b, body in enumerate(model.bodies):
         small = next((law for law in body.laws if not law.objective), None)
@@ -58,7 +57,7 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
                 f"{type(other).__name__}, joined to it, does not; {cure}",
                 stacklevel=3,
             )
-        found.append((f"body {b}", small, largest))
+        checked.append((f"body {b}", small, largest))
         for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
             false = _false_strain(motion) if support.body == b else 0.0
             if false > _FALSE * strained and largest <= LARGE:
@@ -70,8 +69,8 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
                 )
     for k, solid in enumerate(model.solids):
         if solid.law is not None and not solid.law.objective:
-            found.append((f"solid {k}", solid.law, max(solid.largest_gradient(row[k]) for row in solids)))
-    for which, law, largest in found:
+            checked.append((f"solid {k}", solid.law, max(solid.largest_gradient(row[k]) for row in solids)))
+    for which, law, largest in checked:
         if largest > LARGE:
             warnings.warn(
                 f"rotations or strains of {which} reach {largest:.2g}, the small-strain law {type(law).__name__} "
@@ -81,12 +80,12 @@ def warn_of_large(model: Model, displacements: Array, solids: Sequence[Sequence[
 
 
 def _beside(model: Model, body: int) -> list[Material]:
-    """Return the laws of a body and of what is tied to it."""
+    """Return the laws of a body and of bodies tied to it."""
     laws = list(model.bodies[body].laws)
     for tie in model.ties:
         sides = tie.slave, tie.master
-        for one, other in (sides, sides[::-1]):
-            if getattr(one, "body", None) != body:
+        for side, other in (sides, sides[::-1]):
+            if getattr(side, "body", None) != body:
                 continue
             if isinstance(other, SolidSurface):
                 law = model.solids[other.solid].law
@@ -97,7 +96,7 @@ def _beside(model: Model, body: int) -> list[Material]:
 
 
 def _false_strain(motion: SupportMotion) -> float:
-    """Return the largest strain for which small ones take a turn: what is held goes round, and not along tangents."""
+    """Return the largest spurious small strain by the rotation of a support, whose nodes move along arcs."""
     size = float(np.linalg.norm(motion.arms, axis=1).max(initial=0.0))
     turn = motion.turn * (motion.farthest / (float(np.linalg.norm(motion.turn)) or 1.0))
     rows = 0.5 * (turning(turn) + turning(-turn))[motion.dofs % 3]

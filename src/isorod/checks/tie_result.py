@@ -1,4 +1,4 @@
-"""What ties carry: force, moment, traction on the surface, and how far the displacements of both sides are apart."""
+"""Results of ties: force, moment, traction on the surface, and relative displacements of both sides."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class TieResult:
-    """What a tie carries.
+    """The result of a tie.
 
     Attributes
     ----------
@@ -31,14 +31,13 @@ class TieResult:
     center
         Mean of the surface at rest, shape ``(3,)``.
     jump
-        Largest distance, at a point, between the displacements of both sides, units of length; of what slides along the
-        normal alone.
+        Largest relative displacement of both sides, units of length; of a sliding tie along the normal alone.
     slip
-        Largest distance along the surface, of what slides.
+        Largest relative displacement along the surface, of a sliding tie.
     gap
         Largest distance of the surfaces at rest, units of length.
     area
-        Of the slave's surface.
+        Area of the slave's surface.
     points, normals, traction
         Quadrature points of the slave's surface and its normals there, at rest, and the traction on it, force per
         reference area, shape ``(q, 3)`` each.  Where the surface ends at an edge of the other body it is singular.
@@ -57,12 +56,12 @@ class TieResult:
     traction: Array = field(repr=False)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it."""
+        """Return the entries for a record."""
         return {name: getattr(self, name) for name in ("force", "moment", "jump", "slip", "gap", "area")}
 
 
 def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float, acting: Array | None = None) -> list[TieResult]:
-    """Return what each tie carries in an equilibrium, on every rank; ``acting`` may be known."""
+    """Return the result of each tie in an equilibrium, on every rank; ``acting`` may be known."""
     if assembler.coupling is None:
         return []
     acting = assembler.system_forces(x, factor) if acting is None else acting
@@ -70,45 +69,45 @@ def at_load(assembler: "Assembler", x: "PETSc.Vec", factor: float, acting: Array
 
 
 def results(model: Model, coupling: "Coupling", forces: Array, displacement: Array) -> list[TieResult]:
-    """Return what each tie carries, on every rank.
+    """Return the result of each tie, on every rank.
 
     Parameters
     ----------
     model, coupling
         The model, and its ties.
     forces
-        What supports and ties exert, on all degrees of freedom, those of solids behind those of rods: internal and
+        Forces of supports and ties on all degrees of freedom, those of solids behind those of rods: internal and
         inertial forces less external ones.
     displacement
-        Of all degrees of freedom.
+        All degrees of freedom.
     """
     constraints, forces, moved = coupling.constraints, forces.copy(), displacement.reshape(-1, 3)
-    # Of solids all functions add up to one, of rods those of control points.
-    carriers = np.ones(len(moved))
-    carriers[: model.dofs // 3] = model.is_control_point
+    # The functions of all nodes of solids add up to one, and those of control points of rods.
+    control = np.ones(len(moved))
+    control[: model.dofs // 3] = model.is_control_point
     of_solids = coupling.everywhere([solid.positions.ravel() for solid in model.solids])
     places = np.concatenate([*(body.space.positions for body in model.bodies), of_solids.reshape(-1, 3)])
-    found: list[TieResult | None] = [None] * len(constraints.ties)
+    by_tie: list[TieResult | None] = [None] * len(constraints.ties)
     for k in constraints.order:
         tied, tie = constraints.ties[k], model.ties[k]
         carried = forces[tied.slaves]
-        # What holds the slave pulls at the master; what is the slave's own of that, it pulls at itself.
-        passed = tied.rows.T @ carried
+        # Forces on the slave react on the master; entries of the slave's own body cancel.
+        on_master = tied.rows.T @ carried
         forces[tied.slaves] = 0.0
-        forces += passed
-        own = constraints.body_of(tie.slave)
+        forces += on_master
+        of_slave = constraints.body_of(tie.slave)
         nodal = np.zeros(3 * len(moved))
         nodal[tied.slaves] = carried
-        nodal[own] -= passed[own]
+        nodal[of_slave] -= on_master[of_slave]
         if tied.bond is not None:
-            nodal[own] -= tied.bond.forces(moved.ravel())[own]
+            nodal[of_slave] -= tied.bond.forces(moved.ravel())[of_slave]
         nodal = nodal.reshape(-1, 3)
         trace, traction = tied.trace, _traction(tied, nodal)
         center = trace.weights @ trace.points / trace.weights.sum()
-        found[k] = TieResult(
+        by_tie[k] = TieResult(
             tie=tie,
-            force=carriers @ nodal,
-            moment=np.cross(places - carriers[:, None] * center, nodal).sum(axis=0),
+            force=control @ nodal,
+            moment=np.cross(places - control[:, None] * center, nodal).sum(axis=0),
             center=center,
             jump=_jump(tie, tied, moved),
             slip=_slip(tie, tied, moved),
@@ -118,13 +117,13 @@ def results(model: Model, coupling: "Coupling", forces: Array, displacement: Arr
             normals=trace.normals,
             traction=traction,
         )
-    return [one for one in found if one is not None]
+    return [result for result in by_tie if result is not None]
 
 
 def _traction(tied: "Tied", nodal: Array) -> Array:
-    """Return tractions at the points, of nodal forces ``(nodes, 3)`` on the slave.
+    """Return tractions at the points from nodal forces ``(nodes, 3)`` on the slave.
 
-    Those of a weld are combinations of its multipliers, others of the slave's functions.
+    Those of a weld are combinations of its multiplier functions, others of the slave's functions.
     """
     points, weights = tied.trace.points, tied.trace.weights[:, None]
     if tied.multipliers:
@@ -139,7 +138,7 @@ def _traction(tied: "Tied", nodal: Array) -> Array:
 
 
 def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
-    """Return the largest distance between the displacements of both sides, of what slides along the normal alone."""
+    """Return the largest relative displacement of both sides, of a sliding tie along the normal alone."""
     apart = tied.jump @ moved
     if tie.kind == "slide":
         return float(np.abs(np.sum(apart * tied.trace.normals, axis=1)).max())
@@ -147,7 +146,7 @@ def _jump(tie: Tie, tied: "Tied", moved: Array) -> float:
 
 
 def _slip(tie: Tie, tied: "Tied", moved: Array) -> float:
-    """Return the largest slip, of what slides."""
+    """Return the largest slip; zero unless the tie slides."""
     if tie.kind != "slide":
         return 0.0
     return float(np.linalg.norm(tangential(tied.jump @ moved, tied.trace.normals), axis=1).max())

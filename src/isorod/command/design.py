@@ -99,8 +99,8 @@ def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
             f"a solve takes some {duration(seconds)}; a design takes 5 to 30, at most {optimise.SOLVES} a round"
         )
     known = wanted.Known(before.values, [*several] if table else [])
-    asked = wanted.wanted(args.target, "--target", "=", known)
-    asked += wanted.wanted(args.limit, "--limit", "<>", known)
+    asked = wanted.constraints(args.target, "--target", "=", known)
+    asked += wanted.constraints(args.limit, "--limit", "<>", known)
     objective = None if table is None else (evaluations.MISFIT, 1.0)
     if args.minimise or args.maximise:
         option = "--minimise" if args.minimise else "--maximise"
@@ -116,19 +116,19 @@ def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
     with scene.locating():
         best, last, error = _found(problem, own, x, before, _concerned(asked, objective, table))
     after = last.values
-    anew = optimise.missed_by(after, asked)
-    if anew[0] > max(best.missed[0], SAME):
-        best = best._replace(missed=anew)
-    if best.trouble and best.missed[0] <= optimise.MET:
+    anew = optimise.violation(after, asked)
+    if anew[0] > max(best.violation[0], SAME):
+        best = best._replace(violation=anew)
+    if best.trouble and best.violation[0] <= optimise.MET:
         warnings.warn(f"during the optimisation, not at its end: {best.trouble}", stacklevel=2)
-    missed = f"targets or limits are not met: {best.missed[1]}" if best.missed[0] > optimise.MET else ""
+    missed = f"targets or limits are not met: {best.violation[1]}" if best.violation[0] > optimise.MET else ""
     held = [name for name in best.prices if " bound " in name]
     if missed and held:
         missed += f", with {' and '.join(held)}"
     if missed and best.trouble:
         missed += f" ({best.trouble})"
-    if own.untold:
-        warnings.warn(differences_of(own.untold), stacklevel=2)
+    if own.fallback:
+        warnings.warn(differences_of(own.fallback), stacklevel=2)
     values = dict(zip(own.names, map(float, best.x), strict=True))
     record = {
         "scene": scene.name,
@@ -179,8 +179,8 @@ def _found(
         best = problem.solve(x, before)
         x = best.x
         before, error, warned = solve_anew(own, x)
-        off = max(_apart(best.answer.values[name], before.values[name]) for name in concerned)
-        if off <= SAME or best.missed[0] > optimise.MET:
+        off = max(_apart(best.results.values[name], before.values[name]) for name in concerned)
+        if off <= SAME or best.violation[0] > optimise.MET:
             # Targets that cannot be met are not tried again.
             break
     else:

@@ -72,16 +72,16 @@ def _identify(scene: Any, args: Any) -> dict[str, Any]:
             best = identify.identify(own, several, table, report_progress)
         after, error, warned = solve_anew(own, best.x)
     issue_warnings(warned)
-    off = float(np.abs(table.off(after.values) - table.off(best.answers)).max())
+    off = float(np.abs(table.off(after.values) - table.off(best.results)).max())
     if off > SAME:
         warnings.warn(
             f"solved anew, results differ from the fit by up to {100.0 * off:.2g} % of the largest value: the "
             "discretisation, or the branch of equilibria, changes with the parameters",
             stacklevel=2,
         )
-    if own.untold:
-        warnings.warn(differences_of(own.untold), stacklevel=2)
-    two = {"measured": table.measured, "answered": table.values(best.answers)}
+    if own.fallback:
+        warnings.warn(differences_of(own.fallback), stacklevel=2)
+    two = {"measured": table.measured, "answered": table.values(best.results)}
     if args.png and ending.rank() == 0:
         draw(scene, table, two, args.png)
     # With as many values as parameters there is no misfit from which to estimate the deviation.

@@ -119,7 +119,7 @@ def _frames(
     if args.gif is not None and len(frames) == 1:
         if not modes:
             raise InputError(f"--gif: {result.name} has a single state, nothing to animate; use --png")
-        frames = [picture.Frame(meshes[0], words[0], factor) for factor in animation.shares()]
+        frames = [picture.Frame(meshes[0], words[0], factor) for factor in animation.amplitudes()]
     title = FIELDS.get("displacement" if modes else colour, colour.replace("_", " "))
     if unit := result.units.get(_UNITS.get(colour, "")):
         title = f"{title.splitlines()[0]}\n({unit})"

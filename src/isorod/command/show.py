@@ -26,7 +26,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         rods = [body.space.rod for body in model.bodies]
         if scene.analysis == "dynamics":
             start = scene.settings().get("displacement")
-        words += [solids.told(one, name) for one, name in zip(model.solids, scene.solid_names(), strict=True)]
+        words += [solids.summary(one, name) for one, name in zip(model.solids, scene.solid_names(), strict=True)]
     with picture.stage(args.size, window) as plotter:
         shape.draw(plotter, rods, model, start, "\n".join(words), args.view, args.size)
         if window:

@@ -1,1 +1,1 @@
-"""Derivatives of what scenes measure by their parameters, and what these are for: design, and identification."""
+"""Derivatives of results with respect to parameters of scenes; design optimisation and parameter identification."""

@@ -1,4 +1,4 @@
-"""What scenes measure, and its derivatives, as functions of some of their numbers, on one discretisation."""
+"""Results of scenes and their derivatives as functions of parameters, on a fixed discretisation."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -13,24 +13,24 @@ from isorod.design.curves import Curve
 from isorod.statics.derivatives import numbers
 from isorod.statics.differences import Measured, silently
 
-# What of the rods can be asked for beside what is measured, and how far a curve is off, squared, in the mean.
+# Results of all rods besides those measured, and the mean square misfit of a curve.
 OWN = ("mass", "volume")
 MISFIT = "misfit"
 
-# Returns, of a scene and keyword arguments of its analysis, the scene on the spaces that it is solved on, and what was
-# solved.
+# Returns, for a scene and keyword arguments of its analysis, the scene on the spaces on which it was solved, and its
+# solution.
 Begin = Callable[[Any, Mapping[str, Any]], Sequence[Any]]
 
 
-class Answer(NamedTuple):
-    """What is measured of all scenes, by name, each entry of a list by itself: ``stress``, ``frequencies[0]``."""
+class Results(NamedTuple):
+    """Results of all scenes as single numbers by name, ``stress`` or ``frequencies[0]``, and the solutions."""
 
     values: dict[str, float]
     solutions: Sequence[Any]
 
 
 class _Frozen(NamedTuple):
-    """A scene on the spaces that its first answer is on, the choices of its model, and that answer."""
+    """A scene on the spaces of its first solution, the discretisation choices of its model, and that solution."""
 
     scene: Any
     made: choices.Choices
@@ -38,27 +38,27 @@ class _Frozen(NamedTuple):
 
 
 class Evaluations:
-    """Answers of scenes as functions of numbers that all have.
+    """Results of scenes as functions of parameters common to all.
 
     Parameters
     ----------
     several
-        Scenes, load cases of one file, by their names; that of one that has none is empty.
+        Scenes, load cases of one file, by their names; a single one has an empty name.
     names
-        The numbers that vary.
+        The parameters that vary.
     settings
         Keyword arguments of the analysis.
     begin
-        Solves a scene as if it were new.
+        Solves a scene with a discretisation chosen anew.
     table
-        The curve whose points the scenes are: how far it is off is among the answers.
+        The curve whose points the scenes are: its misfit is then among the results.
 
     Attributes
     ----------
     solves
-        How many analyses there were.
-    untold
-        Why some derivatives are differences of answers, empty where none are.
+        Number of analyses.
+    fallback
+        Why some derivatives are finite differences, empty where none are.
     """
 
     def __init__(
@@ -70,80 +70,80 @@ class Evaluations:
         table: Curve | None = None,
     ) -> None:
         self.scenes, self.names, self.settings, self.table = dict(several), list(names), dict(settings), table
-        self.solves, self.untold, self._begin = 0, "", begin
+        self.solves, self.fallback, self._begin = 0, "", begin
         self._frozen: list[_Frozen] = []
         self._last: Sequence[Any] = ()
 
-    def freeze(self, x: Array) -> Answer:
-        """Return what is measured of new models, whose discretisations and load steps all others will have."""
+    def freeze(self, x: Array) -> Results:
+        """Return the results of new models, and fix their discretisations and load steps for all later ones."""
         self._frozen = []
         for scene in self.scenes.values():
             self.solves += 1
             seen, solution, *_ = self._begin(parameters.at(scene, self._named(x)), self.settings)
             with silently(), choices.kept() as made:
-                # What is built anew makes all choices.
+                # Building the model anew records all of its choices.
                 parameters.at(seen, self._named(x)).model()
             self._frozen.append(_Frozen(seen, made, solution))
         return self._measured([one.first for one in self._frozen])
 
-    def answer(self, x: Array) -> Answer:
-        """Return what is measured.
+    def evaluate(self, x: Array) -> Results:
+        """Return the results.
 
         Raises
         ------
         InputError, SolveError
-            If there is no such model, or no answer.
+            If there is no such model, or no solution.
         """
         return self._measured(
             [self._solve(k, self._make(k, self._named(x)), near) for k, near in enumerate(self._last)]
         )
 
-    def _measured(self, solutions: Sequence[Any]) -> Answer:
+    def _measured(self, solutions: Sequence[Any]) -> Results:
         values: dict[str, float] = {}
         for case, frozen, solution in zip(self.scenes, self._frozen, solutions, strict=True):
             with silently():
                 values |= of_case(case, flat(measured(frozen.scene, solution)))
         self._last = solutions
         self.add_misfit(values)
-        return Answer(values, solutions)
+        return Results(values, solutions)
 
     def add_misfit(self, values: dict[str, float]) -> None:
-        """Add to answers how far the curve is off, if there is one."""
+        """Add the mean square misfit of the curve to results, if there is a curve."""
         if self.table is not None:
             values[MISFIT] = float(np.mean(self.table.off(values) ** 2))
 
-    def derivatives(self, x: Array, answer: Answer) -> dict[str, Array]:
-        """Return the derivatives of what is measured by all numbers, shape ``(numbers,)`` each."""
-        found: dict[str, Array] = {}
+    def derivatives(self, x: Array, results: Results) -> dict[str, Array]:
+        """Return the derivatives of each result with respect to the parameters, shape ``(parameters,)``."""
+        rates: dict[str, Array] = {}
         for k, case in enumerate(self.scenes):
-            rows = self._rates(k, self._named(x), answer.solutions[k])
-            found |= of_case(case, {one: np.array([row[one] for row in rows]) for one in rows[0]})
+            rows = self._rates(k, self._named(x), results.solutions[k])
+            rates |= of_case(case, {key: np.array([row[key] for row in rows]) for key in rows[0]})
         if self.table is not None:
-            found[MISFIT] = 2.0 * np.mean(self.table.off(answer.values)[:, None] * self.table.slopes(found), axis=0)
-        return found
+            rates[MISFIT] = 2.0 * np.mean(self.table.off(results.values)[:, None] * self.table.slopes(rates), axis=0)
+        return rates
 
     def _rates(self, k: int, at: dict[str, float], solution: Any) -> list[dict[str, float]]:
-        """Return the derivatives of what a scene measures, by each number."""
+        """Return the derivatives of a scene's results, for each parameter."""
         scene, make = self._frozen[k].scene, partial(self._make, k)
-        rates = differences.derivatives(solution, make, at, lambda one: measured(scene, one), partial(self._solve, k))
+        rates = differences.derivatives(solution, make, at, lambda near: measured(scene, near), partial(self._solve, k))
         rates = rates.averaged().checked()
-        self.untold = rates.why or self.untold
-        # Derivatives of modes are those of frequencies alone.
+        self.fallback = rates.why or self.fallback
+        # Modal derivatives are of frequencies alone, not of mass and volume.
         modal = scene.analysis == "modal"
         return [flat(rates.by[name]) | (self._own(make, at, name) if modal else {}) for name in self.names]
 
     @staticmethod
     def _own(make: Callable[[Mapping[str, float]], Any], at: dict[str, float], name: str) -> dict[str, float]:
-        """Return the derivatives of mass and volume by a number."""
+        """Return the derivatives of mass and volume with respect to a parameter."""
         step = differences.APART * abs(at[name])
-        less, more = (own(make(at | {name: at[name] + way})) for way in (-step, step))
-        return {one: (more[one] - less[one]) / (2.0 * step) for one in less}
+        less, more = (own(make(at | {name: at[name] + change})) for change in (-step, step))
+        return {key: (more[key] - less[key]) / (2.0 * step) for key in less}
 
     def _named(self, x: Array) -> dict[str, float]:
         return dict(zip(self.names, map(float, x), strict=True))
 
     def _make(self, k: int, values: Mapping[str, float]) -> Any:
-        # What there is to say of it is said at the end.
+        # Warnings about the model are given for the final one.
         frozen = self._frozen[k]
         with silently(), choices.repeated(frozen.made):
             return parameters.at(frozen.scene, values).model()
@@ -155,7 +155,7 @@ class Evaluations:
 
 
 def measured(scene: Any, solution: Any) -> Measured:
-    """Return the numbers that a scene measures, and mass and volume of its rods."""
+    """Return the results of a scene, and mass and volume of its rods."""
     return {name: np.array(value) for name, value in own(solution.model).items()} | numbers(scene.measure(solution))
 
 
@@ -169,15 +169,15 @@ def own(model: Any) -> dict[str, float]:
     return {"volume": volume} | ({"mass": mass} if mass else {})
 
 
-def flat(found: Measured) -> dict[str, float]:
-    """Return numbers each by itself: entries of a list by their places, ``force[2]``."""
+def flat(results: Measured) -> dict[str, float]:
+    """Return results as single numbers: entries of a list by their index, ``force[2]``."""
     return {
-        name if value.ndim == 0 else f"{name}[{k}]": float(one)
-        for name, value in found.items()
-        for k, one in enumerate(value.ravel())
+        name if value.ndim == 0 else f"{name}[{k}]": float(entry)
+        for name, value in results.items()
+        for k, entry in enumerate(value.ravel())
     }
 
 
-def of_case(case: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return numbers of a load case by their names, of the rods themselves without that of the case."""
-    return {f"{case}.{name}" if case and name not in OWN else name: one for name, one in found.items()}
+def of_case(case: str, results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return results with the load case before their names, but for mass and volume of the rods."""
+    return {f"{case}.{name}" if case and name not in OWN else name: value for name, value in results.items()}

@@ -1,4 +1,4 @@
-"""What a design is to be: words of the command line, held to a scene."""
+"""Design variables, targets and limits: options of the command line, checked against a scene."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 from isorod.design import parameters
 from isorod.errors import InputError
 
-# Bounds of what varies where none are given, as shares of the value.
+# Default bounds of a variable, relative to its value.
 _LOWER, _UPPER = 0.5, 2.0
 
 _RELATION = re.compile(r"\s*(.+?)\s*(<=|>=|=|<|>)\s*(\S+)\s*")
 
 
-class Vary(NamedTuple):
-    """A number that varies: its name, where it begins, and its bounds."""
+class Variable(NamedTuple):
+    """A design variable: its name, its initial value and its bounds."""
 
     name: str
     start: float
@@ -22,8 +22,8 @@ class Vary(NamedTuple):
     upper: float
 
 
-class Wanted(NamedTuple):
-    """A number that is to have, or not to pass, a value: its name, ``=``, ``<`` or ``>``, and the value."""
+class Constraint(NamedTuple):
+    """A target or limit: the result's name, the relation ``=``, ``<`` or ``>``, and the value."""
 
     name: str
     relation: str
@@ -33,18 +33,18 @@ class Wanted(NamedTuple):
         return f"{self.name} {self.relation} {self.value:g}"
 
 
-def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
-    """Return what varies: ``NAME=lower:upper`` or ``NAME``, of a list or a table all its numbers.
+def varied(texts: Sequence[str], scene: Any) -> list[Variable]:
+    """Return the variables of ``NAME=lower:upper`` or ``NAME``, all numbers of a list or table.
 
     Raises
     ------
     InputError
         If the scene has no such number, or its value is not between the bounds.
     """
-    found = dict[str, Vary]()
+    variables = dict[str, Variable]()
     for text in _words(texts):
         name, given, bounds = (part.strip() for part in text.partition("="))
-        for one, start in parameters.named(scene, name).items():
+        for path, start in parameters.named(scene, name).items():
             lower, upper = sorted((_LOWER * start, _UPPER * start))
             if given:
                 ends = bounds.split(":")
@@ -59,41 +59,41 @@ def varied(texts: Sequence[str], scene: Any) -> list[Vary]:
                 )
             if lower * upper <= 0.0:
                 raise InputError(f"--vary {text}: bounds on both sides of zero; need both above or below it")
-            found[one] = Vary(one, start, lower, upper)
-    if not found:
+            variables[path] = Variable(path, start, lower, upper)
+    if not variables:
         raise InputError("--vary: name what may change: --vary wire_radius=0.6:1.2")
-    return [*found.values()]
+    return [*variables.values()]
 
 
 class Known(NamedTuple):
-    """What is measured, by name, and the points of a curve, in each of which what has no name of a point is meant."""
+    """Results by name, and the points of a curve; a name without a point stands for the result at all points."""
 
     values: Mapping[str, float]
     points: Sequence[str]
 
     def named(self, option: str, name: str) -> list[str]:
-        """Return the names that a name stands for; raises `InputError` with those there are."""
+        """Return the results that a name stands for; raises `InputError` that lists those known."""
         each = [f"{point}.{name}" for point in self.points]
-        found = [one for one in ([name] if name in self.values else each) if one in self.values]
-        if found:
-            return found
+        matches = [one for one in ([name] if name in self.values else each) if one in self.values]
+        if matches:
+            return matches
         if name == "mass":
             raise InputError(f"{option} mass: no rod has a density; give one, or take the volume")
-        there = dict.fromkeys(one.partition(".")[2] or one for one in self.values) if self.points else self.values
-        raise InputError(f"{option} {name}: not measured; there are: {', '.join(there)}")
+        names = dict.fromkeys(one.partition(".")[2] or one for one in self.values) if self.points else self.values
+        raise InputError(f"{option} {name}: not measured; there are: {', '.join(names)}")
 
 
-def wanted(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Wanted]:
-    """Return targets or limits of measured numbers; raises `InputError`."""
-    found = []
+def constraints(texts: Sequence[str], option: str, relations: str, known: Known) -> list[Constraint]:
+    """Return targets or limits of results; raises `InputError`."""
+    required = []
     for text in _words(texts):
         match = _RELATION.fullmatch(text)
         if match is None or match[2][0] not in relations:
             example = "force=8.0" if "=" in relations else "stress<900"
             raise InputError(f"{option} {text}: need a name, {' or '.join(relations)} and a number, such as {example}")
         value = _number(f"{option} {text}", match[3])
-        found += [Wanted(name, match[2][0], value) for name in known.named(option, match[1])]
-    return found
+        required += [Constraint(name, match[2][0], value) for name in known.named(option, match[1])]
+    return required
 
 
 def _words(texts: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Finite element bodies of dolfinx; nothing of it is loaded where a scene has none."""
+"""Finite element bodies of dolfinx, which is loaded only if a scene has one."""
 
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ __all__ = ["Rows", "Solid", "Trace"]
 
 
 def __getattr__(name: str) -> Any:
-    """Load what is offered, and dolfinx with it."""
+    """Load a public name, and dolfinx with it."""
     if name not in __all__:
         raise AttributeError(f"module 'isorod.fenics' has no attribute {name!r}")
     if find_spec("dolfinx") is None:

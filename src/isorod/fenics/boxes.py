@@ -1,15 +1,15 @@
-"""Which of many boxes along the axes are near points: all points go down one tree together, level by level."""
+"""Axis-aligned boxes near points: a tree of boxes, traversed level by level for all points at once."""
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 
-# Steps along an axis between which middles of boxes are told apart when they are sorted.
+# Bits of the grid coordinates by which the centres of boxes are sorted.
 _BITS = 20
 
 
 class Boxes:
-    """Boxes along the axes, in a binary tree.
+    """Axis-aligned boxes in a binary tree.
 
     Parameters
     ----------
@@ -18,36 +18,36 @@ class Boxes:
     """
 
     def __init__(self, low: Array, high: Array) -> None:
-        self._order = _along_a_curve(0.5 * (low + high))
+        self._order = _morton_order(0.5 * (low + high))
         corners = np.stack([low[self._order].T, high[self._order].T])
-        # The leaves first, then boxes about two of those before; boxes that are nowhere make the numbers even.
+        # The leaves first, then boxes about pairs of the level before; empty boxes make the numbers even.
         self._levels = [corners]
         while self._levels[-1].shape[2] > 1:
             below = self._levels[-1]
             if below.shape[2] % 2:
-                nowhere = np.broadcast_to([[[np.inf]], [[-np.inf]]], (2, 3, 1))
-                below = self._levels[-1] = np.concatenate([below, nowhere], axis=2)
+                empty = np.broadcast_to([[[np.inf]], [[-np.inf]]], (2, 3, 1))
+                below = self._levels[-1] = np.concatenate([below, empty], axis=2)
             pairs = below.reshape(2, 3, -1, 2)
             self._levels.append(np.stack([pairs[0].min(axis=2), pairs[1].max(axis=2)]))
 
     def within(self, points: Array, reach: Array) -> tuple[Index, Index]:
         """Return the pairs of a point ``(q, 3)`` and a box that is within ``reach`` ``(q,)`` of it."""
-        of, box = np.arange(len(points)), np.zeros(len(points), dtype=np.int64)
+        point, box = np.arange(len(points)), np.zeros(len(points), dtype=np.int64)
         x, square = np.ascontiguousarray(points.T), np.square(reach)
         for k, (low, high) in enumerate(reversed(self._levels)):
             if k > 0:
-                of, box = np.repeat(of, 2), (2 * box[:, None] + np.arange(2)).ravel()
-            away = np.zeros(len(of))
+                point, box = np.repeat(point, 2), (2 * box[:, None] + np.arange(2)).ravel()
+            away = np.zeros(len(point))
             for a in range(3):
-                place = x[a][of]
-                away += np.square(np.maximum(np.maximum(low[a][box] - place, place - high[a][box]), 0.0))
-            near = away <= square[of]
-            of, box = of[near], box[near]
-        return of, self._order[box]
+                coordinate = x[a][point]
+                away += np.square(np.maximum(np.maximum(low[a][box] - coordinate, coordinate - high[a][box]), 0.0))
+            near = away <= square[point]
+            point, box = point[near], box[near]
+        return point, self._order[box]
 
 
-def _along_a_curve(middles: Array) -> Index:
-    """Return an order of points ``(n, 3)`` in which neighbours are near each other (Morton 1966)."""
+def _morton_order(middles: Array) -> Index:
+    """Return the order of points ``(n, 3)`` along a Z-order curve (Morton 1966)."""
     least = middles.min(axis=0)
     size = float((middles - least).max()) or 1.0
     steps = ((middles - least) * ((2**_BITS - 1) / size)).astype(np.int64)

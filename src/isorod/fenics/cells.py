@@ -1,4 +1,4 @@
-"""The cells of a dolfinx mesh as maps of the reference cell, and shape functions on them, at many points at once."""
+"""The maps of the cells of a dolfinx mesh from the reference cell, and shape functions, at many points at once."""
 
 from functools import cached_property
 from typing import Any
@@ -10,22 +10,22 @@ from isorod.arrays import Array, Index
 from isorod.fenics import compat
 from isorod.tensors import inverse
 
-# Points outside the reference cell by so much count as within, at least.
+# Least distance outside the reference cell up to which points count as inside.
 SLACK = 1e-9
 
-# Where a cell's map is so flat, in the cube of its size, gradients are taken a hundredth nearer to its middle: two
-# edges of a cell of a round cross-section may be tangent to each other at the corner.
+# Where the Jacobian of a cell's map, over the cube of its size, is below this, gradients are taken a hundredth nearer
+# to its centre: two edges of a cell of a round cross-section may be tangent to each other at the corner.
 _FLAT, _INWARD = 1e-6, 0.01
 
-# Share of a cell's size by which positions may differ that are the same.
+# Tolerance of equal positions, relative to a cell's size.
 _SAME = 1e-8
 
-# Steps of Newton's method.
+# Iterations of Newton's method.
 _STEPS = 25
 
 
 class Cells:
-    """A rank's own cells.
+    """The cells owned by a rank.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Cells:
     Attributes
     ----------
     x
-        Nodes of their geometry, shape ``(cells, n, 3)``.
+        Nodes of the geometry, shape ``(cells, n, 3)``.
     nodes
         Global numbers of the nodes of displacement, shape ``(cells, m)``.
     corners
@@ -43,9 +43,9 @@ class Cells:
     faces
         Vertices of each of its facets, shape ``(facets, 3 or 4)``.
     affine
-        Whether all maps are.
+        Whether all maps are affine.
     slack
-        How far points outside the reference cell still count as within: rounding, more far from the origin.
+        Distance outside the reference cell up to which points count as inside: round-off, larger far from the origin.
     """
 
     def __init__(self, space: Any) -> None:
@@ -67,35 +67,35 @@ class Cells:
 
     @property
     def middle(self) -> Array:
-        """The middle of the reference cell, shape ``(3,)``."""
+        """The centre of the reference cell, shape ``(3,)``."""
         return np.asarray(self.corners.mean(axis=0))
 
     @property
     def rotates(self) -> bool:
-        """Whether position is a field of the space on all cells here, as a rigid rotation asks for."""
+        """Whether the space contains the positions on all cells of this rank, as rigid rotations require."""
         if self.element.degree >= self.geometry.degree:
             return True
         nodal = tabulated(self.geometry, 0, self.element.points)[0] @ self.x
-        away = tabulated(self.element, 0, self.geometry.points)[0] @ nodal - self.x
-        return bool((np.abs(away) <= _SAME * np.ptp(self.x, axis=1, keepdims=True).max(axis=2, keepdims=True)).all())
+        off = tabulated(self.element, 0, self.geometry.points)[0] @ nodal - self.x
+        return bool((np.abs(off) <= _SAME * np.ptp(self.x, axis=1, keepdims=True).max(axis=2, keepdims=True)).all())
 
     def on_faces(self, face: Index, s: Array) -> Array:
-        """Return the reference points of points ``s`` ``(k, 2)`` of reference facets, each on one of its own."""
+        """Return the reference points ``(k, 3)`` of points ``s`` ``(k, 2)`` of reference facets, one facet each."""
         corner = self.corners[self.faces[face]]
         return np.asarray(corner[:, 0] + (s[:, None] @ (corner[:, 1:3] - corner[:, :1]))[:, 0])
 
     def outside(self, X: Array) -> Array:
-        """Return how far reference points ``(k, 3)`` are outside the reference cell, negative within."""
+        """Return the distances of reference points ``(k, 3)`` outside the reference cell, negative inside."""
         least = -X.min(axis=1)
         return np.asarray(np.maximum(least, (X.sum(axis=1) if self.simplex else X.max(axis=1)) - 1.0))
 
     def at(self, cells: Index, X: Array) -> tuple[Array, Array]:
         """Return positions ``(k, 3)`` of reference points ``(k, 3)``, and derivatives ``dx_a / dX_b`` ``(k, 3, 3)``."""
-        found = np.moveaxis(tabulated(self.geometry, 1, X), 0, 1) @ self.x[cells]
-        return found[:, 0], np.swapaxes(found[:, 1:], 1, 2)
+        tables = np.moveaxis(tabulated(self.geometry, 1, X), 0, 1) @ self.x[cells]
+        return tables[:, 0], np.swapaxes(tables[:, 1:], 1, 2)
 
     def pulled_back(self, cells: Index, points: Array) -> Array:
-        """Return the reference points of points ``(k, 3)`` in a cell each; NaN where there is none near the cell."""
+        """Return the reference points of points ``(k, 3)``, each in a cell; NaN where there is none near the cell."""
         if self.affine:
             origin, back = self._back
             return np.asarray((back[cells] @ (points - origin[cells])[..., None])[..., 0])
@@ -124,12 +124,12 @@ class Cells:
             X = np.where(flat[:, None], X + _INWARD * (self.middle - X), X)
             x, J = self.at(cells, X)
         table = tabulated(self.element, 1, X)
-        away = inverse(J)[0] @ (points - x)[..., None]
-        return np.asarray(table[0] + sum(table[1 + d] * away[:, d] for d in range(3)))
+        offset = inverse(J)[0] @ (points - x)[..., None]
+        return np.asarray(table[0] + sum(table[1 + d] * offset[:, d] for d in range(3)))
 
 
 def tabulated(element: Any, derivatives: int, X: Array) -> Array:
     """Return a scalar element's functions and their derivatives, in basix' order, shape ``(derivatives, k, m)``."""
-    # basix of dolfinx 0.5.2 aborts where there are no points.
+    # basix of dolfinx 0.5.2 aborts without points.
     count = len(X)
     return np.asarray(element.tabulate(derivatives, X if count else np.zeros((1, 3)))[:, :count, :, 0])

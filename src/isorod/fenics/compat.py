@@ -36,6 +36,7 @@ __all__ = [
     "entities",
     "expression",
     "exterior_facets",
+    "facets_in_cells",
     "fill",
     "form",
     "from_gmsh",
@@ -62,7 +63,7 @@ version: str = dolfinx.__version__
 # Up to 0.7 elements are UFL's, from 0.8 on basix.ufl's.
 _UFL_ELEMENTS = hasattr(ufl, "VectorElement")
 
-# A form compiled on another rank or by another run is waited for this long, seconds.
+# Seconds to wait for a form that another rank or run compiles.
 _JIT_TIMEOUT = 600
 
 
@@ -75,7 +76,7 @@ def reference_nodes(shape: str, order: int) -> Array:
 
 
 def create_mesh(comm: MPI.Comm, cells: Index, points: Array, shape: str, order: int) -> Any:
-    """Return a mesh distributed over ``comm`` from this rank's share of cells and points."""
+    """Return a mesh distributed over ``comm`` from this rank's part of cells and points."""
     if _UFL_ELEMENTS:
         cell = ufl.Cell(shape, geometric_dimension=3)
         scalar = ufl.FiniteElement("Lagrange", cell, order, variant="equispaced")
@@ -91,19 +92,19 @@ def create_mesh(comm: MPI.Comm, cells: Index, points: Array, shape: str, order: 
 
 
 def element(mesh: Any, family: str, degree: int, size: int | None = None, equispaced: bool = False) -> Any:
-    """Return a scalar element, or that of ``size`` copies of it; perhaps with the nodes of the geometry."""
+    """Return a scalar or vector element of ``size`` components; ``equispaced`` has the nodes of the geometry."""
     if _UFL_ELEMENTS:
-        more = {"variant": "equispaced"} if equispaced else {}
-        scalar = ufl.FiniteElement(family, mesh.ufl_cell(), degree, **more)
+        variant = {"variant": "equispaced"} if equispaced else {}
+        scalar = ufl.FiniteElement(family, mesh.ufl_cell(), degree, **variant)
         return scalar if size is None else ufl.VectorElement(scalar, dim=size)
     import basix.ufl
 
-    own = {"lagrange_variant": basix.LagrangeVariant.equispaced} if equispaced else {}
-    return basix.ufl.element(family, mesh.basix_cell(), degree, shape=None if size is None else (size,), **own)
+    variant = {"lagrange_variant": basix.LagrangeVariant.equispaced} if equispaced else {}
+    return basix.ufl.element(family, mesh.basix_cell(), degree, shape=None if size is None else (size,), **variant)
 
 
 def mixed_element(parts: Sequence[Any]) -> Any:
-    """Return the element of several unlike parts."""
+    """Return the mixed element of parts."""
     if _UFL_ELEMENTS:
         return ufl.MixedElement(list(parts))
     import basix.ufl
@@ -128,13 +129,13 @@ def interpolation_points(space: Any) -> Array:
 
 
 def _only(geometry: Any, name: str) -> Any:
-    """Return what a mesh of one kind of cell has one of; 0.7 and 0.11 list it."""
-    several = getattr(geometry, f"{name}s", None)
-    return several[0] if isinstance(several, list) else getattr(geometry, name)
+    """Return an attribute of a mesh of one kind of cell, which 0.7 and 0.11 have in a list."""
+    listed = getattr(geometry, f"{name}s", None)
+    return listed[0] if isinstance(listed, list) else getattr(geometry, name)
 
 
 def geometry_dofs(mesh: Any, cells: int) -> Index:
-    """Return where in ``mesh.geometry.x`` the nodes of this rank's first cells are, shape ``(cells, nodes)``."""
+    """Return the rows of ``mesh.geometry.x`` of the nodes of this rank's first cells, shape ``(cells, nodes)``."""
     dofs = _only(mesh.geometry, "dofmap")
     # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
     # A rank may have no cells at all.
@@ -144,25 +145,25 @@ def geometry_dofs(mesh: Any, cells: int) -> Index:
 
 
 def original_cells(mesh: Any) -> Index:
-    """Return for each of this rank's cells its row in the cells that the mesh was made from, shape ``(cells,)``."""
+    """Return the rows of this rank's cells among the cells from which the mesh was made, shape ``(cells,)``."""
     return np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
 
 
 def original_nodes(mesh: Any) -> Index:
-    """Return for each node of this rank's geometry its row in the points that the mesh was made from."""
+    """Return the rows of the nodes of this rank's geometry among the points from which the mesh was made."""
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 
 def gmsh_order(shape: str, nodes: int) -> Index:
-    """Return where dolfinx's nodes of a cell are in gmsh's order."""
+    """Return the indices of dolfinx's nodes of a cell in gmsh's order."""
     return np.asarray(dolfinx.cpp.io.perm_gmsh(getattr(dolfinx.mesh.CellType, shape), nodes), dtype=np.int64)
 
 
 def entities(mesh: Any, dimension: int) -> int:
-    """Return how many entities of a dimension this rank knows, its own and ghosts."""
+    """Return the number of entities of a dimension on this rank, with ghosts."""
     mesh.topology.create_entities(dimension)
-    found = mesh.topology.index_map(dimension)
-    return int(found.size_local + found.num_ghosts)
+    index_map = mesh.topology.index_map(dimension)
+    return int(index_map.size_local + index_map.num_ghosts)
 
 
 def cell_dofs(space: Any, cells: int) -> Index:
@@ -181,9 +182,9 @@ def function_space(mesh: Any, element: Any) -> Any:
 
 
 def collapsed(part: Any) -> tuple[Any, Index]:
-    """Return a part of a space as a space of its own, and where its degrees of freedom are in the whole, ``(m,)``."""
+    """Return a subspace as a space, and the indices of its degrees of freedom in the full space, ``(m,)``."""
     space, back = part.collapse()
-    # Later versions put the list in another.
+    # Later versions have a nested list.
     return space, np.asarray(back, dtype=np.int64).ravel()
 
 
@@ -194,7 +195,7 @@ def _jit(function: Callable[..., Any], flags: Sequence[str]) -> dict[str, Any]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the compiler's command lines off the terminal, and its failures to one line."""
+    """Silence the compiler's command lines, and shorten its failures to one line."""
     before = logging.root.manager.disable
     logging.disable(logging.INFO)
     try:
@@ -221,7 +222,7 @@ def expression(value: Any, where: Array, flags: Sequence[str]) -> Callable[[Any,
 
 
 def fill(function: Any, values: Array) -> None:
-    """Set what this rank has of a function to ``values``, and what others know of it."""
+    """Set a function's entries of this rank to ``values``, and update ghosts."""
     function.x.array[: len(values)] = values
     function.x.scatter_forward()
 
@@ -236,7 +237,7 @@ def create_matrix(bilinear: Any, kind: str | None) -> PETSc.Mat:
     if not kind:
         return petsc.create_matrix(bilinear)
     matrix = petsc.create_matrix(bilinear, kind)
-    # dolfinx does not look at what PETSc answers to an unknown type.
+    # dolfinx does not check PETSc's error for an unknown type.
     if matrix.getType() not in (kind, f"seq{kind}", f"mpi{kind}"):
         raise InputError(f"matrix type: got {kind!r}, need one of PETSc's such as aij, baij or sbaij")
     return matrix
@@ -250,7 +251,7 @@ def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -
 
 
 def add_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any] = ()) -> None:
-    """Add a form to ``matrix``, which is to be assembled when all is there; supported degrees of freedom as above."""
+    """Add a form to ``matrix`` without finishing the assembly; supports as for `assemble_matrix`."""
     petsc.assemble_matrix(matrix, bilinear, list(supports))
 
 
@@ -268,7 +269,7 @@ def assemble_array(array: Array, linear: Any) -> None:
 
 
 def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc.Vec) -> None:
-    """Add the tangent's columns of supported degrees of freedom, times what they are still short of, to ``vector``."""
+    """Add to ``vector`` the tangent's columns of supported degrees of freedom times their remaining displacements."""
     # By position: the last argument is called scale up to 0.8 and alpha since.
     petsc.apply_lifting(vector, [bilinear], [list(supports)], [state], -1.0)
 
@@ -276,40 +277,47 @@ def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc
 def geometry_element(mesh: Any) -> Any:
     """Return basix' element of a mesh's geometry, scalar."""
     kind = _only(mesh.geometry, "cmap")
-    # 0.5.2 does not tell; its own meshes are of these nodes, and there is but one kind up to degree 2.
+    # 0.5.2 has no variant; its own meshes have these nodes, and up to degree 2 all variants agree.
     variant = basix.LagrangeVariant(getattr(kind, "variant", basix.LagrangeVariant.equispaced))
     cell = getattr(basix.CellType, mesh.topology.cell_name())
     return basix.create_element(basix.ElementFamily.P, cell, kind.degree, variant)
 
 
 def vtk_cells(space: Any) -> tuple[Array, Array, Array]:
-    """Return the cells of a space as pyvista's grids take them, their kinds, and the positions of this rank's nodes."""
-    # Of another name up to 0.6.
+    """Return the cells of a space for pyvista's grids, their types, and the positions of this rank's nodes."""
+    # It has another name up to 0.6.
     make = getattr(plot, "vtk_mesh", None) or plot.create_vtk_mesh
     cells, kinds, points = make(space)
     return cells, kinds, points
 
 
 def links(mesh: Any, low: int, high: int) -> tuple[Index, Index]:
-    """Return of each entity of a dimension the entities of another that it touches, and where each one's begin."""
+    """Return the connectivity of entities of two dimensions: the linked entities, and their offsets."""
     mesh.topology.create_entities(min(low, high))
     mesh.topology.create_connectivity(low, high)
-    found = mesh.topology.connectivity(low, high)
-    return np.asarray(found.array, dtype=np.int64), np.asarray(found.offsets, dtype=np.int64)
+    connectivity = mesh.topology.connectivity(low, high)
+    return np.asarray(connectivity.array, dtype=np.int64), np.asarray(connectivity.offsets, dtype=np.int64)
+
+
+def facets_in_cells(mesh: Any, facets: Index, count: int) -> tuple[Index, Index]:
+    """Return the cells of exterior facets, and their numbers among the ``count`` facets of the cell."""
+    cells, first = links(mesh, 2, 3)
+    cell = cells[first[facets]]
+    return cell, (links(mesh, 3, 2)[0].reshape(-1, count)[cell] == facets[:, None]).argmax(axis=1)
 
 
 def exterior_facets(mesh: Any) -> Index:
-    """Return this rank's own facets that have one cell on all ranks together, sorted."""
+    """Return this rank's own facets on the boundary of the mesh, sorted."""
     for low, high in ((2, 3), (3, 2)):
         links(mesh, low, high)
     return np.sort(np.asarray(dolfinx.mesh.exterior_facet_indices(mesh.topology), dtype=np.int64))
 
 
 def is_on(condition: Any, space: Any) -> bool:
-    """Return whether a condition is one on a space or on a component of it."""
-    # The condition is C++'s in 0.5.2, and its space in all versions.
-    of = condition.function_space
-    return bool(space._cpp_object.contains(getattr(of, "_cpp_object", of)))
+    """Return whether a condition is on a space or on a component of it."""
+    # The condition is a C++ object in 0.5.2, and its space in all versions.
+    own = condition.function_space
+    return bool(space._cpp_object.contains(getattr(own, "_cpp_object", own)))
 
 
 def impose(condition: Any, array: Array) -> None:

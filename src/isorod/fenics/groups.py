@@ -1,4 +1,4 @@
-"""A body of dolfinx whose supports and loads are on groups of facets, which have names."""
+"""A body of dolfinx with supports and loads on named groups of facets."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -21,12 +21,12 @@ from isorod.fenics.solid import Solid
 
 
 class Facets(dict[str, Index]):
-    """Numbers of the facets of each group on this rank, by its name; none of groups that are partly within the mesh.
+    """Numbers of the facets of each group on this rank, by name, without groups that have facets inside the mesh.
 
     Attributes
     ----------
     inner
-        How many of these groups' facets are within the mesh, and of how many.
+        For those groups the number of facets inside the mesh, and of all.
     """
 
     def __init__(self) -> None:
@@ -34,8 +34,8 @@ class Facets(dict[str, Index]):
         self.inner: dict[str, tuple[int, int]] = {}
 
     def __missing__(self, name: str) -> Index:
-        count, wanted = self.inner[name]
-        raise InputError(f"group {name}: {count:,} of its {wanted:,} facets are none of the mesh's surface")
+        count, total = self.inner[name]
+        raise InputError(f"group {name}: {count:,} of its {total:,} facets are none of the mesh's surface")
 
 
 class Groups:
@@ -46,12 +46,12 @@ class Groups:
     mesh
         The dolfinx mesh, of all ranks.
     facets
-        This rank's numbers of the facets of each group; `InputError` where some are none of the mesh's surface.
+        This rank's numbers of the facets of each group; `InputError` if some are not on the mesh's surface.
 
     Parameters
     ----------
     points, cells, shape, degree
-        Nodes ``(n, 3)``, those of each cell in gmsh's order ``(c, m)``, what the cells are, and the degree of their
+        Nodes ``(n, 3)``, those of each cell in gmsh's order ``(c, m)``, the type of cells, and the degree of their
         geometry; the same on every rank.
     groups
         Corners ``(f, 3 or 4)`` of facets, by the name of the group.
@@ -60,31 +60,29 @@ class Groups:
     def __init__(self, points: Array, cells: Index, shape: str, degree: int, groups: Mapping[str, Index]) -> None:
         comm = MPI.COMM_WORLD
         order = compat.gmsh_order(shape, cells.shape[1])
-        # The first rank has all of it, and dolfinx deals it out.
+        # The first rank passes all cells, which dolfinx distributes.
         own = slice(None) if comm.rank == 0 else slice(0)
         self.mesh = compat.create_mesh(comm, cells[own, order], points[own], shape, degree)
         exterior = compat.exterior_facets(self.mesh)
         numbers = np.sort(corners(self.mesh, exterior), axis=1)
         self.facets = Facets()
-        for name, given in groups.items():
-            wanted = np.unique(np.sort(given, axis=1), axis=0)
-            found = exterior[_among(numbers, wanted)]
-            count = comm.allreduce(len(found), op=MPI.SUM)
-            if count < len(wanted):
-                self.facets.inner[name] = len(wanted) - count, len(wanted)
+        for name, rows in groups.items():
+            group = np.unique(np.sort(rows, axis=1), axis=0)
+            present = exterior[_among(numbers, group)]
+            count = comm.allreduce(len(present), op=MPI.SUM)
+            if count < len(group):
+                self.facets.inner[name] = len(group) - count, len(group)
             else:
-                self.facets[name] = found
+                self.facets[name] = present
 
 
 def corners(mesh: Any, facets: Index) -> Index:
-    """Return the numbers ``(f, 3 or 4)`` that the corners of facets of this rank had when the mesh was made."""
+    """Return the original numbers ``(f, 3 or 4)`` of the corners of this rank's facets, in the mesh as given."""
     faces = np.array(basix.topology(compat.geometry_element(mesh).cell_type)[2], dtype=np.int64)
-    cells, first = compat.links(mesh, 2, 3)
-    cell = cells[first[facets]]
-    table = compat.links(mesh, 3, 2)[0].reshape(-1, len(faces))[cell]
+    cell, face = compat.facets_in_cells(mesh, facets, len(faces))
     nodes = compat.geometry_dofs(mesh, mesh.topology.index_map(3).size_local)[cell]
-    found = np.take_along_axis(nodes, faces[(table == facets[:, None]).argmax(axis=1)], axis=1)
-    return np.asarray(compat.original_nodes(mesh)[found])
+    vertices = np.take_along_axis(nodes, faces[face], axis=1)
+    return np.asarray(compat.original_nodes(mesh)[vertices])
 
 
 def space_of(groups: Groups, degree: int) -> Any:
@@ -92,22 +90,22 @@ def space_of(groups: Groups, degree: int) -> Any:
     return compat.function_space(groups.mesh, compat.element(groups.mesh, "Lagrange", degree, 3))
 
 
-def conditions(space: Any, groups: Groups, held: Iterable[Held]) -> list[Any]:
+def conditions(space: Any, groups: Groups, supports: Iterable[Held]) -> list[Any]:
     """Return dolfinx's Dirichlet conditions."""
-    found = []
-    for one in held:
-        for k in ("xyz".index(letter) for letter in one.components):
-            dofs = dolfinx.fem.locate_dofs_topological(space.sub(k), 2, groups.facets[one.group].astype(np.int32))
-            value = PETSc.ScalarType(one.displacement[k])
-            found.append(dolfinx.fem.dirichletbc(value, dofs, space.sub(k)))
-    return found
+    result = []
+    for support in supports:
+        for k in ("xyz".index(letter) for letter in support.components):
+            dofs = dolfinx.fem.locate_dofs_topological(space.sub(k), 2, groups.facets[support.group].astype(np.int32))
+            value = PETSc.ScalarType(support.displacement[k])
+            result.append(dolfinx.fem.dirichletbc(value, dofs, space.sub(k)))
+    return result
 
 
 def external(space: Any, groups: Groups, loads: Sequence[Load]) -> Any:
     """Return the linear form of loads, None if there are none."""
     mesh, v = groups.mesh, ufl.TestFunction(space)
-    # Facets may be in several groups; a form knows one number of each.
-    names = [one.group for one in loads if one.group is not None]
+    # A facet may be in several groups, but has one tag: its groups as bits.
+    names = [load.group for load in loads if load.group is not None]
     marks = np.zeros(compat.entities(mesh, 2), dtype=np.int64)
     for k, name in enumerate(dict.fromkeys(names)):
         marks[groups.facets[name]] += 2**k
@@ -115,28 +113,29 @@ def external(space: Any, groups: Groups, loads: Sequence[Load]) -> Any:
     kinds = np.unique(np.concatenate(mesh.comm.allgather(marks[facets])))
     tags = dolfinx.mesh.meshtags(mesh, 2, facets, np.searchsorted(kinds, marks[facets]).astype(np.int32))
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags)
-    normal, found = ufl.FacetNormal(mesh), ufl.Form([])
-    for one in loads:
-        value: Any = dolfinx.fem.Constant(mesh, np.array(one.vector, dtype=PETSc.ScalarType))
-        if one.group is None:
-            found += ufl.inner(value, v) * ufl.dx(domain=mesh)
+    normal, result = ufl.FacetNormal(mesh), ufl.Form([])
+    for load in loads:
+        value: Any = dolfinx.fem.Constant(mesh, np.array(load.vector, dtype=PETSc.ScalarType))
+        if load.group is None:
+            result += ufl.inner(value, v) * ufl.dx(domain=mesh)
             continue
-        bit = 2 ** [*dict.fromkeys(names)].index(one.group)
-        on = [ds(int(k)) for k in np.flatnonzero(kinds & bit)]
-        if one.total:
+        bit = 2 ** [*dict.fromkeys(names)].index(load.group)
+        measures = [ds(int(k)) for k in np.flatnonzero(kinds & bit)]
+        if load.total:
             area = sum(
-                dolfinx.fem.assemble_scalar(compat.form(dolfinx.fem.Constant(mesh, 1.0) * each, FAST)) for each in on
+                dolfinx.fem.assemble_scalar(compat.form(dolfinx.fem.Constant(mesh, 1.0) * measure, FAST))
+                for measure in measures
             )
             value.value /= mesh.comm.allreduce(area, op=MPI.SUM)
-        elif one.pressure:
-            value = -dolfinx.fem.Constant(mesh, PETSc.ScalarType(one.pressure)) * normal
-        for each in on:
-            found += ufl.inner(value, v) * each
-    return None if found.empty() else found
+        elif load.pressure:
+            value = -dolfinx.fem.Constant(mesh, PETSc.ScalarType(load.pressure)) * normal
+        for measure in measures:
+            result += ufl.inner(value, v) * measure
+    return None if result.empty() else result
 
 
 def described(solid: Solid) -> dict[str, Any]:
-    """Return what a record says of a body: cells, their kind, the degree of its displacement, and nodes."""
+    """Return the entries of a record for a body: cells, their kind, the degree of its displacement, and nodes."""
     mesh = solid.space.mesh
     kind = {"tetrahedron": "tetrahedra", "hexahedron": "hexahedra"}[str(mesh.topology.cell_name())]
     cells = int(mesh.topology.index_map(3).size_global)
@@ -144,7 +143,7 @@ def described(solid: Solid) -> dict[str, Any]:
     return {"cells": cells, "kind": kind, "degree": degree, "nodes": solid.nodes}
 
 
-def _among(rows: Index, wanted: Index) -> NDArray[np.bool_]:
-    """Return which rows of numbers are among others, both in order."""
-    known = {tuple(row) for row in wanted.tolist()}
+def _among(rows: Index, others: Index) -> NDArray[np.bool_]:
+    """Return which sorted rows of numbers are among others."""
+    known = {tuple(row) for row in others.tolist()}
     return np.array([tuple(row) in known for row in rows.tolist()], dtype=bool)

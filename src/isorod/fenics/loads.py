@@ -1,20 +1,20 @@
-"""What holds and loads a finite element body, by the names of its groups of facets; nothing here knows dolfinx."""
+"""Supports and loads of a finite element body on named groups of facets, without dolfinx."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 
 class Held(NamedTuple):
-    """What holds the facets of a group.
+    """A support of the facets of a group.
 
     Attributes
     ----------
     group
-        Its name.
+        Name of the group.
     components
         Letters of ``"xyz"``.
     displacement
-        At load factor 1, shape ``(3,)``, units of length.
+        Displacement at load factor 1, shape ``(3,)``, units of length.
     """
 
     group: str
@@ -23,18 +23,18 @@ class Held(NamedTuple):
 
 
 class Load(NamedTuple):
-    """A load at load factor 1, which stays as it is while the body moves.
+    """A dead load at load factor 1.
 
     Attributes
     ----------
     group
-        Name of the facets that it is on; None: it is a force per reference volume.
+        Name of its group of facets; None for a force per reference volume.
     vector
         Force per reference area, per volume, or ``total``, shape ``(3,)``.
     pressure
-        Along the normal at rest, into the body.
+        Pressure along the normal at rest, positive into the body.
     total
-        Whether ``vector`` is the force on all of the group.
+        Whether ``vector`` is the total force on the group.
     """
 
     group: str | None

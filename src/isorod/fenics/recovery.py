@@ -1,6 +1,6 @@
-"""How far the strains of a finite element body are from recovered ones, which its own error makes them be.
+"""Error estimate of a finite element body by the difference of its strains from recovered ones.
 
-Displacement gradients are averaged at nodes, weighted by the volumes of cells, and these averages interpolated
+Displacement gradients are averaged at nodes, weighted by the volumes of cells, and the averages interpolated
 (Zienkiewicz and Zhu, Int. J. Numer. Meth. Engng. 24 (1987) 337-357).
 """
 
@@ -15,15 +15,15 @@ from isorod.fenics.cells import Cells, tabulated
 from isorod.material.law import Material
 from isorod.tensors import inverse
 
-# Times this the work of the difference is that of the error.  Of smooth solutions averages of linear functions'
-# gradients have all of it, of others less; beside edges of rods, where stresses are singular, both have two or three
-# fifths (measured: `comparisons.joints.recovered`).
+# Factors from the work of the difference to that of the error, by the degree of displacements.  In smooth solutions the
+# averages of linear elements give all of it, those of others less; beside edges of rods, where stresses are singular,
+# both give two or three fifths (measured: `comparisons.joints.recovered`).
 _LINEAR, _OTHERS = 1.5, 2.2
 
-# Gradients at nodes are taken nearer to a cell's middle by this share: a curved one may be flat at a corner.
+# Gradients at nodes are taken nearer to a cell's centre by this fraction: a curved cell may be flat at a corner.
 _INWARD = 0.01
 
-# Largest gradient of a motion at which differences of stresses are taken for those of the tangent.
+# Largest gradient at which differences of stresses approximate those by the tangent.
 _SLIGHT = 1e-6
 
 # Cells at a time.
@@ -36,9 +36,9 @@ class Recovered(NamedTuple):
     Attributes
     ----------
     work
-        Of the stress's error on the strain's, over the body: twice the energy of the error.
+        Work of the stress's error on the strain's, over the body: twice the energy of the error.
     place
-        Where most of it is, shape ``(3,)``.
+        Point of the largest contribution, shape ``(3,)``.
     """
 
     work: float
@@ -48,7 +48,7 @@ class Recovered(NamedTuple):
 def recovered(
     cells: Cells, moved: Array, nodes: int, law: Material, comm: MPI.Comm, about: Array | None = None
 ) -> Recovered:
-    """Return the estimate for a body of a law; collective.
+    """Return the estimate for a body with a law; collective.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ def recovered(
     nodes
         Number of all nodes.
     about
-        Displacements about which they are small motions, ``(cells, m, 3)``: the work is then that of the tangent's
-        stresses.
+        Displacements about which ``moved`` are small motions, ``(cells, m, 3)``: the work is then that of the
+        tangent's stresses.
     """
     kind, degree = cells.element.cell_type, cells.element.degree
-    X, w = (np.asarray(one) for one in basix.make_quadrature(kind, 2 * degree)[:2])
+    X, w = (np.asarray(item) for item in basix.make_quadrature(kind, 2 * degree)[:2])
     means = averages(cells, moved, nodes, comm)
     table, work = tabulated(cells.element, 0, X)[0], np.zeros(len(cells.x))
     for part in _parts(cells):
@@ -75,25 +75,25 @@ def recovered(
             scale = _SLIGHT / max(np.abs(gradients).max(), np.abs(smooth).max(), np.finfo(float).tiny)
         stress = law.stress(state + scale * smooth) - law.stress(state + scale * gradients)
         work[part] = np.einsum("cqab,cqab,cq,q->c", stress, smooth - gradients, sizes, w) / scale
-    most = int(np.argmax(work)) if len(work) else 0
-    found = (float(work[most]), cells.x[most].mean(axis=0)) if len(work) else (-np.inf, np.zeros(3))
-    place = max(comm.allgather(found), key=lambda one: one[0])[1]
+    worst = int(np.argmax(work)) if len(work) else 0
+    local = (float(work[worst]), cells.x[worst].mean(axis=0)) if len(work) else (-np.inf, np.zeros(3))
+    place = max(comm.allgather(local), key=lambda item: item[0])[1]
     factor = _LINEAR if degree == 1 else _OTHERS
     return Recovered(factor * float(comm.allreduce(work.sum(), op=MPI.SUM)), place)
 
 
 def averages(cells: Cells, moved: Array, nodes: int, comm: MPI.Comm) -> Array:
     """Return the displacement gradients at all nodes, averages over cells by their volumes, ``(nodes, 3, 3)``."""
-    X, w = (np.asarray(one) for one in basix.make_quadrature(cells.element.cell_type, 2 * cells.element.degree)[:2])
+    X, w = (np.asarray(array) for array in basix.make_quadrature(cells.element.cell_type, 2 * cells.element.degree)[:2])
     points = np.asarray(cells.element.points)
     at_nodes = points + _INWARD * (cells.middle - points)
     sums, volumes = np.zeros((nodes, 3, 3)), np.zeros(nodes)
     for part in _parts(cells):
         volume = _gradients(cells, moved, part, X)[1] @ w
         gradients = _gradients(cells, moved, part, at_nodes)[0]
-        own = cells.nodes[part]
-        np.add.at(sums, own, gradients * volume[:, None, None, None])
-        np.add.at(volumes, own, np.repeat(volume[:, None], own.shape[1], axis=1))
+        numbers = cells.nodes[part]
+        np.add.at(sums, numbers, gradients * volume[:, None, None, None])
+        np.add.at(volumes, numbers, np.repeat(volume[:, None], numbers.shape[1], axis=1))
     comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
     comm.Allreduce(MPI.IN_PLACE, volumes, op=MPI.SUM)
     return np.asarray(sums / volumes[:, None, None])

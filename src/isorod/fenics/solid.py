@@ -1,4 +1,4 @@
-"""A finite element body of dolfinx: its forces, tangent and masses in the numbering of its space, and its surface."""
+"""A finite element body of dolfinx: forces, tangent and mass in the numbering of its space, and its surface."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -25,34 +25,34 @@ __all__ = ["Rows", "Solid", "Trace"]
 class Solid:
     """A finite element body: a dolfinx space with a stored energy or a UFL residual, Dirichlet conditions and loads.
 
-    Unknowns are displacements, units of length; number ``3 node + component``, with dolfinx' global numbers of nodes,
+    Unknowns are displacements, units of length, numbered ``3 node + component`` with dolfinx' global numbers of nodes,
     of which each rank owns a range.  All methods are collective over the mesh's communicator.
 
     Parameters
     ----------
     space
-        dolfinx space of vectors ``(3,)``, Lagrange, of a mesh of tetrahedra or hexahedra.
+        dolfinx vector Lagrange space of 3 components, on a mesh of tetrahedra or hexahedra.
     law
-        The law; its fibres, if any, are vectors.  Activation grows with the load factor.  Its energy is integrated by
+        The law; its fibres, if any, are vectors.  The load factor scales activation.  Its energy is integrated by
         rules of degree ``2 p`` on hexahedra and ``2 p - 2``, at least 1, on tetrahedra, ``p`` the space's degree.
     density
-        Mass per reference volume; asked for where masses are.
+        Mass per reference volume; needed for masses.
     conditions
-        Dirichlet conditions of dolfinx on the space or its components: their values are those at load factor 1.
+        Dirichlet conditions of dolfinx on the space or its components, with values at load factor 1.
     load
         UFL linear form: external virtual work at load factor 1.
     form
         UFL residual instead of a law: virtual work of the stresses less that of the loads at load factor 1, with a
-        quadrature of its own.  Its value at rest is taken for the loads: at load factor ``f`` the residual is ``F(u) -
-        (1 - f) F(0)``.  Loads that follow the body are better given as ``load``.
+        its own quadrature.  Its value at rest is taken for the loads: at load factor ``f`` the residual is ``F(u) -
+        (1 - f) F(0)``.  Follower loads should be given as ``load``.
     unknown
-        The Function that stands for the displacement in ``form`` and ``load``; it is overwritten.
+        The Function of displacement in ``form`` and ``load``; it is overwritten.
 
     Raises
     ------
     InputError
-        If the mesh is not one of solid cells in space, the space no vector Lagrange space, or not both geometry and
-        displacement can be rotated rigidly; law and form are both given, or neither.
+        If the mesh has no solid cells in space, the space is no vector Lagrange space or does not contain rigid
+        rotations; or if law and form are both given, or neither.
     SolveError
         If the C compiler fails.
     """
@@ -69,8 +69,8 @@ class Solid:
     ) -> None:
         _check_space(space)
         _check(space, law, form, unknown, load)
-        for one in conditions:
-            if not compat.is_on(one, space):
+        for condition in conditions:
+            if not compat.is_on(condition, space):
                 raise InputError("conditions of the solid: one is of another space than the one given")
         self.space, self.law, self.density, self.conditions = space, law, float(density), tuple(conditions)
         mesh = space.mesh
@@ -84,18 +84,18 @@ class Solid:
         self.factor = dolfinx.fem.Constant(mesh, 1.0)
         self._energy = None
         if law is not None:
-            energy, inner = forms.of_law(law, self.unknown, self.factor, self.rule_degree)
+            energy, internal = forms.of_law(law, self.unknown, self.factor, self.rule_degree)
             self._energy = compat.form(energy, FAST)
-            outer = ufl.Form([])
+            external = ufl.Form([])
         else:
-            inner, outer = forms.split(form, self.unknown)
+            internal, external = forms.split(form, self.unknown)
         if load is not None:
-            outer += load
-        self.outer = outer
-        self._load = None if outer.empty() else compat.form(outer, FAST)
-        whole = inner if outer.empty() else inner - self.factor * outer
-        self._residual = compat.form(whole, FAST)
-        tangent = ufl.derivative(whole, self.unknown, ufl.TrialFunction(space))
+            external += load
+        self.outer = external
+        self._load = None if external.empty() else compat.form(external, FAST)
+        residual = internal if external.empty() else internal - self.factor * external
+        self._residual = compat.form(residual, FAST)
+        tangent = ufl.derivative(residual, self.unknown, ufl.TrialFunction(space))
         self._tangent = compat.form(tangent, FAST)
 
     @property
@@ -105,7 +105,7 @@ class Solid:
 
     @property
     def curved(self) -> bool:
-        """Whether facets may be curved: the geometry of the mesh is of a higher degree than the first."""
+        """Whether facets may be curved: the geometry of the mesh has a degree above 1."""
         return int(compat.geometry_element(self.space.mesh).degree) > 1
 
     @property
@@ -119,26 +119,26 @@ class Solid:
 
     @cached_property
     def positions(self) -> Array:
-        """Where this rank's nodes are at rest, shape ``(nodes, 3)``."""
+        """Positions of this rank's nodes at rest, shape ``(nodes, 3)``."""
         return np.array(self.space.tabulate_dof_coordinates()[: self._count], dtype=float)
 
     @property
     def held(self) -> tuple[Index, Array]:
-        """What conditions hold here: global numbers of unknowns ``(n,)`` ascending, and values at load factor 1."""
+        """Supported unknowns on this rank: global numbers ``(n,)`` ascending, and values at load factor 1."""
         values = dolfinx.fem.Function(self.space)
-        mine = [np.empty(0, dtype=np.int64)]
-        for one in self.conditions:
-            # How many of them are this rank's own 0.5.2 does not tell rightly.
-            mine.append(np.asarray(one.dof_indices()[0], dtype=np.int64))
-            compat.impose(one, values.x.array)
-        local = np.unique(np.concatenate(mine))
+        dofs = [np.empty(0, dtype=np.int64)]
+        for condition in self.conditions:
+            # The count of this rank's own ones is wrong in 0.5.2.
+            dofs.append(np.asarray(condition.dof_indices()[0], dtype=np.int64))
+            compat.impose(condition, values.x.array)
+        local = np.unique(np.concatenate(dofs))
         local = local[local < 3 * self._count]
         return local + 3 * self.owned[0], values.x.array[local].astype(float)
 
     def residual(self, u: Array, factor: float) -> Array:
         """Return this rank's entries ``(3 nodes,)`` of internal forces less ``factor`` times the external ones.
 
-        NaN where a nonlinear law meets ``det F <= 0``.
+        NaN where ``det F <= 0`` with a nonlinear law.
 
         Parameters
         ----------
@@ -178,17 +178,17 @@ class Solid:
         return self._mass
 
     def smallest_jacobian(self, u: Array) -> float:
-        """Return the smallest ``det F`` of all ranks, in the middles of cells and at their corners."""
-        found = self._in_cells(ufl.det(ufl.Identity(3) + ufl.grad(self.unknown)), u)
-        return float(self.comm.allreduce(found.min(initial=np.inf), op=MPI.MIN))
+        """Return the smallest ``det F`` of all ranks, at the centres and corners of cells."""
+        values = self._in_cells(ufl.det(ufl.Identity(3) + ufl.grad(self.unknown)), u)
+        return float(self.comm.allreduce(values.min(initial=np.inf), op=MPI.MIN))
 
     def largest_gradient(self, u: Array) -> float:
-        """Return the largest component of the displacement's gradient of all ranks, there too."""
-        found = np.abs(self._in_cells(ufl.grad(self.unknown), u))
-        return float(self.comm.allreduce(found.max(initial=0.0), op=MPI.MAX))
+        """Return the largest component of the displacement gradient of all ranks, at the same points."""
+        values = np.abs(self._in_cells(ufl.grad(self.unknown), u))
+        return float(self.comm.allreduce(values.max(initial=0.0), op=MPI.MAX))
 
     def _in_cells(self, value: Any, u: Array) -> Array:
-        """Return a UFL expression at displacements, in the middles of this rank's cells and at their corners."""
+        """Return a UFL expression at displacements, at the centres and corners of this rank's cells."""
         self.set(u, 0.0)
         cells = Cells(self.space)
         evaluate = compat.expression(value, np.vstack([cells.middle, cells.corners]), FAST)
@@ -205,13 +205,13 @@ class Solid:
     @property
     def volume(self) -> float:
         """The volume at rest, of all ranks."""
-        one = dolfinx.fem.Constant(self.space.mesh, PETSc.ScalarType(1.0))
-        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(one * self._dx(0), FAST))))
+        unit = dolfinx.fem.Constant(self.space.mesh, PETSc.ScalarType(1.0))
+        return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(unit * self._dx(0), FAST))))
 
     def _dx(self, degree: int) -> Any:
-        """Return the measure that is exact for polynomials of a degree in the reference cell."""
+        """Return the measure whose rule is exact for polynomials of a degree in the reference cell."""
         geometry = compat.geometry_element(self.space.mesh).degree
-        # With the determinant of the map's gradient.
+        # Plus the degree of the Jacobian.
         exact = degree + (3 * geometry - 1 if self._bricks else 3 * (geometry - 1))
         return ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": exact})
 
@@ -237,16 +237,16 @@ class Solid:
         return float(self.comm.allreduce(dolfinx.fem.assemble_scalar(self._energy), op=MPI.SUM))
 
     def loads(self, u: Array) -> Array:
-        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1 at displacements of its own."""
+        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1, given its displacements."""
         if self._load is None:
             return np.zeros(3 * self._count)
         self.set(u, 1.0)
         return self.assembled(self._load)
 
     def recovered(self, u: Array, about: Array | None = None) -> Recovered | None:
-        """Return how far the strains are from recovered ones (`isorod.fenics.recovery`); None if there is no law.
+        """Return the error estimate by recovered strains (`isorod.fenics.recovery`); None if there is no law.
 
-        With a displacement that it is ``about``, ``u`` is a small motion; both ``(3 nodes,)`` on this rank.
+        With ``about``, ``u`` is a small motion about that displacement; both ``(3 nodes,)`` on this rank.
         """
         if self.law is None:
             return None
@@ -254,7 +254,7 @@ class Solid:
         return recovered(*self._moved(u), self.nodes, self.law, self.comm, state)
 
     def gradients(self, u: Array) -> Array:
-        """Return the displacement gradients at all nodes, averages of those of the cells, shape ``(nodes, 3, 3)``."""
+        """Return the displacement gradients at all nodes, averaged over cells, shape ``(nodes, 3, 3)``."""
         return averages(*self._moved(u), self.nodes, self.comm)
 
     def _moved(self, u: Array) -> tuple[Cells, Array]:
@@ -265,32 +265,32 @@ class Solid:
         return cells, self.unknown.x.array.reshape(-1, 3)[local]
 
     def external(self) -> Array:
-        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1; of those that follow it, at rest."""
+        """Return this rank's entries ``(3 nodes,)`` of the loads at load factor 1, of follower loads at rest."""
         return self.loads(np.zeros(3 * self._count))
 
     def function(self, u: Array) -> Any:
         """Return this rank's displacements ``(3 nodes,)`` as a new dolfinx Function."""
-        found = dolfinx.fem.Function(self.space)
-        compat.fill(found, u)
-        return found
+        result = dolfinx.fem.Function(self.space)
+        compat.fill(result, u)
+        return result
 
     def rows(self, points: Numbers, facets: Index | None = None) -> Rows:
         """Return shape functions at points, by linear extrapolation from the nearest point of the body.
 
-        Every rank passes the same points and gets the same answer.
+        Every rank passes the same points and gets the same rows.
 
         Parameters
         ----------
         points
             Shape ``(q, 3)``.
         facets
-            This rank's numbers of exterior facets: only cells that have one are looked at, and points outside of these
+            This rank's numbers of exterior facets: only cells with one of them are searched, and points outside these
             are projected on the facets.  All cells and exterior facets if None.
 
         Raises
         ------
         InputError
-            If points are not finite positions, facets are none on all ranks, or not all exterior.
+            If points are not finite positions, there are no facets on any rank, or not all are exterior.
         """
         where = numbers("points", points)
         if where.ndim != 2 or where.shape[1] != 3 or not np.isfinite(where).all():
@@ -298,20 +298,20 @@ class Solid:
         return self._surface.rows(where, facets)
 
     def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
-        """Return points of quadrature on exterior facets, of all ranks on each.
+        """Return quadrature points on exterior facets of all ranks, on every rank.
 
         Parameters
         ----------
         facets
-            This rank's numbers of them; all exterior facets if None.
+            This rank's numbers of facets; all exterior facets if None.
         pieces
-            Pieces into which each side of a facet is divided, with a rule of degree 2 in each; where not given, one
-            rule that is exact for products of shape functions.
+            Subdivisions of each side of a facet, with a rule of degree 2 in each; by default one rule that is exact
+            for products of shape functions.
 
         Raises
         ------
         InputError
-            If there are none on all ranks, or not all are exterior.
+            If there are no facets on any rank, or not all are exterior.
         """
         return self._surface.trace(facets, pieces)
 
@@ -320,12 +320,12 @@ class Solid:
         return Surface(self.space)
 
     def set(self, u: Array, factor: float) -> None:
-        """Let forms be of this rank's displacements ``(3 nodes,)`` and a load factor."""
+        """Set the state of forms: this rank's displacements ``(3 nodes,)`` and the load factor."""
         compat.fill(self.unknown, u)
         self.factor.value = factor
 
     def assembled(self, form: Any) -> Array:
-        """Return this rank's entries ``(3 nodes,)`` of a compiled linear form of the state that was `set`."""
+        """Return this rank's entries ``(3 nodes,)`` of a compiled linear form in the state of `set`."""
         vector = compat.petsc_vector(self._force)
         compat.assemble_vector(vector, form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
@@ -333,7 +333,7 @@ class Solid:
 
 
 def _check_space(space: Any) -> None:
-    """Raise `InputError` if a space is not one of a body's displacements."""
+    """Raise `InputError` if a space is not suitable for displacements of a body."""
     mesh = getattr(space, "mesh", None)
     if mesh is None or not hasattr(space, "dofmap"):
         raise InputError(f"space of the solid: got {type(space).__name__}, need a dolfinx function space")
@@ -356,7 +356,7 @@ def _check_space(space: Any) -> None:
 
 
 def _check(space: Any, law: Material | None, form: Any, unknown: Any, load: Any) -> None:
-    """Raise `InputError` if what is given besides the space makes no body."""
+    """Raise `InputError` if law, form, unknown and load do not define a body."""
     if (law is None) == (form is None):
         raise InputError(
             f"solid: got {'neither a law nor' if law is None else 'both a law and'} a form, need one of them"
@@ -366,6 +366,6 @@ def _check(space: Any, law: Material | None, form: Any, unknown: Any, load: Any)
             raise InputError("solid: got a form without its unknown, the dolfinx Function of displacement in it")
     if unknown is not None and unknown.function_space != space:
         raise InputError("unknown of the solid: it is of another space than the one given")
-    for name, one in (("form", form), ("load", load)):
-        if one is not None and [argument.ufl_function_space() for argument in one.arguments()] != [space]:
+    for name, value in (("form", form), ("load", load)):
+        if value is not None and [argument.ufl_function_space() for argument in value.arguments()] != [space]:
             raise InputError(f"{name} of the solid: need a UFL form with one test function, of the space given")

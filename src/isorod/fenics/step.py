@@ -1,9 +1,9 @@
-"""A finite element body during an implicit step, in which it goes from one state to another.
+"""A finite element body in an implicit time step.
 
-With an energy its forces are those of the mean value discrete gradient, as of rods
-(`isorod.material.discrete_gradient_kernel`), by four Gauss points on the way from one state to the other: they do its
-work but for the ninth power of the change of strain.  With a law of small strains, or with a form, they are those in
-the middle of the step.  Loads are as in the middle.
+With an energy its internal forces are those of the mean value discrete gradient, as of rods
+(`isorod.material.discrete_gradient_kernel`), by four Gauss points between both states: their work is the change of
+energy up to the ninth power of the change of strain.  With a small-strain law, or a form, they are those at midstep.
+Loads are those at midstep.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 class Step:
-    """What a step asks of a body, as functions of the change of its displacement on this rank, ``(3 nodes,)``.
+    """Forces and tangent of a body in a step, as functions of the displacement increment on this rank, ``(3 nodes,)``.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ class Step:
         if solid.law is None or solid.law.linear:
             return
         self._before = dolfinx.fem.Function(solid.space)
-        self._place, self._share = dolfinx.fem.Constant(mesh, 0.5), dolfinx.fem.Constant(mesh, 1.0)
-        work = self._share * forms.between(
+        self._place, self._weight = dolfinx.fem.Constant(mesh, 0.5), dolfinx.fem.Constant(mesh, 1.0)
+        work = self._weight * forms.between(
             solid.law, self._before, solid.unknown, self._place, solid.factor, solid.rule_degree
         )
         self._between = compat.form(work, FAST)
@@ -57,14 +57,14 @@ class Step:
         self._past = self._solid.momenta(2.0 / step * velocity)
 
     def forces(self, change: Array, factor: float) -> tuple[Array, Array, Array]:
-        """Return inertial and internal forces and loads, the second NaN where a nonlinear law meets ``det F <= 0``.
+        """Return inertial forces, internal forces and loads; the second are NaN where ``det F <= 0``, unless linear.
 
         Parameters
         ----------
         change
-            Of the displacement.
+            Increment of the displacement.
         factor
-            That activation follows; loads have their full value.
+            Factor of activation; loads have their full value.
         """
         solid, middle = self._solid, self._start + 0.5 * change
         inertial = self._inertia * solid.momenta(change) - self._past
@@ -96,9 +96,9 @@ class Step:
         return matrix
 
     def _places(self, change: Array, factor: float) -> Any:
-        """Go to each of the places between both states."""
+        """Set the forms to each Gauss point between both states in turn."""
         self._solid.set(self._start + change, factor)
         compat.fill(self._before, self._start)
         for point, weight in zip(_POINTS, _WEIGHTS, strict=True):
-            self._place.value, self._share.value = 0.5 * (1.0 + point), 0.5 * weight
+            self._place.value, self._weight.value = 0.5 * (1.0 + point), 0.5 * weight
             yield

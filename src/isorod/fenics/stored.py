@@ -16,8 +16,8 @@ from isorod.material.law import Material
 
 Energy = Callable[[Any], Any]
 
-# Added to the square of the radius on which the principal squared stretches lie, so that no two of them meet; functions
-# that are symmetric in them err by as much, and second derivatives lose 1e-16 over its power 3/2 to rounding.
+# Added to the squared radius in the trigonometric solution, so that no two squared principal stretches are equal;
+# symmetric functions of them have an error of this size, second derivatives a round-off of 1e-16 / APART**1.5.
 APART = 1e-9
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
@@ -64,7 +64,7 @@ def density(
     Parameters
     ----------
     expression
-        Of the symbols in `isorod.material.symbols`, and constants.
+        Expression of the symbols in `isorod.material.symbols`, and constants.
     F
         Deformation gradient in UFL.
     values
@@ -75,9 +75,9 @@ def density(
     Raises
     ------
     InputError
-        If it has a symbol without a value, or a function that UFL has not.
+        If it has a symbol without a value, or a function that UFL does not have.
     """
-    return _Walk(_Kinematics(F, fibres), values or {})(expression)
+    return _Converter(_Kinematics(F, fibres), values or {})(expression)
 
 
 def density_of(
@@ -86,8 +86,8 @@ def density_of(
     values: Mapping[sympy.Symbol, Any] | None = None,
     fibres: tuple[Any, ...] = (),
 ) -> Any:
-    """Return a stored energy that knows no rotation as a UFL scalar of ``C``, else as `density` does."""
-    return _Walk(_Stretching(C, fibres), values or {})(expression)
+    """Return a frame-invariant stored energy as a UFL scalar of ``C``; otherwise as `density` does."""
+    return _Converter(_Stretching(C, fibres), values or {})(expression)
 
 
 def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()) -> Energy:
@@ -96,9 +96,9 @@ def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()
     Parameters
     ----------
     law
-        The law; its constants become numbers of the form.
+        The law; its constants become numbers in the form.
     activation
-        Share of the law's own activation: a number, or a UFL scalar such as a dolfinx Constant.
+        Factor of the law's activation: a number, or a UFL scalar such as a dolfinx Constant.
     fibres
         See `density`.
 
@@ -108,8 +108,8 @@ def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()
         If it is incompressible.
     """
     stored, values = law.stored, constants_of(law)
-    given = dict(zip(stored.constants, values, strict=True)) | {symbols.activation: activation}
-    return lambda F: density(stored.expression, F, given, fibres)
+    constants = dict(zip(stored.constants, values, strict=True)) | {symbols.activation: activation}
+    return lambda F: density(stored.expression, F, constants, fibres)
 
 
 def constants_of(law: Material) -> list[float]:
@@ -120,14 +120,14 @@ def constants_of(law: Material) -> list[float]:
     InputError
         If one is infinite: the law is incompressible.
     """
-    values = [float(one) for one in law.constants]
+    values = [float(value) for value in law.constants]
     if not all(map(isfinite, values)):
         raise InputError("material: incompressible (nu = 0.5), which displacements alone cannot be")
     return values
 
 
 class _Kinematics:
-    """The values of `isorod.material.symbols`, each made when it is asked for."""
+    """The values of `isorod.material.symbols`, each made when it is first needed."""
 
     def __init__(self, F: Any, fibres: tuple[Any, ...]) -> None:
         self._F, self._fibres = F, fibres
@@ -140,12 +140,12 @@ class _Kinematics:
             symbols.I4b: lambda: self._along(1, 1),
             symbols.I8: lambda: self._along(0, 1),
         }
-        for k, one in enumerate(symbols.stretches):
-            find[one] = partial(self._stretch, k)
+        for k, symbol in enumerate(symbols.stretches):
+            find[symbol] = partial(self._stretch, k)
         for i in range(3):
             for j in range(3):
                 find[symbols.F[i, j]] = partial(self._component, i, j)
-                find[symbols.C[i, j]] = partial(self._stretching, i, j)
+                find[symbols.C[i, j]] = partial(self._component_of_C, i, j)
             find[symbols.a[i]] = partial(self._direction, 0, i)
             find[symbols.b[i]] = partial(self._direction, 1, i)
         self.find = find
@@ -172,8 +172,8 @@ class _Kinematics:
     def _determinant(self) -> Any:
         return ufl.det(self.F)
 
-    def _along(self, one: int, other: int) -> Any:
-        return ufl.inner(self._turned(one), self._turned(other))
+    def _along(self, first: int, second: int) -> Any:
+        return ufl.inner(self._deformed(first), self._deformed(second))
 
     def _fibre(self, family: int) -> Any:
         if family >= len(self._fibres):
@@ -183,11 +183,11 @@ class _Kinematics:
     def _direction(self, family: int, i: int) -> Any:
         return self._fibre(family)[i]
 
-    def _stretching(self, i: int, j: int) -> Any:
+    def _component_of_C(self, i: int, j: int) -> Any:
         return self.C[i, j]
 
-    def _turned(self, family: int) -> Any:
-        return self._once(f"turned {family}", lambda: ufl.dot(self.F, self._fibre(family)))
+    def _deformed(self, family: int) -> Any:
+        return self._once(f"deformed {family}", lambda: ufl.dot(self.F, self._fibre(family)))
 
     def _stretch(self, k: int) -> Any:
         """Return a principal stretch, by the trigonometric solution of the characteristic equation of ``C``."""
@@ -202,7 +202,7 @@ class _Kinematics:
 
 
 class _Stretching(_Kinematics):
-    """The same, given ``C``."""
+    """Kinematics from ``C``."""
 
     def __init__(self, C: Any, fibres: tuple[Any, ...]) -> None:
         super().__init__(None, fibres)
@@ -214,7 +214,7 @@ class _Stretching(_Kinematics):
 
     @property
     def F(self) -> Any:
-        # Any with F^T F = C does.
+        # Any F with F^T F = C will do.
         return self._once("F", lambda: _triangular(self._C))
 
     def _trace(self) -> Any:
@@ -223,8 +223,8 @@ class _Stretching(_Kinematics):
     def _determinant(self) -> Any:
         return ufl.sqrt(ufl.det(self._C))
 
-    def _along(self, one: int, other: int) -> Any:
-        return ufl.dot(self._fibre(one), ufl.dot(self._C, self._fibre(other)))
+    def _along(self, first: int, second: int) -> Any:
+        return ufl.dot(self._fibre(first), ufl.dot(self._C, self._fibre(second)))
 
 
 def _triangular(C: Any) -> Any:
@@ -236,17 +236,17 @@ def _triangular(C: Any) -> Any:
     return ufl.as_matrix([[u00, u01, u02], [0.0, u11, u12], [0.0, 0.0, ufl.sqrt(C[2, 2] - u02**2 - u12**2)]])
 
 
-class _Walk:
-    """From SymPy to UFL; what stands twice in the expression is one object."""
+class _Converter:
+    """Conversion from SymPy to UFL; equal subexpressions become one object."""
 
     def __init__(self, kinematics: _Kinematics, values: Mapping[sympy.Symbol, Any]) -> None:
         self._kinematics, self._values = kinematics, values
-        self._found: dict[sympy.Basic, Any] = {}
+        self._converted: dict[sympy.Basic, Any] = {}
 
     def __call__(self, node: sympy.Basic) -> Any:
-        if node not in self._found:
-            self._found[node] = self._made(node)
-        return self._found[node]
+        if node not in self._converted:
+            self._converted[node] = self._made(node)
+        return self._converted[node]
 
     def _made(self, node: Any) -> Any:
         if isinstance(node, sympy.Symbol):
@@ -258,7 +258,7 @@ class _Walk:
         if isinstance(node, sympy.Pow):
             return self._power(*node.args)
         if isinstance(node, sympy.Piecewise):
-            return self._pieces(node)
+            return self._piecewise(node)
         make = _FUNCTIONS.get(node.func)
         if make is None:
             raise InputError(f"stored energy: UFL has no function {node.func.__name__}")
@@ -278,13 +278,13 @@ class _Walk:
             return ufl.sqrt(self(base))
         return self(base) ** self(exponent)
 
-    def _pieces(self, node: sympy.Piecewise) -> Any:
-        *pieces, (last, rest) = node.args
+    def _piecewise(self, node: sympy.Piecewise) -> Any:
+        *branches, (last, rest) = node.args
         if rest != sympy.true:
-            raise InputError("stored energy: a Piecewise says nothing of the rest; end it with (value, True)")
+            raise InputError("stored energy: a Piecewise has no default; end it with (value, True)")
         value = self(last)
-        for one, condition in reversed(pieces):
-            value = ufl.conditional(self._condition(condition), self(one), value)
+        for branch, condition in reversed(branches):
+            value = ufl.conditional(self._condition(condition), self(branch), value)
         return value
 
     def _condition(self, node: Any) -> Any:

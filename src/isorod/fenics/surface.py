@@ -1,4 +1,4 @@
-"""Rows of shape functions at points, and quadrature on facets, of bodies that are distributed over ranks."""
+"""Rows of shape functions at points, and quadrature on facets, of bodies distributed over ranks."""
 
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from isorod.tensors import inverse
 class Rows(NamedTuple):
     """Shape functions at points, by linear extrapolation from the nearest point of the body.
 
-    They reproduce linear fields, rigid motions among these, also across a gap.
+    They reproduce linear fields, including rigid motions, also across a gap.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     values
         The shape functions, shape ``(q, m)``.
     gap
-        Distance from the body, 0 within, shape ``(q,)``; where facets were given from these, 0 within their cells.
+        Distance from the body, 0 inside, shape ``(q,)``; with given facets from these, 0 inside their cells.
     """
 
     nodes: Index
@@ -35,20 +35,20 @@ class Rows(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """Points of quadrature on a surface of the body.
+    """Quadrature points on a surface of the body.
 
     Attributes
     ----------
     points, normals
         Positions and outward unit normals at rest, shape ``(q, 3)``.
     weights
-        Area of each, shape ``(q,)``.
+        Area weight of each, shape ``(q,)``.
     nodes
         Global numbers of the nodes whose shape functions do not vanish on the facet, shape ``(q, m)``.
     values
         These shape functions, shape ``(q, m)``.
     each
-        Number of points of a facet, which follow each other.
+        Number of points on a facet, which are consecutive.
     """
 
     points: Array
@@ -60,7 +60,7 @@ class Trace(NamedTuple):
 
 
 class Surface:
-    """Where a body of a space is, and its surface."""
+    """The surface of a body, and closest points on it."""
 
     def __init__(self, space: Any) -> None:
         self._space, self._comm = space, space.mesh.comm
@@ -68,24 +68,23 @@ class Surface:
         self._exterior = compat.exterior_facets(space.mesh)
 
     def rows(self, points: Array, facets: Index | None) -> Rows:
-        """Return `Rows` at points that all ranks know."""
-        own = self._exterior if facets is None else self._own(facets)
-        cell, face = self._places(own)
+        """Return `Rows` at points that are equal on all ranks."""
+        cell, face = self._places(facets)
         some = np.arange(len(self._cells.x)) if facets is None else np.unique(cell)
         place = Nearest(self._cells, some, cell, face)(points)
-        # The nearest rank answers, of several the first.
+        # The nearest rank evaluates, the first of several.
         gap, least = place.distance, np.empty_like(place.distance)
         self._comm.Allreduce(gap, least, op=MPI.MIN)
         rank = np.where(gap <= least, self._comm.rank, self._comm.size).astype(np.int64)
         first = np.empty_like(rank)
         self._comm.Allreduce(rank, first, op=MPI.MIN)
-        mine = np.flatnonzero((first == self._comm.rank) & (place.cell >= 0))
+        assigned = np.flatnonzero((first == self._comm.rank) & (place.cell >= 0))
         count = self._cells.nodes.shape[1]
         nodes, values = np.zeros((len(points), count), dtype=np.int64), np.zeros((len(points), count))
-        nodes[mine] = self._cells.nodes[place.cell[mine]]
-        for k in range(0, len(mine), AT_ONCE):
-            own = mine[k : k + AT_ONCE]
-            values[own] = self._cells.extrapolated(place.cell[own], place.X[own], points[own])
+        nodes[assigned] = self._cells.nodes[place.cell[assigned]]
+        for k in range(0, len(assigned), AT_ONCE):
+            chunk = assigned[k : k + AT_ONCE]
+            values[chunk] = self._cells.extrapolated(place.cell[chunk], place.X[chunk], points[chunk])
         self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return Rows(nodes, values, least)
@@ -93,33 +92,33 @@ class Surface:
     def trace(self, facets: Index | None, pieces: int | None = None) -> Trace:
         """Return the `Trace` of exterior facets."""
         cells = self._cells
-        cell, face = self._places(self._exterior if facets is None else self._own(facets))
+        cell, face = self._places(facets)
         kind = basix.CellType.triangle if cells.simplex else basix.CellType.quadrilateral
         degree = 2 * cells.element.degree + 2 * cells.geometry.degree
         s, w = basix.make_quadrature(kind, degree if pieces is None else 2)[:2]
         if pieces is not None:
-            s, w = _in_pieces(s, w, pieces, cells.simplex)
+            s, w = _subdivided(s, w, pieces, cells.simplex)
         parts = []
         layout = self._space.dofmap.dof_layout
         normals = basix.cell.facet_outward_normals(cells.element.cell_type)
         for f in range(len(cells.faces)):
-            own = cell[face == f]
-            on = np.asarray(layout.entity_closure_dofs(2, f), dtype=np.int64)
+            with_facet = cell[face == f]
+            closure = np.asarray(layout.entity_closure_dofs(2, f), dtype=np.int64)
             X = cells.on_faces(np.full(len(s), f), s)
-            values = tabulated(cells.element, 0, X)[0][:, on]
-            of, X = np.repeat(own, len(s)), np.tile(X, (len(own), 1))
-            x, J = cells.at(of, X)
+            values = tabulated(cells.element, 0, X)[0][:, closure]
+            repeated, X = np.repeat(with_facet, len(s)), np.tile(X, (len(with_facet), 1))
+            x, J = cells.at(repeated, X)
             # Nanson's formula.
             corner = cells.corners[cells.faces[f]]
             area = np.cross(J @ (corner[1] - corner[0]), J @ (corner[2] - corner[0]))
             size = np.linalg.norm(area, axis=1)
             outward = np.einsum("kba,b->ka", inverse(J)[0], normals[f])
             area *= np.sign(np.einsum("ka,ka->k", area, outward))[:, None] / size[:, None]
-            nodes = np.repeat(cells.nodes[own][:, on], len(s), axis=0)
-            parts.append((x, area, np.tile(w, len(own)) * size, nodes, np.tile(values, (len(own), 1))))
-        mine = [np.concatenate(part) for part in zip(*parts, strict=True)]
-        every = [np.concatenate(part) for part in zip(*self._comm.allgather(mine), strict=True)]
-        return Trace(every[0], every[1], every[2], every[3], every[4], len(s))
+            nodes = np.repeat(cells.nodes[with_facet][:, closure], len(s), axis=0)
+            parts.append((x, area, np.tile(w, len(with_facet)) * size, nodes, np.tile(values, (len(with_facet), 1))))
+        local = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        gathered = [np.concatenate(part) for part in zip(*self._comm.allgather(local), strict=True)]
+        return Trace(gathered[0], gathered[1], gathered[2], gathered[3], gathered[4], len(s))
 
     def _own(self, facets: Index) -> Index:
         """Return the given facets that are this rank's own."""
@@ -142,21 +141,18 @@ class Surface:
             )
         return own
 
-    def _places(self, facets: Index) -> tuple[Index, Index]:
-        """Return the cells of exterior facets, and which of their facets they are."""
-        mesh = self._space.mesh
-        cells, first = compat.links(mesh, 2, 3)
-        cell = cells[first[facets]]
-        table = compat.links(mesh, 3, 2)[0].reshape(-1, len(self._cells.faces))[cell]
-        return cell, (table == facets[:, None]).argmax(axis=1)
+    def _places(self, facets: Index | None) -> tuple[Index, Index]:
+        """Return the cells of facets, all exterior ones if None, and their numbers among the facets of the cell."""
+        own = self._exterior if facets is None else self._own(facets)
+        return compat.facets_in_cells(self._space.mesh, own, len(self._cells.faces))
 
 
-def _in_pieces(s: Array, w: Array, pieces: int, simplex: bool) -> tuple[Array, Array]:
-    """Return a rule on the reference triangle or square, in each of the equal pieces of its sides."""
-    corner = np.stack(np.meshgrid(*2 * [np.arange(pieces)], indexing="ij"), axis=-1).reshape(-1, 2)
-    whole = corner[:, None] + s
+def _subdivided(s: Array, w: Array, count: int, simplex: bool) -> tuple[Array, Array]:
+    """Return a rule on the reference triangle or square with each side subdivided equally."""
+    corner = np.stack(np.meshgrid(*2 * [np.arange(count)], indexing="ij"), axis=-1).reshape(-1, 2)
+    points = corner[:, None] + s
     if simplex:
-        # The other half of each square.
+        # The second triangle of each square.
         turned = corner[:, None] + 1.0 - s
-        whole = np.concatenate([whole[corner.sum(axis=1) < pieces], turned[corner.sum(axis=1) < pieces - 1]])
-    return whole.reshape(-1, 2) / pieces, np.tile(w, len(whole)) / pieces**2
+        points = np.concatenate([points[corner.sum(axis=1) < count], turned[corner.sum(axis=1) < count - 1]])
+    return points.reshape(-1, 2) / count, np.tile(w, len(points)) / count**2

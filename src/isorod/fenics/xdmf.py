@@ -1,4 +1,4 @@
-"""Meshes and tags of facets from XDMF files, by dolfinx's reader, each rank all of it."""
+"""Meshes and facet tags from XDMF files, by dolfinx's reader, complete on each rank."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ def mesh(path: Path, hdf: bool, name: str, shape: str, degree: int) -> tuple[Arr
     path, hdf
         The file, and whether numbers are in the ``.h5`` file beside it.
     name, shape, degree
-        The grid, what its cells are, and the degree of their geometry.
+        The grid, the type of its cells, and the degree of their geometry.
 
     Raises
     ------
@@ -33,17 +33,17 @@ def mesh(path: Path, hdf: bool, name: str, shape: str, degree: int) -> tuple[Arr
         If it cannot be read, or is damaged.
     """
     with _open(path, hdf) as file:
-        found, points = file.read_topology_data(name), _points(file, name)
-        _check(found, len(points), name)
-    # dolfinx' tags have no place for them.
-    loose = len(points) - len(np.unique(found))
+        nodes, points = file.read_topology_data(name), _points(file, name)
+        _check(nodes, len(points), name)
+    # dolfinx' tags cannot have points outside cells.
+    loose = len(points) - len(np.unique(nodes))
     if loose:
         raise InputError(
             f"grid {name}: {loose:,} of its {len(points):,} points are in no cell; leave them out, as meshio's "
             "remove_orphaned_nodes does"
         )
-    cells = np.empty_like(found)
-    cells[:, compat.gmsh_order(shape, found.shape[1])] = found
+    cells = np.empty_like(nodes)
+    cells[:, compat.gmsh_order(shape, nodes.shape[1])] = nodes
     return points, cells
 
 
@@ -55,63 +55,65 @@ def facets(
     Parameters
     ----------
     own
-        Whether the grid has points of its own, which must be the mesh's.
+        Whether the grid has its own points, which must be those of the mesh.
     points, cells, shape, degree
         The mesh, as `mesh` returns it.
 
     Raises
     ------
     InputError
-        If it cannot be read, is damaged, or facets are none of the mesh.
+        If it cannot be read, is damaged, or facets do not belong to the mesh.
     """
     with _open(path, hdf) as file:
-        given = file.read_topology_data(name)
+        nodes = file.read_topology_data(name)
         if own and not np.array_equal(_points(file, name), points):
             raise InputError(f"grid {name}: its points are not those of the mesh; write both with the same points")
-        _check(given, len(points), name)
+        _check(nodes, len(points), name)
         domain = compat.create_mesh(
             MPI.COMM_SELF, cells[:, compat.gmsh_order(shape, cells.shape[1])], points, shape, degree
         )
         for low, high in ((2, 3), (3, 2)):
             compat.links(domain, low, high)
         tags = file.read_meshtags(domain, name)
-    wanted = len(np.unique(np.sort(given, axis=1), axis=0))
-    if wanted < len(given):
-        raise InputError(f"grid {name}: {len(given) - wanted:,} of its {len(given):,} facets are there twice")
-    if len(tags.indices) < wanted:
-        raise InputError(f"grid {name}: {wanted - len(tags.indices):,} of its {wanted:,} facets are none of the mesh")
+    distinct = len(np.unique(np.sort(nodes, axis=1), axis=0))
+    if distinct < len(nodes):
+        raise InputError(f"grid {name}: {len(nodes) - distinct:,} of its {len(nodes):,} facets are there twice")
+    if len(tags.indices) < distinct:
+        raise InputError(
+            f"grid {name}: {distinct - len(tags.indices):,} of its {distinct:,} facets are none of the mesh"
+        )
     return corners(domain, np.asarray(tags.indices, dtype=np.int64)), np.asarray(tags.values, dtype=np.int64)
 
 
 def _points(file: Any, name: str) -> Array:
-    found = np.asarray(file.read_geometry_data(name), dtype=float)
-    if not np.isfinite(found).all():
-        raise InputError(f"grid {name}: point {np.argmin(np.isfinite(found).all(axis=1))} is not finite")
-    return found
+    points = np.asarray(file.read_geometry_data(name), dtype=float)
+    if not np.isfinite(points).all():
+        raise InputError(f"grid {name}: point {np.argmin(np.isfinite(points).all(axis=1))} is not finite")
+    return points
 
 
 def _check(nodes: Index, count: int, name: str) -> None:
-    """Raise `InputError` if cells have nodes that are not there."""
+    """Raise `InputError` if cells have nodes that do not exist."""
     if not nodes.size or nodes.min() < 0 or nodes.max() >= count:
         raise InputError(f"grid {name}: it has nodes that are none of its {count:,} points")
 
 
 @contextmanager
 def _open(path: Path, hdf: bool) -> Iterator[Any]:
-    """Open a file for this rank alone; what HDF5 says of bad ones are many lines."""
+    """Open a file for this rank alone, without HDF5's messages on bad files."""
     encoding = XDMFFile.Encoding.HDF5 if hdf else XDMFFile.Encoding.ASCII
     sys.stderr.flush()
-    kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 2)
+    stderr, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
     try:
         with XDMFFile(MPI.COMM_SELF, str(path), "r", encoding) as file:
             yield file
     except InputError:
         raise
     except (RuntimeError, ValueError, IndexError, MemoryError) as problem:
-        said = (str(problem).splitlines() or ["damaged"])[0]
-        raise InputError(f"dolfinx cannot read it: {said}") from None
+        message = (str(problem).splitlines() or ["damaged"])[0]
+        raise InputError(f"dolfinx cannot read it: {message}") from None
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nothing)
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(null)

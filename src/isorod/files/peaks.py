@@ -90,7 +90,7 @@ class Sought(NamedTuple):
                 f"may be off by {100.0 * min(error, 1.0):.2g} %; compare with shorter elements and more section points"
             )
             return
-        wrong = balance.share(state, self.rod, u, xi) if isinstance(state, State) else 0.0
+        wrong = balance.relative_imbalance(state, self.rod, u, xi) if isinstance(state, State) else 0.0
         if wrong > LARGE:
             _warn(
                 f"{_words(self.name)} at u = {u:.4g}: stress residual {100.0 * wrong:.2g} %, a lower bound of its "

@@ -24,7 +24,7 @@ from isorod.modal.analysis import modes_of
 from isorod.modal.pencil import Pencil
 from isorod.model.model import Model, unmoved
 from isorod.options import defaults
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.petsc.direct import direct, room
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
@@ -90,7 +90,7 @@ def solve(
     drive = driven(model, base, base_displacement, loads)
     if damping is None and not drive.soft:
         raise InputError("damping is missing: ratio, rayleigh or structural; at resonance nothing else bounds it")
-    with in_force(petsc), closing(Teller()) as teller:
+    with in_force(petsc), closing(Reporter()) as teller:
         model.refuse_hold("modes")
         refuse_massless(model.bodies, "modes need")
         began = perf_counter()
@@ -113,7 +113,7 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
-    teller: Teller | None,
+    teller: Reporter | None,
 ) -> Response:
     start = perf_counter()
     model = drive.still

@@ -216,10 +216,10 @@ class Response:
         return np.array(stresses)
 
     def summary(self, measured: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the entries of a record for measures at each frequency (`isorod.output.swings.told`)."""
-        from isorod.output.swings import told
+        """Return the entries of a record for measures at each frequency (`isorod.output.swings.entries`)."""
+        from isorod.output.swings import entries
 
-        return told(measured, self.frequencies, isinstance(self.asked, Span))
+        return entries(measured, self.frequencies, isinstance(self.asked, Span))
 
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error of the heights of peaks; None where there is none.

@@ -21,7 +21,7 @@ from isorod.modal.modes import Modes
 from isorod.modal.pencil import SPARE, Eigenpairs, Pencil
 from isorod.model.model import Model, unmoved
 from isorod.model.past import Past
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
@@ -97,7 +97,7 @@ def solve(
         elif not at_rest:
             equilibrium = loaded.find(model, load_steps, comm, start, end_time)
         taken = {"equilibrium": perf_counter() - began} if equilibrium is not state else {}
-        with closing(Teller()) as teller:
+        with closing(Reporter()) as teller:
             # Vibrations are small: no law flows about the state reached.
             past = () if equilibrium is None else (*equilibrium.model.past, Past(1.0, equilibrium.displacement))
             settled = (model if equilibrium is None else equilibrium.model).after(past, settled=True)
@@ -111,7 +111,7 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
-    teller: Teller | None,
+    teller: Reporter | None,
 ) -> Modes:
     """Return the modes about a state, by the options in force; ``taken`` are seconds spent before."""
     start = perf_counter()

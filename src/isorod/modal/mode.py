@@ -49,10 +49,10 @@ class Shape(Deformation, Animated, WithSolids):
         return position if self.state is None else position + Deformation(self.model, self.state).at(body, u, xi)
 
     def _moments(self) -> list[Moment]:
-        from isorod.output.animation import quarters, shares
+        from isorod.output.animation import amplitudes, quarters
 
         if self.quarter is None:
-            return [Moment(self, self._words, one) for one in shares()]
+            return [Moment(self, self._words, one) for one in amplitudes()]
         places = [now * self.displacement + later * self.quarter for now, later in quarters()]
         return [Moment(replace(self, displacement=place, quarter=None), self._words) for place in places]
 

@@ -1,4 +1,4 @@
-"""Animated GIFs: pictures one after the other, in one palette."""
+"""Animated GIFs: pictures with a common palette."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 
 A_SECOND = 12
 
-# Of a mode, from rest to rest.
+# Frames of one period of a mode.
 SWING = 24
 
 
-def shares() -> list[float]:
-    """Return the shares of a mode's shape in the frames of one swing."""
+def amplitudes() -> list[float]:
+    """Return the factors of a mode's shape in the frames of one period."""
     return [float(one) for one in np.sin(2.0 * np.pi * np.arange(SWING) / SWING)]
 
 
 def quarters() -> list[tuple[float, float]]:
-    """Return the shares of a whirl's shape, and of that a quarter of a period later, in the frames of one period."""
+    """Return the factors of a whirl's shape and its quarter-period shape in the frames of one period."""
     return [(float(np.cos(one)), float(np.sin(one))) for one in 2.0 * np.pi * np.arange(SWING) / SWING]
 
 
 def written(times: ArrayLike) -> str:
-    """Return the format in which times are written, the same for all of them."""
+    """Return a common format for times."""
     steps = np.diff(np.asarray(times, dtype=float))
     smallest = float(steps[steps > 0.0].min(initial=np.inf))
     digits = max(0, int(np.ceil(-np.log10(smallest) - 1e-9)) + 1) if np.isfinite(smallest) else 3
@@ -38,17 +38,17 @@ def written(times: ArrayLike) -> str:
 
 
 def save(pictures: "Iterable[Image]", path: Path) -> int:
-    """Write pictures as an animation that begins anew at its end, and return their number.
+    """Write pictures as an endless animation, and return their number.
 
     Raises
     ------
     InputError
-        If the file cannot be written; none is left then.
+        If the file cannot be written; none is then left.
     """
     from PIL.Image import Dither
 
     palette = _palette()
-    first, *others = [one.convert("RGB").quantize(palette=palette, dither=Dither.NONE) for one in pictures]
+    first, *others = [picture.convert("RGB").quantize(palette=palette, dither=Dither.NONE) for picture in pictures]
     options: dict[str, Any] = {"duration": 1000 // A_SECOND, "loop": 0, "optimize": True}
     write_beside(path, lambda where: first.save(where, format="GIF", save_all=True, append_images=others, **options))
     return 1 + len(others)
@@ -57,7 +57,7 @@ def save(pictures: "Iterable[Image]", path: Path) -> int:
 def _palette() -> "Image":
     """Return an image with one palette for all frames, so that colours do not flicker.
 
-    The scale's, also darker as lines upon it make them, and greys.
+    It has the colours of the scale, darker ones as under lines, and greys.
     """
     from matplotlib import colormaps
     from PIL import Image

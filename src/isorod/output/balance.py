@@ -1,4 +1,4 @@
-"""How far stresses are from balance: a share by which they are wrong at the least."""
+"""Imbalance of stresses: a lower bound of their relative error."""
 
 from typing import TYPE_CHECKING
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
+from isorod.geometry.disk import circle
 from isorod.material.along_rod import Laws
 from isorod.model.body import Body
 from isorod.model.load import Pressure
@@ -16,42 +17,41 @@ from isorod.tensors import determinant
 if TYPE_CHECKING:
     from isorod.output.state import State
 
-# What is this close to the surface is on it.
+# Distance in disk radii within which points are on the surface.
 _ON = 1e-6
 
-# Places round the section whose largest stress errors are a share of.
+# Points round the section whose largest stress errors are relative to.
 _ANGLES = 32
 
 
-def share(state: "State", number: int, u: float, xi: Array) -> float:
-    """Return the share of the stress at a place of a body by which it is out of balance.
+def relative_imbalance(state: "State", number: int, u: float, xi: Array) -> float:
+    """Return the relative imbalance of the stress at a place of a body.
 
-    In its section (`imbalance`) and, on a surface on which nothing presses, by the traction that is left there, over
-    the largest stress round the section.  Zero where contact presses on the body, of which neither is known.
+    It is the imbalance of the section (`imbalance`) or, on a free surface, the traction left there over the largest
+    stress round the section if that is larger.  Zero for bodies with contact, where neither is known.
     """
     model = state.model
-    if any(body == number for one in model.contacts for body, _ in one.sides):
+    if any(body == number for contact in model.contacts for body, _ in contact.sides):
         return 0.0
     body, fields = model.bodies[number], state.fields(number)
-    found = imbalance(body, fields["displacement"], np.array([u]), state.factor, fields.get("pressure"))[0]
+    error = imbalance(body, fields["displacement"], np.array([u]), state.factor, fields.get("pressure"))[0]
     hole, radius = body.space.rod.rings[0], float(np.hypot(*xi))
-    pressed = any(isinstance(one, Pressure) and one.body == number for one in model.loads)
+    pressed = any(isinstance(load, Pressure) and load.body == number for load in model.loads)
     if pressed or (radius < 1.0 - _ON and not (hole and radius < hole + _ON)):
-        return float(found)
-    angle = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    largest = state.stress(number, u, radius * np.stack([np.cos(angle), np.sin(angle)], axis=1), "von Mises").max()
+        return float(error)
+    largest = state.stress(number, u, radius * circle(_ANGLES), "von Mises").max()
     _, jacobian = body.space.rod.grid(xi[None], np.array([u]))
     moved = state.deformation_gradient(number, u, xi) @ jacobian[0, 0]
     normal = np.cross(xi[0] * moved[:, 1] - xi[1] * moved[:, 0], moved[:, 2])
     traction = state.stress(number, u, xi) @ normal / np.linalg.norm(normal)
-    return float(max(found, np.linalg.norm(traction) / largest)) if largest > 0.0 else 0.0
+    return float(max(error, np.linalg.norm(traction) / largest)) if largest > 0.0 else 0.0
 
 
 def imbalance(body: Body, nodal: Array, u: Array, factor: float, pressure: ArrayLike | None) -> Array:
-    """Return which share of the stress in single sections is not in balance with `section_forces`, shape ``(t,)``.
+    """Return the relative imbalance of the stress in sections with `section_forces`, shape ``(t,)``.
 
-    It is what force and moment of that stress lack, the latter over the arm that a bar's bending has, over the sum of
-    the sizes of the forces on all parts of the section: a share by which the stress there is wrong at the least.
+    It is the error of the stress's resultant force and moment, the latter over the mean arm of the forces, relative to
+    the sum of the magnitudes of the forces on all parts of the section: a lower bound of the error of the stress.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Checkpoints: the state of a run in one file, from which it continues to the last bit."""
+"""Checkpoints: the state of a run in one file, from which it continues bit for bit."""
 
 import fcntl
 import hashlib
@@ -17,21 +17,21 @@ from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.output.results import write_whole
 
-# Raised whenever what is stored, or what is computed from it, changes.
+# Raised whenever the content, or what is computed from it, changes.
 _FORMAT = 10
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 
 
 def write(path: Path, identity: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
-    """Write a checkpoint: beside the name, then renamed, so that the last one stays until the new one is complete.
+    """Write a checkpoint to a temporary file, then rename it, so that the last one stays until the new one is complete.
 
     Parameters
     ----------
     identity
         What a run must have in common with the checkpoint to continue from it: plain numbers and strings.
     arrays
-        The state, ``finished`` among it.
+        The state, with ``finished``.
 
     Raises
     ------
@@ -55,26 +55,25 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
     Raises
     ------
     InputError
-        If there is none, it cannot be read, is damaged, or belongs to another run: the message says in what they
-        differ.
+        If there is none, it cannot be read, is damaged, or belongs to another run: the message states the difference.
     """
-    found, arrays = _load(path)
+    stored, arrays = _load(path)
     expected = {"format": _FORMAT} | dict(identity)
     for name in expected:
-        if found.get(name) != expected[name]:
-            what = name.replace("_", " ")
+        if stored.get(name) != expected[name]:
+            label = name.replace("_", " ")
             if name == "model":
                 raise InputError(
                     f"checkpoint {path}: belongs to another model; give the same scene options, or another file"
                 )
             raise InputError(
-                f"checkpoint {path}: belongs to another run: {what} {found.get(name)} there, {expected[name]} here"
+                f"checkpoint {path}: belongs to another run: {label} {stored.get(name)} there, {expected[name]} here"
             )
     return arrays
 
 
 class Claim:
-    """A checkpoint's name, held by one run at a time: a lock on a file beside it, which ends with its process."""
+    """The claim of one run on a checkpoint: a lock on a file beside it, released when its process ends."""
 
     def __init__(self, path: Path) -> None:
         if not path.name:
@@ -85,7 +84,7 @@ class Claim:
             try:
                 file = os.open(self._lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
             except (OSError, ValueError):
-                # What cannot be written to is refused when it is.
+                # An unwritable place is refused when the checkpoint is written.
                 return
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -95,14 +94,14 @@ class Claim:
             except OSError:
                 # Not every file system has locks.
                 pass
-            # Who had the lock before may have taken the file away.
+            # The former owner of the lock may have removed the file.
             if self._lock.exists() and os.path.samestat(os.stat(self._lock), os.fstat(file)):
                 self._file = file
             else:
                 os.close(file)
 
     def release(self) -> None:
-        """Let other runs have it."""
+        """Release the claim."""
         if self._file is not None:
             self._lock.unlink(missing_ok=True)
             os.close(self._file)
@@ -110,7 +109,7 @@ class Claim:
 
 
 class Kept:
-    """The file that a run keeps its state in, if it has one; the first rank has it, what it raises all ranks raise.
+    """The checkpoint of a run, if it has one: used by the first rank, with errors raised on all.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ class Kept:
     identity
         Returns what a run must have in common with the file to continue from it.
     comm
-        The ranks, as mpi4py has them.
+        Communicator of mpi4py.
     """
 
     def __init__(self, path: Path | None, identity: Callable[[], Mapping[str, Any]], comm: Any) -> None:
@@ -128,16 +127,16 @@ class Kept:
         self._claim: Claim | None = None
 
     def begin(self, resume: bool, anew: bool = False) -> dict[str, Array] | None:
-        """Return the state to go on from, None at the start; no other run may have the file until `close`.
+        """Return the state to continue from, None at the start; the file is claimed until `close`.
 
-        A run that begins ``anew`` takes the place of what it left there before.
+        With ``anew`` an existing checkpoint is overwritten.
         """
         if self.path is None:
             return None
         self._on_first(self._take)
         if resume:
-            found: dict[str, Array] = self._on_first(read, self.path, self._identity)
-            return found
+            state: dict[str, Array] = self._on_first(read, self.path, self._identity)
+            return state
         if not anew:
             self._on_first(refuse_overwriting, self.path)
         return None
@@ -147,7 +146,7 @@ class Kept:
         self._claim = Claim(self.path)
 
     def keep(self, state: Callable[[], Mapping[str, Array]], reached: str) -> str:
-        """Keep the state of a run that is interrupted, having ``reached`` so far; return where it is, in words."""
+        """Write the state of an interrupted run, which has ``reached`` so far; return a message."""
         if self.path is None:
             return f"{reached} is lost: it had no --checkpoint"
         try:
@@ -157,42 +156,42 @@ class Kept:
         return f"checkpoint {self.path} has {reached}, --resume goes on from there"
 
     def write(self, state: Mapping[str, Array]) -> None:
-        """Keep a state."""
+        """Write a state."""
         if self.path is not None:
             self._on_first(write, self.path, self._identity, state)
 
     def close(self) -> None:
-        """Let other runs have the file."""
+        """Release the claim on the file."""
         if self._claim is not None:
             self._claim.release()
 
-    def _on_first(self, do: Callable[..., Any], *given: Any) -> Any:
-        return _on_first(self._comm, do, *given)
+    def _on_first(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return _on_first(self._comm, function, *arguments)
 
 
 def look(path: Path, name: str, comm: Any) -> Array | None:
-    """Return one array of a checkpoint whose run is not known yet, None if there is none of that name, or no file."""
-    found: Array | None = _on_first(comm, lambda: _load(path)[1].get(name) if os.path.exists(path) else None)
-    return found
+    """Return an array of a checkpoint without checking its run, None if there is none of that name, or no file."""
+    array: Array | None = _on_first(comm, lambda: _load(path)[1].get(name) if os.path.exists(path) else None)
+    return array
 
 
-def _on_first(comm: Any, do: Callable[..., Any], *given: Any) -> Any:
-    """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
-    found = None
+def _on_first(comm: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function on the first rank, and return its result, or raise its `InputError`, on all."""
+    result = None
     if comm.Get_rank() == 0:
         try:
-            found = do(*given)
+            result = function(*arguments)
         except InputError as problem:
-            found = problem
-    found = comm.bcast(found)
-    if isinstance(found, InputError):
-        raise found
-    return found
+            result = problem
+    result = comm.bcast(result)
+    if isinstance(result, InputError):
+        raise result
+    return result
 
 
 def refuse_overwriting(path: Path) -> None:
-    """Raise `InputError` if the file is there: no run begins where another has left its state."""
-    # A name that no file can have is refused where it is written.
+    """Raise `InputError` if the file exists."""
+    # Impossible names are refused when the checkpoint is written.
     if not os.path.exists(path):
         return
     _, arrays = _load(path)
@@ -205,7 +204,7 @@ def refuse_overwriting(path: Path) -> None:
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return identity and arrays of a checkpoint; raises `InputError` if it is none, or damaged."""
+    """Return identity and arrays of a checkpoint; raises `InputError` if it is no checkpoint, or damaged."""
     if os.path.exists(path) and not path.is_file():
         raise InputError(f"checkpoint {path}: is no file; name another")
     try:

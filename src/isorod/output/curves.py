@@ -14,16 +14,16 @@ from isorod.output import campbell
 from isorod.output.picture import quiet
 from isorod.output.results import check_folder, write_beside
 
-# Share of the largest of a quantity below which a column is but rounding.
+# Fraction of the largest value of a quantity below which a column is round-off.
 _ROUNDING = 1e-9
 
-# Relative errors of balances that are smaller are nothing to look at.
+# Relative errors of balances below this are not plotted.
 _BALANCED = 1e-6
 
-# What says in the table of a sweep what is varied, that this is the speed of a spin, and columns that are no answers.
-_VARIED, SPEED, _NO_ANSWERS = "# varied: ", "over the speed of a spin", ("error_estimate", "unknowns", "status")
+# In tables of sweeps: the lines that name what varies, and that it is the speed of a spin; columns that are no results.
+_VARIED, SPEED, _NO_RESULTS = "# varied: ", "over the speed of a spin", ("error_estimate", "unknowns", "status")
 
-# Of what a column is, by its name, and in which unit; the first that fits.
+# Quantity and unit of a column, by the first pattern that fits its name.
 _QUANTITIES = (
     (r"\(.*\)$", "", ""),
     (r" phase$", "phase", "degrees"),
@@ -39,13 +39,13 @@ _QUANTITIES = (
     (r"^time$", "time", "unit of time"),
 )
 
-# Transfer functions: their columns, what they are over, and how wide a range has a logarithmic axis.
+# Transfer functions: their columns, their abscissa, and the range from which its axis is logarithmic.
 _SWINGS, _OVER, _WIDE = r" (amplitude|density)( \(.*\))?$", "frequency", 100.0
 
-# What is wanted or was measured, points beside the curves that answer it.
+# Targets and measurements, plotted as points beside the computed curves.
 _AIMS = (", wanted", ", measured")
 
-# The units that files name with what they measure (`isorod.output.reading.Result.units`), by quantity.
+# Names in files (`isorod.output.reading.Result.units`) of the units of some quantities.
 _NAMED = {"displacement": "length", "penetration": "length"}
 
 
@@ -61,20 +61,20 @@ def read(path: Path) -> dict[str, Array]:
 
 
 def columns(lines: Sequence[str], where: str) -> dict[str, Array]:
-    """Return the columns of a table by their names; of that of a sweep what is varied first, and answers over it.
+    """Return the columns of a table by their names; of a sweep its first parameter, and results over that.
 
     Parameters
     ----------
     lines
-        Of the table: names, then numbers.  A line ``# varied: a, b`` before them makes it that of a sweep, in which
-        there are a column for each answer and each combination of the values of what is varied besides the first.
+        Lines of the table: names, then numbers.  A line ``# varied: a, b`` before them marks a sweep, which gives a
+        column for each result and each combination of values of the other parameters.
     where
-        Which table it is, for errors.
+        The table's name, for errors.
 
     Raises
     ------
     InputError
-        If it is no table of numbers below a line of names.
+        If it is not a table of numbers below a line of names.
     """
     notes = [line for line in lines if line.startswith("#")]
     names, *rows = [*csv.reader(lines[len(notes) :])] or [[]]
@@ -82,41 +82,41 @@ def columns(lines: Sequence[str], where: str) -> dict[str, Array]:
     varied = next((line.removeprefix(_VARIED) for line in notes if line.startswith(_VARIED)), None)
     if len(names) < 2 or not rows:
         raise InputError(f"{where}: need two columns or more, names in the first line and numbers below")
-    found = []
+    table = []
     for number, row in enumerate(rows, len(notes) + 2):
         if len(row) != len(names):
             raise InputError(f"{where}:{number}: {len(row)} numbers below {len(names)} names")
         try:
-            found.append(row if varied is not None else [float(word) for word in row])
+            table.append(row if varied is not None else [float(word) for word in row])
         except ValueError:
             raise InputError(f"{where}:{number}: got {','.join(row)!r:.40}, need numbers with commas between") from None
     if varied is None:
-        return dict(zip(names, np.array(found).T, strict=True))
+        return dict(zip(names, np.array(table).T, strict=True))
     try:
-        answers = _answers([dict(zip(names, row, strict=True)) for row in rows], next(csv.reader([varied])))
-        return campbell.with_orders(answers) if f"# {SPEED}" in notes else answers
+        results = _results([dict(zip(names, row, strict=True)) for row in rows], next(csv.reader([varied])))
+        return campbell.with_orders(results) if f"# {SPEED}" in notes else results
     except (ValueError, KeyError, StopIteration):
         raise InputError(f"{where}: is no table of a sweep, though it names what is varied") from None
 
 
-def _answers(rows: Sequence[dict[str, str]], varied: Sequence[str]) -> dict[str, Array]:
-    """Return what is varied first in a sweep, and answers over it; of points without an answer it is not a number."""
+def _results(rows: Sequence[dict[str, str]], varied: Sequence[str]) -> dict[str, Array]:
+    """Return the first parameter of a sweep, and results over it, NaN where a point has none."""
     first, *others = varied
-    typed = list(dict.fromkeys(row[first] for row in rows))
+    values = list(dict.fromkeys(row[first] for row in rows))
     try:
-        found = {first: np.array(typed, dtype=float)}
+        result = {first: np.array(values, dtype=float)}
     except ValueError:
-        found = {first: np.array(typed)}
+        result = {first: np.array(values)}
     for row in rows:
-        group = [f"{name} {row[name]}" for name in others]
-        for name in (one for one in row if one not in {*varied, *_NO_ANSWERS}):
-            column = found.setdefault(", ".join([name, *group]), np.full(len(typed), np.nan))
-            column[typed.index(row[first])] = float(row[name] or "nan")
-    return found
+        settings = [f"{name} {row[name]}" for name in others]
+        for name in (key for key in row if key not in {*varied, *_NO_RESULTS}):
+            column = result.setdefault(", ".join([name, *settings]), np.full(len(values), np.nan))
+            column[values.index(row[first])] = float(row[name] or "nan")
+    return result
 
 
 class Panel(NamedTuple):
-    """Curves of one quantity: what stands below and beside them, and the columns over and of each."""
+    """Curves of one quantity: labels of both axes, and the columns of abscissa and ordinate of each curve."""
 
     below: str
     beside: str
@@ -124,43 +124,43 @@ class Panel(NamedTuple):
 
 
 def panels(columns: dict[str, Array], units: Mapping[str, str]) -> list[Panel]:
-    """Return the curves in columns: forces of supports over their displacements, and all over the first column.
+    """Return the panels of columns: forces of supports over their displacements, the rest over the first column.
 
-    Columns that stay zero, or what rounding makes of it, are left out.  Axes have ``units``, of quantities such as
-    ``"force"`` or of columns, where these are given.
+    Columns that stay zero, or at round-off, are left out.  Axes have ``units``, of quantities such as ``"force"`` or of
+    columns, where these are given.
     """
 
     def label(name: str) -> str:
-        quantity = (said := axis_label(name)).partition(" (")[0]
+        quantity = (text := axis_label(name)).partition(" (")[0]
         unit = units.get(_NAMED.get(quantity, quantity))
-        return f"{quantity} ({unit})" if unit else said
+        return f"{quantity} ({unit})" if unit else text
 
     first, *others = columns
-    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
     largest: dict[str, float] = {}
     sizes = {name: float(np.nan_to_num(np.abs(columns[name])).max()) for name in others}
     for name, size in sizes.items():
         largest[label(name)] = max(size, largest.get(label(name), 0.0))
-    seen = [name for name, size in sizes.items() if size > _ROUNDING * largest[label(name)]]
-    seen = [name for name in seen if not name.endswith(" error") or sizes[name] > _BALANCED]
-    for name in seen:
+    plotted = [name for name, size in sizes.items() if size > _ROUNDING * largest[label(name)]]
+    plotted = [name for name in plotted if not name.endswith(" error") or sizes[name] > _BALANCED]
+    for name in plotted:
         force = name.replace("displacement", "force")
-        # A motion has energies; of statics over time loops are wanted.
-        if force != name and force in seen and np.ptp(columns[name]) > 0.0 and "kinetic" not in columns:
-            found.setdefault((label(name), label(force)), []).append((name, force))
-    over = {force for curves in found.values() for _, force in curves}
-    moved = {name for curves in found.values() for name, _ in curves}
-    for name in [one for one in seen if one not in over | moved] or ([] if found else others[:1]):
-        found.setdefault((label(first), label(name)), []).append((first, name))
-    return [Panel(*labels, curves) for labels, curves in found.items()]
+        # Force-displacement loops suit statics over time, not motions, which have energies.
+        if force != name and force in plotted and np.ptp(columns[name]) > 0.0 and "kinetic" not in columns:
+            groups.setdefault((label(name), label(force)), []).append((name, force))
+    ordinates = {force for curves in groups.values() for _, force in curves}
+    abscissas = {name for curves in groups.values() for name, _ in curves}
+    for name in [one for one in plotted if one not in ordinates | abscissas] or ([] if groups else others[:1]):
+        groups.setdefault((label(first), label(name)), []).append((first, name))
+    return [Panel(*labels, curves) for labels, curves in groups.items()]
 
 
 def axis_label(name: str) -> str:
-    """Return what an axis of a column says: the quantity and its unit."""
+    """Return the label of a column's axis: quantity and unit."""
     for pattern, quantity, unit in _QUANTITIES:
         if re.search(pattern, name):
             return f"{quantity} ({unit})" if unit else quantity or re.sub(r"\[\w+\]", "", name)
-    # Of a sweep there are numbers in brackets, and values of what else is varied.
+    # Names of sweeps have indices in brackets, and values of other parameters.
     return re.split(r"\[|, ", name)[0]
 
 
@@ -185,7 +185,7 @@ def check(path: Path | None) -> None:
 def draw(
     columns: dict[str, Array], title: str, size: tuple[int, int], path: Path | None, units: Mapping[str, str]
 ) -> None:
-    """Draw columns over the first one, a panel for each quantity, in a window or a file of what its name ends in.
+    """Draw columns over the first one, a panel for each quantity, in a window or a file of the type of its suffix.
 
     The ``units`` are as for `panels`.
 
@@ -213,7 +213,7 @@ def draw(
             separate = panel.curves[0][0] == "mode"
             swings = re.search(_SWINGS, panel.curves[0][1]) is not None
             lines = [name for _, name in panel.curves if name.startswith(campbell.LINE)]
-            drawn = [one for one in panel.curves if one[1] not in lines]
+            drawn = [curve for curve in panel.curves if curve[1] not in lines]
             for over, name in drawn:
                 style = "o" if separate or name.endswith(_AIMS) else "-" if over == _OVER else ".-"
                 axis.plot(columns[over], columns[name], style, label=name, linewidth=1.3, markerfacecolor=_face(style))
@@ -229,7 +229,7 @@ def draw(
             if lines:
                 _draw_orders(axis, columns, lines)
             if len(drawn) > 1 or drawn[0][1] not in panel.beside:
-                # Above the curves, of which it hides none.
+                # Above the curves, so that it hides none.
                 place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4 // across}
                 axis.legend(fontsize="small", frameon=False, borderaxespad=0.2, **place)
         for axis in axes.flat[len(shown) :]:
@@ -243,22 +243,24 @@ def draw(
 
 
 def _face(style: str) -> str | None:
-    """Return the colour that fills markers: of points none, through which curves are seen."""
+    """Return the fill colour of markers: none for points, so that curves are visible through them."""
     return "none" if style == "o" else None
 
 
 def _draw_orders(axis: Any, columns: dict[str, Array], lines: Sequence[str]) -> None:
-    """Draw lines of engine order across frequencies, and where they meet these."""
+    """Draw lines of engine order across frequencies, and mark their crossings."""
     speed = next(iter(columns.values()))
     last = int(np.argmax(np.abs(speed)))
     top = axis.get_ylim()[1]
     for name in lines:
         axis.plot(speed, columns[name], "--", color="0.55", linewidth=0.9)
-        # At its end, or where it leaves the picture.
-        share = min(1.0, top / columns[name][last])
+        # Labelled at its end, or where it leaves the picture.
+        scale = min(1.0, top / columns[name][last])
         axis.annotate(
-            name.removeprefix(campbell.LINE) + "x", (share * speed[last], share * columns[name][last]), fontsize="small"
+            name.removeprefix(campbell.LINE) + "x",
+            (scale * speed[last], scale * columns[name][last]),
+            fontsize="small",
         )
     axis.set_ylim(0.0, top)
-    for one in campbell.crossings(columns):
-        axis.plot([one.speed], [one.frequency], "o", color="black", markerfacecolor="none")
+    for crossing in campbell.crossings(columns):
+        axis.plot([crossing.speed], [crossing.frequency], "o", color="black", markerfacecolor="none")

@@ -1,4 +1,4 @@
-"""The energy stored in a body, and what its laws have dissipated."""
+"""Stored and dissipated energy of a body."""
 
 from collections.abc import Mapping
 
@@ -11,19 +11,19 @@ from isorod.material.memory import has_memory
 from isorod.model.body import Body
 from isorod.output.stress import known
 
-# Elements that are evaluated at a time: memory stays small.
+# Elements evaluated at a time, to limit memory.
 _CHUNK = 32
 
 
 def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
-    """Return ``int W dV`` by the space's quadrature, of muscles with what active fibres add to ``W``.
+    """Return ``int W dV`` by the space's quadrature, with the contribution of active fibres of muscles.
 
-    Of the mixed formulation it is the value of its functional, at a solution the same.
+    In the mixed formulation it is the value of its functional, equal at a solution.
 
     Parameters
     ----------
     fields
-        Of a state (`isorod.output.state.State.fields`): ``displacement`` and, of a mixed body, ``pressure``.
+        Fields of a state (`isorod.output.state.State.fields`): ``displacement`` and, of a mixed body, ``pressure``.
     factor
         Load factor, which a muscle's activation follows.
     """
@@ -45,7 +45,7 @@ def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
 
 
 def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
-    """Return by the space's quadrature what laws with memory have dissipated since rest (`stored`); 0 without."""
+    """Return the energy dissipated since rest by laws with memory, by the space's quadrature; 0 without such laws."""
     space, total = body.space, 0.0
     if not body.remembers:
         return total
@@ -54,6 +54,6 @@ def dissipated(body: Body, fields: Mapping[str, Array], factor: float) -> float:
         raise InputError(f"dissipated: {type(dumb).__name__} does not compute its dissipation")
     for begin in range(0, space.axis.elements, _CHUNK):
         table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
-        found = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]
-        total += float(np.nansum(table.weights.reshape(found.shape[:-1]) * found[..., 0]))
+        density = known(body, fields["displacement"], table.xi, table.u.ravel(), factor, ["dissipated"])["dissipated"]
+        total += float(np.nansum(table.weights.reshape(density.shape[:-1]) * density[..., 0]))
     return total

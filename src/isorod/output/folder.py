@@ -1,4 +1,4 @@
-"""A results folder: the records of its runs, and the files they name."""
+"""A results folder: records of runs, and the files named in them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -21,7 +21,7 @@ RECORDS = "results.jsonl"
 
 
 class Frame(NamedTuple):
-    """A state that is kept.
+    """A state to be written.
 
     Attributes
     ----------
@@ -33,26 +33,26 @@ class Frame(NamedTuple):
         Load factor of the stress.
     solids
         Fields of each finite element body by name, each ``(3 nodes,)``; none where they are not known.
-    share
-        By what the activation of their laws is multiplied.
+    activation
+        Factor of the activation of their laws.
     """
 
     time: float
     fields: Sequence[Mapping[str, Array]]
     factor: float = 1.0
     solids: Sequence[Mapping[str, Array]] = ()
-    share: float = 1.0
+    activation: float = 1.0
 
 
 def frames(solution: Any) -> list[Frame]:
-    """Return the states of a solution that its ``frames()`` has."""
-    bodies, solids = (range(len(one)) for one in (solution.model.bodies, solution.model.solids))
-    found = []
+    """Return the states of a solution's ``frames()``."""
+    bodies, solids = (range(len(several)) for several in (solution.model.bodies, solution.model.solids))
+    result = []
     for time, state in solution.frames():
         factor = getattr(state, "factor", 1.0)
         fields = [state.fields(b) for b in bodies], factor, [state.solid_fields(k) for k in solids]
-        found.append(Frame(time, *fields, solution.model.amplitude(None, factor)))
-    return found
+        result.append(Frame(time, *fields, solution.model.amplitude(None, factor)))
+    return result
 
 
 def add(
@@ -66,21 +66,21 @@ def add(
 ) -> dict[str, Any]:
     """Write states and curves to files, and append the record that names them; all of it or nothing.
 
-    A single state is a file ``SCENE-BODY.vtu`` a body; several are in a folder ``SCENE-frames``.  Where there are
-    several files ``SCENE.pvd`` names them all, with times and bodies.  Curves are columns of ``SCENE.csv``.  No file is
-    overwritten, whatever else runs and writes there: in the place of ``SCENE`` a later run has ``SCENE-runN``.  An
-    estimate of the error of stresses is field data of the last state, whose it is.
+    A single state is a file ``SCENE-BODY.vtu`` for each body; several are in a folder ``SCENE-frames``.  ``SCENE.pvd``
+    names several files with times and bodies.  Curves are columns of ``SCENE.csv``.  No file is overwritten, even by
+    concurrent runs: later runs have ``SCENE-runN`` instead of ``SCENE``.  An estimate of the error of stresses is field
+    data of the last state.
 
     Parameters
     ----------
     folder
         The results folder; records go to ``results.jsonl`` there.
     record
-        What `isorod.command.solving.record` returns.
+        Record of `isorod.command.solving.record`.
     bodies, states
         Bodies, and the fields of each in each state.
     curves
-        Numbers by their names, a row each.
+        Columns by their names.
     cells
         One of `isorod.output.words.CELLS`; ``"auto"`` are linear cells where there is contact pressure, else curved
         ones.
@@ -94,13 +94,13 @@ def add(
     Raises
     ------
     InputError
-        If something cannot be written; the folder then holds what it held before.
+        If something cannot be written; the folder is then unchanged.
     SolveError
         If the record has a number that is not finite; nothing is written.
     """
     results.line(record)
     names: list[str] = []
-    # Whoever has the lock also has the choice of names.
+    # Names are chosen under the lock.
     with results.locked(folder), ExitStack() as undo:
 
         def write(name: str, content: bytes) -> None:
@@ -114,10 +114,10 @@ def add(
 
         run = _free_name(folder, str(record["scene"]), len(bodies) + len(solids))
         entries = []
-        several: list[Iterator[bytes | None]]
-        several = [_contents(body, states, b, cells, record.get(STRESS_ERROR)) for b, body in enumerate(bodies)]
-        several += [_of_solid(solid, states, number) for number, solid in enumerate(solids)]
-        for b, grids in enumerate(several):
+        contents: list[Iterator[bytes | None]]
+        contents = [_contents(body, states, b, cells, record.get(STRESS_ERROR)) for b, body in enumerate(bodies)]
+        contents += [_of_solid(solid, states, number) for number, solid in enumerate(solids)]
+        for b, grids in enumerate(contents):
             for k, (state, content) in enumerate(zip(states, grids, strict=True)):
                 if content is None:
                     continue
@@ -148,15 +148,15 @@ def _contents(
 
 
 def _of_solid(solid: "Solid", states: Sequence[Frame], number: int) -> Iterator[bytes | None]:
-    """Yield the ``.vtu`` file of a finite element body in each state, None where that is not known."""
+    """Yield the ``.vtu`` file of a finite element body in each state, None where its fields are not known."""
     from isorod.output.solids import grid
 
     for state in states:
-        yield vtk.content(grid(solid, state.solids[number], state.share)) if any(state.solids) else None
+        yield vtk.content(grid(solid, state.solids[number], state.activation)) if any(state.solids) else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
-    """Return what a ``.pvd`` file of ``.vtu`` files holds, each of a time and a body."""
+    """Return the content of a ``.pvd`` file of ``.vtu`` files, each of a time and a body."""
     lines = [
         f'    <DataSet timestep="{time!r}" group="" part="{b}" file={quoteattr(name)}/>' for time, b, name in entries
     ]
@@ -173,18 +173,18 @@ def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
 
 
 def _table(curves: Mapping[str, Array]) -> bytes:
-    """Return what a file of comma-separated values holds: a line of names, then a line a row, all digits."""
+    """Return the content of a file of comma-separated values, with all digits."""
     rows = np.column_stack(list(curves.values())).tolist()
     return b"".join([results.row(list(curves)), *(results.row([repr(one) for one in row]) for row in rows)])
 
 
 def _free_name(folder: Path, scene: str, bodies: int) -> str:
-    """Return a name for the files of a run that begins no name of the folder's, nor of a record's."""
+    """Return a prefix for the files of a run that no file of the folder or of a record has."""
     taken = {path.name for path in folder.iterdir()}
     records = (folder / RECORDS).read_bytes() if (folder / RECORDS).is_file() else b""
     for run in chain([scene], (f"{scene}-run{number}" for number in count(2))):
         names = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
-        # A file that was moved elsewhere still has the name that its record says.
+        # Records keep the names of files that were moved elsewhere.
         if not any(name in taken or f'"{name}'.encode() in records for name in names):
             break
     return run

@@ -1,4 +1,4 @@
-"""How far places along a rod are from where supports hold it: at the edges of held faces stresses have no limit."""
+"""Distances along a rod to its supports: at the edges of supported faces stresses are singular."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,50 +11,50 @@ from isorod.geometry.rod import Rod
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model
 
-# Points of the centre line between knots that its length is measured with.
+# Points of the centre line for each knot span with which its length is measured.
 _STEPS = 20
 
-# What `_line` returns of rods that there are.
+# Cache of `_line`.
 _LINES: WeakKeyDictionary[Rod, tuple[Array, Array, float]] = WeakKeyDictionary()
 
 
 def width(model: Model, number: int) -> float:
-    """Return how wide the section of a body is where it is widest."""
+    """Return the largest width of a body's sections."""
     return _line(model, number)[2]
 
 
 def distance(model: Model, number: int, u: Array, more: Sequence[float] | Array = ()) -> Array:
-    """Return lengths along the centre line to the nearest held face or patch, infinite where there is none.
+    """Return distances along the centre line to the nearest supported face or patch, infinite where there is none.
 
     Parameters
     ----------
     model
-        Whose supports hold.
+        The model with its supports.
     number
-        Of the body.
+        Number of the body.
     u
         Axis parameters, shape ``(n,)``.
     more
-        Other places that count as held ones do.
+        Other axis parameters that count like supports.
     """
-    line, length, _ = _line(model, number)
-    place = np.interp(u, line, length)
-    found = np.full(place.shape, np.inf)
-    for low, high in [*_held(model, number), *((one, one) for one in more)]:
-        first, last = np.interp([low, high], line, length)
-        beyond = np.maximum(first - place, place - last)
+    line, lengths, _ = _line(model, number)
+    length_at = np.interp(u, line, lengths)
+    nearest = np.full(length_at.shape, np.inf)
+    for low, high in [*_held(model, number), *((place, place) for place in more)]:
+        start, end = np.interp([low, high], line, lengths)
+        beyond = np.maximum(start - length_at, length_at - end)
         if model.bodies[number].space.rod.closed:
-            beyond = np.minimum(beyond, np.maximum(first + length[-1] - place, place - last))
-            beyond = np.minimum(beyond, np.maximum(first - place, place + length[-1] - last))
-        found = np.minimum(found, np.maximum(beyond, 0.0))
-    return found
+            beyond = np.minimum(beyond, np.maximum(start + lengths[-1] - length_at, length_at - end))
+            beyond = np.minimum(beyond, np.maximum(start - length_at, length_at + lengths[-1] - end))
+        nearest = np.minimum(nearest, np.maximum(beyond, 0.0))
+    return nearest
 
 
 def edges(model: Model, number: int, away: float) -> Array:
-    """Return the axis parameters at which `distance` is a given length."""
+    """Return the axis parameters at which `distance` is ``away``."""
     line, _, _ = _line(model, number)
     gap = distance(model, number, line) - away
-    # Where nothing is held all of them are infinite.
+    # Without supports all distances are infinite.
     (k,) = np.nonzero(np.isfinite(gap[:-1]) & ((gap[:-1] < 0.0) != (gap[1:] < 0.0)))
     return np.asarray(line[k] + gap[k] / (gap[k] - gap[k + 1]) * (line[k + 1] - line[k]))
 
@@ -63,11 +63,11 @@ def _line(model: Model, number: int) -> tuple[Array, Array, float]:
     """Return axis parameters and the lengths of the centre line up to there, and the section's largest width."""
     rod = model.bodies[number].space.rod
     if rod not in _LINES:
-        _LINES[rod] = _look_along(rod)
+        _LINES[rod] = _measure(rod)
     return _LINES[rod]
 
 
-def _look_along(rod: Rod) -> tuple[Array, Array, float]:
+def _measure(rod: Rod) -> tuple[Array, Array, float]:
     breaks = rod.axis.breaks
     line = np.concatenate([np.linspace(a, b, _STEPS, endpoint=False) for a, b in pairwise(breaks)])
     line = np.append(line, breaks[-1])
@@ -79,15 +79,15 @@ def _look_along(rod: Rod) -> tuple[Array, Array, float]:
 
 
 def _held(model: Model, number: int) -> list[tuple[float, float]]:
-    """Return where along a body its supports are, from and to which axis parameter."""
+    """Return the ranges of axis parameters of a body's supports."""
     space = model.bodies[number].space
     degree, knots = space.axis.degree, space.axis.knots
-    found = []
-    for one in model.supports:
-        if one.body != number or isinstance(one, MeanSupport) or not len(one.nodes):
+    ranges = []
+    for support in model.supports:
+        if support.body != number or isinstance(support, MeanSupport) or not len(support.nodes):
             continue
-        layers = np.unique(np.asarray(one.nodes) // space.layer_nodes)
-        # Where functions of these layers are largest.
+        layers = np.unique(np.asarray(support.nodes) // space.layer_nodes)
+        # Greville abscissae of the layers.
         middle = np.array([knots[k + 1 : k + 1 + degree].mean() for k in layers])
-        found.append((float(middle.min()), float(middle.max())))
-    return found
+        ranges.append((float(middle.min()), float(middle.max())))
+    return ranges

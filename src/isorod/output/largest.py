@@ -1,4 +1,4 @@
-"""The largest value of a field over a rod, and where it is."""
+"""The largest value of a field over a rod, and its place."""
 
 from collections.abc import Callable, Mapping, Sequence, Sized
 from itertools import pairwise
@@ -18,27 +18,27 @@ Field = Callable[[Array, Array], Array]
 # Points at which a field is evaluated at a time.
 _CHUNK = 20_000
 
-# Radii of a ring of the section and angles that are looked at first, at least; both ends of a radius are among them.
+# Radial intervals of each ring and angles of the first grid, at least.
 _RADII, _ANGLES = 4, 32
 
-# Elements whose largest values are looked at closer, how often, and at how many points in each direction.
-_CLOSER, _TIMES, _PARTS = 4, 14, 5
+# Peaks that are refined, times that the interval is halved, and points in each direction.
+_REFINED, _TIMES, _PARTS = 4, 14, 5
 
-# Other peaks of the grid that may be as large as the largest value, but for this share of it, and how many at most.
+# Other peaks of the grid are refined too, if within this fraction of the largest value, at most so many.
 _ALIKE, _MANY = 0.02, 8
 
-# What is added to the name of a largest value for those of all places that tie.
+# Added to the name of a largest value for the values at all tied places.
 TIED = " of places that tie"
 
-# Places tie whose values are as near to the largest: where these part beside, it has no derivative.
+# Places are tied if their values are within this fraction of the largest, which has no derivative if theirs differ.
 _TIED = 1e-5
 
-# What is this close to a knot, or to where two rings meet, belongs to one side of it.
+# Distance from a knot, or from where two rings meet, of points that belong to one side of it.
 _SIDE = 1e-9
 
 
 class Largest(NamedTuple):
-    """The largest value, and where it is: axis parameter and disk point; number and place of a given one there."""
+    """The largest value, its axis parameter and disk point, and index and value of an additional parameter there."""
 
     value: float
     u: float
@@ -47,7 +47,7 @@ class Largest(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """The largest value and its place in a record: ``u``, ``angle`` in degrees, ``radius``; values of all that tie."""
+    """The largest value, its place for a record (``u``, ``angle`` in degrees, ``radius``), and all tied values."""
 
     value: float
     place: dict[str, float]
@@ -55,7 +55,7 @@ class Peak(NamedTuple):
 
 
 class _Box(NamedTuple):
-    """Where is looked closer: bounds of axis parameter and radius, the middle, and half the sizes of a box about it."""
+    """A box that is refined: bounds of axis parameter and radius, its centre, and half its sizes."""
 
     bounds: Array
     middle: Array
@@ -69,57 +69,58 @@ def largest(
     xi: Sequence[float] | None = None,
     more: Sequence[float] | Array = (),
 ) -> list[Largest]:
-    """Return the largest value of a field over a rod, over a section of it, or over a line along it; and what ties.
+    """Return the largest value of a field over a rod, a section of it, or a line along it, with tied values.
 
-    Every element and ring is looked at on a grid, both of its sides included, and more and more closely round the
-    largest values of the grid.  These places are a choice (`isorod.choices`): the derivative of a largest value is that
-    of the value where it is.
+    Every element and ring is sampled on a grid that includes its boundaries, which is refined round the largest values.
+    The places are choices (`isorod.choices`): the derivative of a largest value is that of the value at its place.
 
     Parameters
     ----------
     space
-        Of the rod.
+        Space of the rod.
     field
-        Its values; minus infinity where it does not count.
+        The field; minus infinity where it does not count.
     u, xi
         The section, or the line; the rod where neither is given.
     more
-        Axis parameters that are looked at besides, as where the field begins to count.
+        Additional axis parameters, such as those where the field begins to count.
 
     Returns
     -------
     list[Largest]
-        The first is the largest; its value is minus infinity where nothing counts.  Beside an answer, at the same
-        places, its value is not known.
+        The first is the largest; its value is minus infinity where nothing counts.  In neighbouring solutions the
+        places are kept and values are not updated.
 
     Raises
     ------
     InputError
-        If a place at which the field begins to count is not there any more.
+        If an additional parameter does not exist any more.
     """
-    found = choices.chosen(lambda: _tied(_peaks(space, field, u, xi, np.asarray(more, dtype=float))))
+    places = choices.chosen(lambda: _tied(_peaks(space, field, u, xi, np.asarray(more, dtype=float))))
     if not choices.near():
-        return found
-    if any(one.at is not None and one.at[0] >= len(more) for one in found):
+        return places
+    if any(place.at is not None and place.at[0] >= len(more) for place in places):
         raise InputError("the place of the largest value is not there any more")
-    # Where the field begins to count goes along with what it depends on, on its side of a knot.
-    return [one if one.at is None else one._replace(u=one.u + more[one.at[0]] - one.at[1]) for one in found]
+    # Places at additional parameters move with these, on the same side of a knot.
+    return [
+        place if place.at is None else place._replace(u=place.u + more[place.at[0]] - place.at[1]) for place in places
+    ]
 
 
-def peak(several: Sequence[Largest], value: Callable[[float, Array], float]) -> Peak:
-    """Return as a record has it what is largest at the first of several places, of values there that may have signs."""
-    first, values = several[0], tuple(value(one.u, one.xi) for one in several)
+def peak(places: Sequence[Largest], value: Callable[[float, Array], float]) -> Peak:
+    """Return the largest value, given by its first place, for a record; values may have signs."""
+    first, values = places[0], tuple(value(place.u, place.xi) for place in places)
     angle = float(np.degrees(np.arctan2(*first.xi[::-1]))) % 360.0
     return Peak(values[0], {"u": first.u, "angle": angle, "radius": float(np.hypot(*first.xi))}, values)
 
 
-def numbers(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what is measured with values in the place of peaks, or lists of them, and the places of these.
+def numbers(results: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return results with values instead of peaks, or of lists of peaks, and the places of these.
 
-    Beside an answer ``NAME + TIED`` are the values of all places that tie, a row for each peak of a list.
+    In neighbouring solutions ``NAME + TIED`` has the values at all tied places, a row for each peak of a list.
     """
-    result, places = dict(found), dict[str, Any]()
-    for name, value in found.items():
+    result, places = dict(results), dict[str, Any]()
+    for name, value in results.items():
         peaks = [one for one in (value if isinstance(value, list) else [value]) if isinstance(one, Peak)]
         if not peaks:
             continue
@@ -132,11 +133,11 @@ def numbers(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return result, places
 
 
-def _tied(several: Sequence[Largest]) -> list[Largest]:
-    """Return the largest and those that tie with it."""
-    first = max(several, key=lambda one: one.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
+def _tied(peaks: Sequence[Largest]) -> list[Largest]:
+    """Return the largest value and those tied with it."""
+    first = max(peaks, key=lambda peak: peak.value, default=Largest(-np.inf, np.nan, np.zeros(2)))
     least = first.value - _TIED * abs(first.value)
-    return [first, *(one for one in several if one is not first and one.value >= least)]
+    return [first, *(peak for peak in peaks if peak is not first and peak.value >= least)]
 
 
 def _peaks(
@@ -146,7 +147,7 @@ def _peaks(
     xi: Sequence[float] | None,
     more: Array,
 ) -> list[Largest]:
-    """Return the largest values of some elements, those of which they are largest, and others that are as large."""
+    """Return the refined peaks of the elements with the largest values, and others that are nearly as large."""
     angles = max(_ANGLES, 4 * space.points_around)
     rows = _along(space, u, more)
     boxes, others = list[tuple[float, _Box]](), list[tuple[float, _Box]]()
@@ -158,56 +159,56 @@ def _peaks(
         sizes = np.array([np.ptp(radii) / _RADII, 2.0 * np.pi / angles if xi is None else 0.0])
         at_once = max(1, _CHUNK // (len(across) * rows.shape[1]))
         for first in range(0, len(rows), at_once):
-            some = rows[first : first + at_once]
-            values = field(some.ravel(), _disk(across)).reshape(*some.shape, len(across))
-            for row, own in zip(some, values, strict=True):
+            chunk = rows[first : first + at_once]
+            values = field(chunk.ravel(), _disk(across)).reshape(*chunk.shape, len(across))
+            for row, element in zip(chunk, values, strict=True):
                 bounds = np.array([[row[0], row[-1]], [radii[0], radii[-1]]])
                 half = np.array([np.ptp(row) / (2 * space.axis.degree + 1), *sizes])
-                most, *alike = (
-                    (float(own[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half))
-                    for t, q in _peaked(own, len(radii))
+                highest, *alike = (
+                    (float(element[t, q]), _Box(bounds, np.array([row[t], *across[q]]), half))
+                    for t, q in _peaked(element, len(radii))
                 )
-                boxes.append(most)
+                boxes.append(highest)
                 others += alike
     boxes.sort(key=lambda one: -one[0])
     least = boxes[0][0] * (1.0 - _ALIKE)
     others = [one for one in others if one[0] >= least > 0.0]
-    several = [*boxes[:_CLOSER], *others[_some(others)]]
-    found = [_closer(field, value, box) for value, box in several if value > -np.inf]
-    # Those at a knot may be on either side of it.
-    near = [np.flatnonzero(np.abs(more - one.u) <= 2.0 * _SIDE * np.ptp(space.axis.breaks)) for one in found]
-    return [one._replace(at=(int(k[0]), more[k[0]]) if k.size else None) for one, k in zip(found, near, strict=True)]
+    boxes_refined = [*boxes[:_REFINED], *others[_subset(others)]]
+    refined = [_refine(field, value, box) for value, box in boxes_refined if value > -np.inf]
+    # Places at a knot may be on either side of it.
+    near = [np.flatnonzero(np.abs(more - one.u) <= 2.0 * _SIDE * np.ptp(space.axis.breaks)) for one in refined]
+    return [one._replace(at=(int(k[0]), more[k[0]]) if k.size else None) for one, k in zip(refined, near, strict=True)]
 
 
-def _peaked(own: Array, radii: int) -> list[tuple[int, int]]:
-    """Return where the values of an element are largest, and where others are peaks nearly as large."""
-    first = int(np.argmax(own))
-    grid = own.reshape(len(own), radii, -1)
+def _peaked(values: Array, radii: int) -> list[tuple[int, int]]:
+    """Return the indices of an element's largest value, and of other peaks nearly as large."""
+    first = int(np.argmax(values))
+    grid = values.reshape(len(values), radii, -1)
     peaks = grid >= maximum_filter(grid, size=3, mode=("nearest", "nearest", "wrap"))
     alike = np.flatnonzero(peaks & (grid >= (1.0 - _ALIKE) * grid.max()))
     alike = alike[alike != first]
-    return [divmod(int(k), own.shape[1]) for k in (first, *alike[_some(alike)])]
+    return [divmod(int(k), values.shape[1]) for k in (first, *alike[_subset(alike)])]
 
 
-def _some(several: Sized) -> slice:
-    """Return which of several, if there are many, are looked at: from the first to the last."""
+def _subset(several: Sized) -> slice:
+    """Return a slice of a bounded number of evenly spaced items."""
     return slice(None, None, -(-len(several) // _MANY) or None)
 
 
 def _along(space: Space, u: float | None, more: Sequence[float] | Array) -> Array:
-    """Return the axis parameters to begin with, a row an element."""
+    """Return the initial axis parameters, a row for each element."""
     if u is not None:
         return np.array([[u]])
     breaks = space.axis.breaks
     rows = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, 2 * space.axis.degree + 2)
     rows[:, -1] -= _SIDE * np.diff(breaks)
-    # All rows are as long as the others.
+    # All rows have the same length.
     besides = np.broadcast_to(np.asarray(more, dtype=float), (len(rows), len(more)))
     inside = (besides > rows[:, :1]) & (besides < rows[:, -1:])
     return np.sort(np.concatenate([rows, np.where(inside, besides, rows[:, :1])], axis=1), axis=1)
 
 
-def _closer(field: Field, value: float, box: _Box) -> Largest:
+def _refine(field: Field, value: float, box: _Box) -> Largest:
     """Return the largest value near the middle of a box."""
     middle, half = box.middle, box.half
     (low, high), (inner, outer) = box.bounds
@@ -226,7 +227,7 @@ def _closer(field: Field, value: float, box: _Box) -> Largest:
 
 
 def _disk(polar: Array) -> Array:
-    """Return disk points of radii and angles, both ``(q, 2)``."""
+    """Return disk points from radii and angles, both ``(q, 2)``."""
     return polar[:, :1] * np.stack([np.cos(polar[:, 1]), np.sin(polar[:, 1])], axis=1)
 
 

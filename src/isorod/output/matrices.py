@@ -1,4 +1,4 @@
-"""Stiffness and mass of a model as SciPy's sparse matrices, with what it takes to use them elsewhere."""
+"""Stiffness and mass of a model as SciPy's sparse matrices, with the data to use them elsewhere."""
 
 from dataclasses import dataclass
 
@@ -18,37 +18,37 @@ from isorod.petsc.rows import local_rows
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Matrices:
-    """The linearised model ``M a + K x = f`` of the unknowns ``x``, which move it by ``expansion @ x``.
+    """The linearised model ``M a + K x = f`` with the unknowns ``x``.
 
-    Modes are ``K x = omega^2 M x``, and ``expansion @ x`` their shapes on all degrees of freedom.  The displacement
-    with the forces is ``expansion @ x + offset``, where ``K x = f``: at rest the linear answer to supports and loads,
-    about a solution one more step of Newton's.
+    Modes are ``K x = omega^2 M x``, with shapes ``expansion @ x`` on all degrees of freedom.  The displacement is
+    ``expansion @ x + offset`` with ``K x = f``: at rest the linear response to supports and loads, about a solution
+    another Newton iteration.
 
     Attributes
     ----------
     model
-        What they are of.
+        The model.
     stiffness
         ``K``, shape ``(unknowns, unknowns)``, force per length.
     mass
         ``M``, of the same shape; None where a body has no density.
     expansion
         From the unknowns to all degrees of freedom, body by body, node by node, ``x, y, z``: shape ``(dofs,
-        unknowns)``.  A row has a one, or is empty where a support holds; tied degrees of freedom share a column, and
-        pressures of the mixed formulation have an empty one.
+        unknowns)``.  A row has a one, or is empty at supports; tied degrees of freedom have the same column, and
+        pressures of the mixed formulation an empty one.
     offset
-        Displacement of ``x = 0``, shape ``(dofs,)``: at rest what supports prescribe, else the state.
+        Displacement at ``x = 0``, shape ``(dofs,)``: at rest that prescribed by supports, else the state.
     force
-        ``f``, shape ``(unknowns,)``: at rest of loads and of supports that move, else what is left out of balance.
+        ``f``, shape ``(unknowns,)``: at rest forces of loads and prescribed displacements, else the residual.
     symmetric
-        Whether the stiffness is (that of friction is not).  The mass always is.
+        Whether the stiffness is symmetric (that of friction is not).  The mass always is.
     lumped
         Whether the mass is lumped, not consistent.
     state
-        What they are about; None for the state of rest.
+        The state of linearisation; None for the state of rest.
     gyroscopic
-        Of a body that spins, about its equilibrium, the antisymmetric ``G`` of the Coriolis forces ``G v`` in the frame
-        that turns, of the same shape: modes are ``K x + i omega G x = omega^2 M x``.  None else.
+        Antisymmetric ``G`` of the Coriolis forces ``G v`` in the rotating frame of a spinning body, about its
+        equilibrium, of the same shape: modes are ``K x + i omega G x = omega^2 M x``.  None otherwise.
     """
 
     model: Model
@@ -72,7 +72,7 @@ class Matrices:
 
     @property
     def places(self) -> tuple[Index, Index, Index]:
-        """Body, node and component of each unknown, the first of those tied together; -1 for pressures."""
+        """Body, node and component of each unknown, the first of those tied; -1 for pressures."""
         column = np.full(self.force.size, -1)
         rows, columns = self.expansion.nonzero()
         column[columns[::-1]] = rows[::-1]
@@ -83,7 +83,7 @@ class Matrices:
 
 
 def matrices(model: Model, state: State | None = None, lumped: bool = False) -> Matrices:
-    """Return stiffness and mass of a model at rest, or about a state of it, on every rank the whole of them.
+    """Return stiffness and mass of a model at rest, or about a state of it, complete on every rank.
 
     `isorod.modal.Modes` and `isorod.statics.Equilibrium` have a method of this name.
 
@@ -92,16 +92,15 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
     model
         Bodies, supports, loads.  Pressures of the mixed formulation are unknowns too, without a mass.
     state
-        Of this model, without contact: an `isorod.statics.Equilibrium`, or an output of an `isorod.dynamics.History`
-        (and its model) where muscles do not grow active any more.
+        State of this model, without contact: an `isorod.statics.Equilibrium`, or an output of an
+        `isorod.dynamics.History` (and its model) at which muscles are fully active.
     lumped
-        Take the lumped mass matrix (`isorod.modal.solve`).
+        Whether to take the lumped mass matrix (`isorod.modal.solve`).
 
     Raises
     ------
     InputError
-        If the model is none, or the state is of another one, has contacts or muscles that are not yet as active as they
-        will be.
+        If the model is no `Model`, or the state is of another one, has contacts or muscles that are not fully active.
     """
     expect("model", model, Model)
     expect("state", state, State | None)
@@ -116,7 +115,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
             f"matrices about a motion: muscles are active to {state.factor:.3g} of what they will be, where loads act "
             "in full; take an output after the ramp"
         )
-    # Every rank has all of it: the whole is what is wanted.
+    # Every rank assembles the complete matrices.
     assembler = assembler_for(model, PETSc.COMM_SELF)
     factor = 0.0 if state is None else 1.0
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures, state.solids)
@@ -156,10 +155,10 @@ def _expansion(assembler: Assembler) -> csr_array:
 
 
 def _sparse(matrix: PETSc.Mat, symmetric: bool) -> csr_array:
-    """Return a matrix of one rank; of a symmetric one the upper triangle, which is what is factorised, twice."""
+    """Return a matrix of one rank; a symmetric one from its upper triangle, which is the part that is factorised."""
     rows = local_rows(matrix).own
-    found = csr_array((rows.values.copy(), rows.column.copy(), rows.start.copy()), shape=matrix.getSize())
+    result = csr_array((rows.values.copy(), rows.column.copy(), rows.start.copy()), shape=matrix.getSize())
     if symmetric:
-        found = csr_array(triu(found) + triu(found, 1).T)
-    found.sort_indices()
-    return found
+        result = csr_array(triu(result) + triu(result, 1).T)
+    result.sort_indices()
+    return result

@@ -23,59 +23,58 @@ from isorod.output.skin import Skin, skin
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# From where one looks at what is as long in all directions, and, where that is along a rod, from its other side; width
-# and height of a picture in pixels.
+# Direction of view of bodies with the same extent in all directions, another for rods along the first; width and height
+# of a picture in pixels.
 VIEW: tuple[float, float, float] = (1.0, -1.4, 0.55)
 _OTHER = (-1.0, -1.4, 0.55)
 SIZE: tuple[int, int] = (1000, 700)
 
-# Colours whose steps look alike, also in grey and to the colour-blind.
+# A perceptually uniform colour map, also in grey and for the colour-blind.
 COLOURS = "viridis"
 
-# The scale of colours, at the right of a picture, and how many pixels of its width are for that.
+# The colour bar at the right of a picture, and the pixels of the width for it.
 _BAR = {"vertical": True, "color": "black", "fmt": "%.4g", "title_font_size": 16, "label_font_size": 15}
 _ROOM = 150
 
-# Pixels below the scale for the axes, and above them for words; and above it.
+# Pixels below the colour bar for the axes, and above these for text; and above the bar.
 _AXES, _WORDS, _ABOVE = 100, 90, 26
 
-# Height of pictures in pixels below which there is no room for axes, nor for numbers between the ends of the scale.
+# Height of pictures in pixels below which there is no room for axes, nor for numbers inside the colour bar.
 _LOW = 400
 
-# Parts of the scale, at most, whose ends are round numbers; values that differ by less than this share are one.
+# Intervals of the colour bar at most, with round ends; values that differ by less than this fraction are equal.
 _PARTS, _ALIKE = 5, 1e-3
 
-# How little of what is long is foreshortened: 0 is not at all.
+# Foreshortening of long directions: 0 is none.
 _FORESHORTENED = 0.12
 
-# Letters in a line of what is below it.
+# Letters in a line below the colour bar.
 _NARROW = 14
 
-# Height of a line of words, pixels.
+# Height of a line of text, pixels.
 _LINE = 20
 
-# Share of the picture that is left empty round the rods.
+# Fraction of the picture left empty round the rods.
 _MARGIN = 0.08
 
-# Of the height of a picture, degrees.
+# Angle of view of the height of a picture, degrees.
 _ANGLE = 12.0
 
 
 class Frame(NamedTuple):
-    """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and what is written above them.
+    """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and the text above them.
 
-    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours, besides
-    the least and the largest value.
+    ``amplitude`` is the factor of the motion, ``note`` the text below the colour bar, after least and largest value.
     """
 
     meshes: Sequence[Any]
     words: str = ""
-    share: float = 1.0
+    amplitude: float = 1.0
     note: str = ""
 
 
 def check(view: Sequence[float] | None, size: Sequence[int], what: str = "plot") -> None:
-    """Raise `InputError` if a direction is none, the size of a picture cannot be one, or pyvista is not installed."""
+    """Raise `InputError` for an invalid direction of view or size of a picture, or if pyvista is not installed."""
     vtk.require("pictures")
     without_display()
     check_size(size, what)
@@ -90,7 +89,7 @@ def check(view: Sequence[float] | None, size: Sequence[int], what: str = "plot")
 
 
 def check_size(size: Sequence[int], what: str = "plot") -> None:
-    """Raise `InputError` if the size of a picture cannot be one."""
+    """Raise `InputError` for an invalid size of a picture."""
     if np.shape(size) != (2,):
         raise InputError(f"{what}: got size {size!r:.40}, need width and height in pixels")
     for name, pixels in zip(("width", "height"), size, strict=True):
@@ -106,59 +105,59 @@ def draw(
     window: bool = False,
     shape: bool = False,
 ) -> "Iterator[Image]":
-    """Yield a picture of each frame, all with the same scale of colours and seen from the same place.
+    """Yield a picture of each frame, all with the same colour bar and camera.
 
-    Grey is the outline of the bodies at rest.
+    The outline of the bodies at rest is grey.
 
     Parameters
     ----------
     title
-        What the colours are.
+        Title of the colour bar.
     scale
-        By how much motions are multiplied.
+        Factor of the motions.
     view
-        Direction from which one looks; where not given that of `view_of`.
+        Direction to the camera; by default that of `view_of`.
     size
         Width and height, pixels.
     window
         Show each in a window instead, until that is closed.
     shape
-        Whether motions are a shape, whose size says nothing: colours are then over the largest, which is 1.
+        Whether motions are a mode shape of arbitrary size: colours are then relative to the largest value.
     """
     skins = {id(mesh): skin(mesh) for frame in frames for mesh in frame.meshes}
     if shape:
-        largest = max(float(one.faces.point_data["colour"].max()) for one in skins.values())
-        for one in skins.values():
-            one.faces.point_data["colour"] /= largest or 1.0
+        largest = max(float(shown_skin.faces.point_data["colour"].max()) for shown_skin in skins.values())
+        for shown_skin in skins.values():
+            shown_skin.faces.point_data["colour"] /= largest or 1.0
         title = f"{title.splitlines()[0]}\n(largest is 1)"
     factor = "" if shape else f"displacements × {scale:.3g}"
-    values = np.concatenate([one.faces.point_data["colour"] for one in skins.values()])
+    values = np.concatenate([shown_skin.faces.point_data["colour"] for shown_skin in skins.values()])
     lowest, highest = 0.0 if shape else float(np.nanmin(values)), float(np.nanmax(values))
     ticks = scaled(lowest, highest)
-    limits, described = (float(ticks[0]), float(ticks[-1])), bar(title, size, len(ticks))
-    told = f"least {lowest:.3g}\nlargest {highest:.3g}" if highest > lowest and not shape else ""
-    shown: list[Array] = [one.faces.points for one in skins.values()]
+    limits, colour_bar = (float(ticks[0]), float(ticks[-1])), bar(title, size, len(ticks))
+    range_text = f"least {lowest:.3g}\nlargest {highest:.3g}" if highest > lowest and not shape else ""
+    points: list[Array] = [shown_skin.faces.points for shown_skin in skins.values()]
     for frame in frames:
-        shown += [skins[id(mesh)].moved(scale * frame.share).faces.points for mesh in frame.meshes]
-    everything = np.concatenate(shown)
-    words = [f"{frame.words}\n{factor}".strip() for frame in frames]
-    for frame, above in zip(frames, words, strict=True):
+        points += [skins[id(mesh)].moved(scale * frame.amplitude).faces.points for mesh in frame.meshes]
+    all_points = np.concatenate(points)
+    texts = [f"{frame.words}\n{factor}".strip() for frame in frames]
+    for frame, text in zip(frames, texts, strict=True):
         with stage(size, window) as plotter:
             for k, mesh in enumerate(frame.meshes):
-                one = skins[id(mesh)]
-                if scale * frame.share:
-                    plotter.add_silhouette(one.whole, color="grey", line_width=1.5)
-                moved = one.moved(scale * frame.share)
-                add_skin(plotter, moved, "colour", limits, described if k == 0 else None)
-            write(plotter, above, (10, 8))
+                shown_skin = skins[id(mesh)]
+                if scale * frame.amplitude:
+                    plotter.add_silhouette(shown_skin.whole, color="grey", line_width=1.5)
+                moved = shown_skin.moved(scale * frame.amplitude)
+                add_skin(plotter, moved, "colour", limits, colour_bar if k == 0 else None)
+            write(plotter, text, (10, 8))
             write(
                 plotter,
-                f"{told}\n{fill(frame.note, _NARROW)}".strip(),
+                f"{range_text}\n{fill(frame.note, _NARROW)}".strip(),
                 (size[0] - _ROOM + 10, -6 if size[1] < _LOW else -_AXES),
             )
             if size[1] >= _LOW:
                 add_axes(plotter, size)
-            look(plotter.camera, everything, view, size, words=words[0])
+            look(plotter.camera, all_points, view, size, words=texts[0])
             if not window:
                 yield taken(plotter)
             else:
@@ -167,7 +166,7 @@ def draw(
 
 @contextmanager
 def stage(size: Sequence[int], window: bool = False, **more: Any) -> Iterator[Any]:
-    """Open an empty white picture, a pyvista plotter, and close it in the end; ``more`` is for it, as its ``shape``."""
+    """Open an empty white picture, a pyvista plotter with options ``more``, and close it at the end."""
     import pyvista
 
     plotter = pyvista.Plotter(off_screen=not window, window_size=list(size), border=False, **more)
@@ -179,14 +178,14 @@ def stage(size: Sequence[int], window: bool = False, **more: Any) -> Iterator[An
 
 
 def taken(plotter: Any) -> "Image":
-    """Return what is drawn."""
+    """Return the picture."""
     from PIL import Image
 
     return Image.fromarray(plotter.screenshot(return_img=True))
 
 
 def wait(plotter: Any) -> None:
-    """Show what is drawn in its window, until that is closed; Ctrl-C, which VTK does not heed, ends the program."""
+    """Show the picture in its window until that is closed; Ctrl-C, which VTK ignores, ends the program."""
     before = signal.signal(signal.SIGINT, signal.SIG_DFL), signal.signal(signal.SIGTERM, signal.SIG_DFL)
     try:
         plotter.show(title="isorod")
@@ -196,7 +195,7 @@ def wait(plotter: Any) -> None:
 
 
 def write(plotter: Any, words: str, place: tuple[int, int], size: int = 11, colour: str = "black") -> None:
-    """Write words, the first line at a place: pixels from the left, and from above or, where negative, from below."""
+    """Write text, the first line at a place: pixels from the left, and from above or, where negative, from below."""
     across, below = place
     height = plotter.window_size[1]
     text = plotter.add_text(words, position=(across, height - below if below >= 0 else -below), color=colour)
@@ -205,7 +204,7 @@ def write(plotter: Any, words: str, place: tuple[int, int], size: int = 11, colo
 
 
 def label(plotter: Any, words: str, place: Array) -> None:
-    """Write words, which begin with a dot, so that the dot is at a place, shape ``(3,)``, whatever is before it."""
+    """Write text that begins with a dot, with the dot at a point ``(3,)``, in front of everything."""
     import pyvista
 
     text = pyvista.Text(words)
@@ -231,17 +230,17 @@ def add_lines(plotter: Any, lines: Sequence[Array], colour: str, width: float, *
 
 
 def scaled(low: float, high: float) -> Array:
-    """Return the round numbers that stand beside a scale of colours for values from ``low`` to ``high``."""
+    """Return the round numbers of a colour bar for values from ``low`` to ``high``."""
     from matplotlib.ticker import MaxNLocator
 
     if high - low <= _ALIKE * max(abs(low), abs(high)):
-        # What rounding makes of a number.
+        # A constant but for round-off.
         low, high = min(low, 0.0), max(high, 0.0)
     return np.asarray(MaxNLocator(_PARTS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
 
 
 def bar(title: str, size: Sequence[int], numbers: int) -> dict[str, Any]:
-    """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels, with its numbers."""
+    """Return the settings of the colour bar of a picture, or of a panel, of a size in pixels, with so many numbers."""
     low = size[1] < _LOW
     below = (_WORDS + (0 if low else _AXES)) / size[1]
     place = {"position_x": 1.0 - 0.8 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
@@ -250,21 +249,21 @@ def bar(title: str, size: Sequence[int], numbers: int) -> dict[str, Any]:
 
 
 def add_axes(plotter: Any, size: Sequence[int]) -> None:
-    """Add the directions of x, y and z, in the corner below the scale of colours."""
+    """Add the directions of x, y and z, in the corner below the colour bar."""
     plotter.add_axes(color="black", line_width=2, viewport=(1.0 - _AXES / size[0], 0.0, 1.0, _AXES / size[1]))
 
 
 def view_of(points: Array) -> Array:
     """Return the direction from which points ``(m, 3)`` are seen with little foreshortening.
 
-    That of `VIEW` without most of what is along those principal axes in which the points are far apart.
+    It is `VIEW` with small components along the principal axes of large extent.
     """
     spread = np.cov(points.T)
     spread /= np.trace(spread)
 
     def across(view: Array) -> Array:
-        found = np.linalg.solve(spread + _FORESHORTENED * np.eye(3), view)
-        return np.asarray(found / np.linalg.norm(found))
+        direction = np.linalg.solve(spread + _FORESHORTENED * np.eye(3), view)
+        return np.asarray(direction / np.linalg.norm(direction))
 
     first, other = (across(np.array(one)) for one in (VIEW, _OTHER))
     return other if other @ spread @ other < first @ spread @ first - 0.5 * _FORESHORTENED else first
@@ -279,10 +278,10 @@ def look(
     room: int = _ROOM,
     words: str = "",
 ) -> None:
-    """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
+    """Set a distant camera so that points ``(m, 3)`` fill the picture beside the colour bar.
 
-    The direction is ``view``, or that of `view_of`.  Upright is ``up``; where not given z, or y where one looks
-    along z.  ``room`` are the pixels of the scale, and above is some for ``words``.
+    The direction is ``view``, or that of `view_of`.  Upright is ``up``, by default z, or y in a view along z.  ``room``
+    are the pixels of the colour bar; above is room for ``words``.
     """
     above = _LINE * (words.count("\n") + 1) if words else 0
     along = view_of(points) if view is None else np.asarray(view, dtype=float)
@@ -296,7 +295,7 @@ def look(
     extent = np.maximum(high - low, 1e-6 * (high - low).max())
     upright, wide = extent[1] * size[1] / (size[1] - above), extent[0] * size[1] / (size[0] - room)
     height = max(upright, wide) / (1.0 - 2.0 * _MARGIN)
-    # Silhouettes want a point to look from; what is nearest fits.
+    # Silhouettes need a camera at a finite distance; the nearest points fit.
     distance = 0.5 * height / np.tan(np.radians(0.5 * _ANGLE)) + 0.5 * extent[2]
     middle = axes.T @ (0.5 * (low + high))
     camera.focal_point, camera.position, camera.up = middle, middle + distance * towards, axes[1]
@@ -306,19 +305,19 @@ def look(
 
 
 def without_display() -> None:
-    """Let VTK draw off screen, and Matplotlib not speak of folders; must come before pyvista is imported."""
+    """Let VTK draw off screen, and silence Matplotlib; must come before pyvista is imported."""
     quiet()
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
 def quiet() -> None:
-    """Let Matplotlib not tell where it keeps its list of fonts if it cannot where it wants."""
+    """Silence Matplotlib's messages on the folder of its font cache."""
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 def need_display(instead: str) -> None:
-    """Raise `InputError` if there is no display for a window, which ``instead`` does without."""
+    """Raise `InputError` if there is no display for a window; ``instead`` is the option that needs none."""
     if sys.platform == "darwin":
         return
     name = os.environ.get("DISPLAY")
@@ -346,18 +345,18 @@ def add_flat(
     bar: dict[str, Any] | None,
     motion: str = "displacement",
 ) -> None:
-    """Add the surface of a mesh moved by its ``motion``, in the very colours that the scale has for a field.
+    """Add the surface of a mesh moved by its ``motion``, in the exact colours of a field.
 
-    Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
-    are what shares points.  ``bar`` describes the scale.
+    Shading would falsify them, so lines show the shape: the outline, and the edges of connected parts of the mesh.
+    ``bar`` describes the colour bar.
     """
     add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, bar)
 
 
-def add_skin(plotter: Any, one: Skin, field: str, scale: tuple[float, float], bar: dict[str, Any] | None) -> Any:
-    """Add a skin as `add_flat` does, and return what shows its faces."""
+def add_skin(plotter: Any, surface: Skin, field: str, scale: tuple[float, float], bar: dict[str, Any] | None) -> Any:
+    """Add a skin as `add_flat` does, and return the actor of its faces."""
     actor = plotter.add_mesh(
-        one.faces,
+        surface.faces,
         scalars=field,
         clim=scale,
         cmap=COLOURS,
@@ -365,10 +364,10 @@ def add_skin(plotter: Any, one: Skin, field: str, scale: tuple[float, float], ba
         show_scalar_bar=bar is not None,
         scalar_bar_args=bar,
     )
-    # Behind its own lines.
+    # Drawn behind the lines of its edges.
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    if one.edges.n_cells:
-        plotter.add_mesh(one.edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
-    plotter.add_silhouette(one.whole, color="black", line_width=2.5)
+    if surface.edges.n_cells:
+        plotter.add_mesh(surface.edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
+    plotter.add_silhouette(surface.whole, color="black", line_width=2.5)
     return actor

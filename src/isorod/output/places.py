@@ -1,4 +1,4 @@
-"""Axis parameters as they are given: numbers, or the names of ends."""
+"""Axis parameters as given by users: numbers, or the names of ends."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +9,7 @@ from isorod.space.space import Space
 
 
 def numbers_in(given: ArrayLike) -> Array | None:
-    """Return an array of numbers, or None if these are none."""
+    """Return an array of numbers, or None if there are others."""
     try:
         return np.asarray(given, dtype=float)
     except (TypeError, ValueError):

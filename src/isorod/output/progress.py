@@ -1,4 +1,4 @@
-"""How far a run is, on standard error: a line on a terminal that changes, elsewhere one now and then.
+"""Progress of runs on standard error: a line that is updated on a terminal, elsewhere a line now and then.
 
 Short runs show nothing.
 """
@@ -9,13 +9,13 @@ from time import perf_counter
 
 from isorod.output.words import duration
 
-# Seconds before the first word, and between two; on a terminal.
+# Seconds before the first line and between lines; the same on a terminal.
 _FIRST, _BETWEEN = 6.0, 20.0
 _FIRST_SHOWN, _BETWEEN_SHOWN = 1.0, 0.2
 
 
-class Teller:
-    """Called with what makes a line, says that line if it is time to."""
+class Reporter:
+    """Shows lines, not too often; called with a function that returns the line."""
 
     def __init__(self) -> None:
         self.start = perf_counter()
@@ -24,7 +24,7 @@ class Teller:
         self._shown = False
 
     def __call__(self, line: Callable[[], str]) -> None:
-        """Say it, if it is time to."""
+        """Show the line, if it is time for one."""
         now = perf_counter()
         if now < self._next:
             return
@@ -42,28 +42,28 @@ class Teller:
 
 
 class Progress:
-    """Called with the time reached, says what share of the way that is and how long the rest takes.
+    """Shows the fraction done and the remaining time; called with the time reached.
 
     Parameters
     ----------
     begin, end
         Time at which the run starts or continues, and time to reach.
     what
-        What counts, if not time.
+        Name of the quantity, if not time.
     """
 
-    def __init__(self, begin: float, end: float, what: str = "time") -> None:
-        self._begin, self._end, self._what = begin, end, what
-        self._teller = Teller()
-        self.close = self._teller.close
+    def __init__(self, begin: float, end: float, name: str = "time") -> None:
+        self._begin, self._end, self._name = begin, end, name
+        self._reporter = Reporter()
+        self.close = self._reporter.close
 
     def __call__(self, time: float) -> None:
-        """Say how far it is, if it is time to."""
+        """Show the progress, if it is time to."""
         if time > self._begin:
-            self._teller(lambda: self._line(time))
+            self._reporter(lambda: self._line(time))
 
     def _line(self, time: float) -> str:
-        gone = perf_counter() - self._teller.start
-        left = duration(gone * max(0.0, self._end - time) / (time - self._begin))
-        text = f"{self._what} {time:.4g} of {self._end:.4g}, {time / self._end:.0%}, about {left} to go"
-        return f"[{'=' * int(30 * min(1.0, time / self._end)):30s}] {text}" if self._teller.shows else text
+        elapsed = perf_counter() - self._reporter.start
+        left = duration(elapsed * max(0.0, self._end - time) / (time - self._begin))
+        text = f"{self._name} {time:.4g} of {self._end:.4g}, {time / self._end:.0%}, about {left} to go"
+        return f"[{'=' * int(30 * min(1.0, time / self._end)):30s}] {text}" if self._reporter.shows else text

@@ -1,4 +1,4 @@
-"""What runs have left in a results folder: their records, and the files that these name."""
+"""Reading of results folders: records of runs, and the files that they name."""
 
 import locale
 import os
@@ -12,7 +12,7 @@ from isorod.errors import InputError
 from isorod.output import results, vtk
 from isorod.output.folder import RECORDS
 
-# Of which quantity a measure of a scene's file is.
+# Quantities of measures in scene files.
 MEASURED = {
     "reaction": "force",
     "contact_force": "force",
@@ -26,23 +26,23 @@ MEASURED = {
 
 
 class Step(NamedTuple):
-    """A state that was kept: its time, or load factor, and a file for each body."""
+    """A stored state: its time, or load factor, and a file for each body."""
 
     time: float
     files: tuple[Path, ...]
 
 
 class Result(NamedTuple):
-    """A run's result, or what a file holds.
+    """The result of a run, or the content of a file.
 
     Attributes
     ----------
     name
-        Of the scene, or the file.
+        Name of the scene, or of the file.
     record
-        The run's record; empty where a file was named.
+        The run's record; empty for a file.
     steps
-        The states that were kept, in order.
+        The stored states, in order.
     curves
         The file of its curves, if there is one.
     """
@@ -54,24 +54,24 @@ class Result(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What pictures say of it: the title of its file, or its name."""
+        """Title for pictures: that of the scene file, or the name."""
         return str(dict(self.record.get("options", {})).get("title", self.name))
 
     @property
     def counted(self) -> str:
-        """What its states are counted in."""
+        """The variable of its states: load factor or time."""
         return "load factor" if self.analysis == "statics" and "end_time" not in self.record else "time"
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of ``"force"``, ``"length"`` and so on (`MEASURED`), as its file names them with what it measures."""
-        found: dict[str, str] = {}
+        """Units of ``"force"``, ``"length"`` and so on (`MEASURED`), as given with measures in the scene file."""
+        units: dict[str, str] = {}
         for measure in dict(dict(self.record.get("options", {})).get("measure", {})).values():
             for word, quantity in MEASURED.items():
-                # A unit may stand in brackets.
+                # A unit may be in brackets.
                 if word in measure and (unit := str(measure.get("unit", "")).strip("() ")):
-                    found.setdefault(quantity, unit)
-        return found
+                    units.setdefault(quantity, unit)
+        return units
 
     @property
     def analysis(self) -> str | None:
@@ -118,10 +118,11 @@ def _run(folder: Path, run: int | None) -> Result:
     records = _records(folder / RECORDS)
     count = len(records)
     if run is not None and not 1 <= run <= count:
-        raise InputError(f"{folder}: there is no run {run}; need 1 to {count}" if count > 1 else _only(folder, run))
+        need = f"need 1 to {count}" if count > 1 else "it has one alone"
+        raise InputError(f"{folder}: there is no run {run}; {need}")
     record = records[-1 if run is None else run - 1]
     files = [folder / name for name in record.get("files", ())]
-    kinds = {kind: [one for one in files if one.suffix == kind] for kind in (".pvd", ".vtu", ".csv")}
+    kinds = {kind: [file for file in files if file.suffix == kind] for kind in (".pvd", ".vtu", ".csv")}
     steps: tuple[Step, ...] = ()
     if kinds[".pvd"]:
         steps = _series(kinds[".pvd"][0])
@@ -130,25 +131,21 @@ def _run(folder: Path, run: int | None) -> Result:
     return Result(str(record.get("scene", folder.name)), record, steps, next(iter(kinds[".csv"]), None))
 
 
-def _only(folder: Path, run: int) -> str:
-    return f"{folder}: there is no run {run}; it has one alone"
-
-
 def _records(path: Path) -> list[dict[str, Any]]:
     """Return the records of a folder."""
     if not path.exists():
         raise InputError(f"{path.parent}: no run has left its results there; isorod run SCENE --output DIR does")
-    found = results.read(path)
-    if not found:
+    records = results.read(path)
+    if not records:
         raise InputError(f"{path}: there is no run in it")
-    return found
+    return records
 
 
 def _series(path: Path) -> tuple[Step, ...]:
     """Return the states that a ``.pvd`` file names."""
     try:
         sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
-        entries = [(float(one.get("timestep", "0")), int(one.get("part", "0")), one.attrib["file"]) for one in sets]
+        entries = [(float(row.get("timestep", "0")), int(row.get("part", "0")), row.attrib["file"]) for row in sets]
     except (OSError, ElementTree.ParseError, KeyError, ValueError) as problem:
         raise InputError(f"{path}: cannot be read ({problem})") from None
     if not entries:
@@ -160,7 +157,7 @@ def _series(path: Path) -> tuple[Step, ...]:
 
 
 def mesh(path: Path) -> Any:
-    """Return what is in a ``.vtu`` file, curved cells as small ones, with its fields.
+    """Return the mesh of a ``.vtu`` file with its fields, curved cells split into small ones.
 
     Raises
     ------
@@ -177,15 +174,15 @@ def mesh(path: Path) -> Any:
     reader.SetFileName(str(path))
     with _silently():
         reader.Update()
-    found = pyvista.wrap(reader.GetOutput())
-    if not found.n_cells:
+    grid = pyvista.wrap(reader.GetOutput())
+    if not grid.n_cells:
         raise InputError(f"{path}: no cells can be read from it; need a .vtu file of isorod's")
-    return vtk.small_cells(found)
+    return vtk.small_cells(grid)
 
 
 @contextmanager
 def _silently() -> Iterator[None]:
-    """Let VTK say nothing of bad files, in many lines from C++, and leave the C locale as it was."""
+    """Silence VTK's messages on bad files, and restore the C locale."""
     from vtkmodules.vtkCommonCore import vtkObject
 
     shown, kept = vtkObject.GetGlobalWarningDisplay(), locale.setlocale(locale.LC_ALL)

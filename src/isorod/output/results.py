@@ -1,4 +1,4 @@
-"""Results as records, one JSON line a run, and writing that leaves nothing half-done."""
+"""Results as records, one JSON line for each run, and atomic writing of files."""
 
 import csv
 import errno
@@ -27,21 +27,21 @@ import numpy as np
 from isorod import __version__
 from isorod.errors import InputError, SolveError
 
-# What a disk gives room for at least.
+# Bytes of the smallest allocation on a disk.
 _PAGE = 4096
 
 
 def provenance() -> dict[str, Any]:
-    """Return versions, commit, machine and time, to be kept with every result."""
+    """Return versions, commit, machine and time, to be stored with every result."""
     versions = {"isorod": __version__, "python": platform.python_version()}
     for name in ("numpy", "scipy", "numba", "petsc4py"):
         if name in sys.modules:
             versions[name] = sys.modules[name].__version__
             continue
-        # Takes longer to import than many a run.
+        # Imported here, as it takes longer than many a run.
         from importlib import metadata
 
-        # What came within another package and was not loaded had no part in the result.
+        # A package without metadata that is not loaded had no part in the result.
         with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
     return {
@@ -62,12 +62,12 @@ def line(record: Mapping[str, Any]) -> str:
 
 
 def append(path: Path, record: Mapping[str, Any]) -> None:
-    """Append the record to a file of JSON lines, as a whole even when several processes do, or not at all.
+    """Append the record to a file of JSON lines, all of it or nothing, also with concurrent processes.
 
     Raises
     ------
     InputError
-        If the file cannot be written; it then has the lines that it had before.
+        If the file cannot be written; it is then unchanged.
     """
     text = line(record)
     with locked(path.parent):
@@ -76,7 +76,7 @@ def append(path: Path, record: Mapping[str, Any]) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes that ask for the same from a folder, until the block or this process ends."""
+    """Hold the lock of a folder until the block or this process ends."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError as problem:
@@ -96,11 +96,11 @@ def add(path: Path, text: str) -> None:
         with open(path, "a+b", buffering=0) as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(max(0, size - 1))
-            # A process that was killed while it wrote leaves a line without its end.
+            # A process killed while writing leaves an incomplete line.
             data = (b"\n" if file.read() not in (b"", b"\n") else b"") + text.encode() + b"\n"
             try:
                 while data:
-                    # A disk takes what there is room for, and refuses the rest.
+                    # A full disk may write a part.
                     data = data[file.write(data) :]
                 os.fsync(file.fileno())
             except BaseException:
@@ -113,7 +113,7 @@ def add(path: Path, text: str) -> None:
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Return the records of a file of JSON lines; what else is there, as of a run that was killed, is warned of.
+    """Return the records of a file of JSON lines; other lines, as of a killed run, are warned of.
 
     Raises
     ------
@@ -141,14 +141,14 @@ def _record(text: bytes) -> dict[str, Any] | None:
 
 
 def check_folder(path: str, what: str = "") -> None:
-    """Raise `InputError`, which says ``what``, if a folder of that name cannot be made or written to; makes nothing."""
+    """Raise `InputError` with the text ``what`` if a folder cannot be made or written to; makes nothing."""
     if not path:
         raise InputError("results folder: got an empty name")
     place = Path(path).absolute()
     try:
         while not place.exists() and place != place.parent:
             place = place.parent
-        # A full disk takes the name of a file, but not its first page.
+        # A full disk may create a file, but not write its first page.
         with tempfile.TemporaryFile(dir=place, buffering=0) as file:
             file.write(bytes(_PAGE))
     except OSError as problem:
@@ -167,35 +167,35 @@ def make_folder(path: str) -> Path:
 
 @contextmanager
 def folder(path: str) -> Iterator[Path]:
-    """Yield the results folder, made if need be, and taken away again if nothing comes into it; raises `InputError`."""
-    there = os.path.isdir(path)
+    """Yield the results folder, made if need be, and removed after an error if it is empty; raises `InputError`."""
+    existed = os.path.isdir(path)
     place = make_folder(path)
     try:
         yield place
     except BaseException:
-        if not there:
+        if not existed:
             with suppress(OSError):
                 place.rmdir()
         raise
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` make a file or folder beside ``path``, then rename it: nothing half-written ever has the name.
+    """Let ``write`` make a temporary file or folder, then rename it to ``path``: an atomic write.
 
     Raises
     ------
     InputError
-        If it cannot be written; what had its name before is then as it was, and nothing is left beside it.
+        If it cannot be written; the former file or folder is then unchanged, and nothing else is left.
     """
     beside = path.with_name(f".{uuid4().hex}{path.suffix}")
     try:
-        # A device or a pipe would be no more.
+        # A device or a pipe would be replaced.
         if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
             raise OSError(errno.EINVAL, "it is no plain file")
         write(beside)
-        for each in (beside, *beside.glob("*")):
-            handle = os.open(each, os.O_RDONLY)
-            # What a full disk did not take of a file may be known only now.
+        for file in (beside, *beside.glob("*")):
+            handle = os.open(file, os.O_RDONLY)
+            # A full disk may be reported only now.
             os.fsync(handle)
             os.close(handle)
         os.replace(beside, path)
@@ -215,13 +215,13 @@ def write_whole(path: Path, content: bytes) -> None:
 def write_arrays(path: Path, **arrays: Any) -> None:
     """Write arrays to an ``.npz`` file, compressed, all of it or nothing."""
     content = io.BytesIO()
-    # A ZIP file on a disk that is full says more than once that it cannot be closed.
+    # Written to memory first: on a full disk closing a ZIP file raises repeatedly.
     np.savez_compressed(content, **arrays)
     write_whole(path, content.getvalue())
 
 
 def refusal(what: str, problem: OSError) -> InputError:
-    """Return the error that says what cannot be done, for which reason, and what would help."""
+    """Return the error on a failed operation, with its reason and advice."""
     full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
     advice = "make room there, or name another" if full else "name another"
     return InputError(f"{what} ({problem.strerror or problem}); {advice}")
@@ -237,7 +237,7 @@ def _plain(value: Any) -> Any:
 
 @cache
 def _commit() -> str | None:
-    """Return the commit of the checkout this lies in; a repository around an installed isorod is another's."""
+    """Return the commit of this checkout, None for an installed isorod, whatever repository is around it."""
     checkout = Path(__file__).parents[3]
     if not (checkout / ".git").exists():
         return None
@@ -261,14 +261,14 @@ def _processor() -> str:
 
 
 def row(values: Sequence[str]) -> bytes:
-    """Return a line of comma-separated values, in which no name is a formula for programs that calculate."""
+    """Return a line of comma-separated values without formulas for spreadsheet programs."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow([_no_formula(one) for one in values])
     return text.getvalue().encode()
 
 
 def _no_formula(value: str) -> str:
-    """Return a value that begins as a formula does, but is no number, with an apostrophe before it."""
+    """Return a value, with an apostrophe before it if it begins like a formula and is no number."""
     if value[:1] not in ("=", "+", "-", "@", "\t", "\r") or not value:
         return value
     try:

@@ -1,4 +1,4 @@
-"""By how much sections of rods turn: the rotation nearest to how their points move, whole turns counted."""
+"""Rotations of sections: the best fit to the motion of their points (Kabsch), with full turns counted."""
 
 import warnings
 
@@ -7,21 +7,23 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.geometry.disk import circle
 from isorod.model.mean import MeanSupport, turns_about
 from isorod.model.model import Model
 from isorod.model.support import Support
+from isorod.space.space import Space
 from isorod.tensors import rotation
 
-# A section that turns by more than this against its neighbour may have turned the other way.
+# A section that rotates by more than this relative to its neighbour may have rotated in the other sense.
 APART = 0.5 * np.pi
 
-# A half turn about an axis across leaves no turn about an axis: this share of a unit quaternion must be left.
+# A half turn about a perpendicular axis leaves none about the axis: least norm of the quaternion's part along it.
 _SEEN = 0.2
 
-# Sections looked at an element, and places round each.
-_SECTIONS, _AROUND = 8, 8
+# Sections in each element, and points round each.
+_SECTIONS, AROUND = 8, 8
 
-# What has turned more than half a turn and is this near to whole turns, radians, has no axis of its own.
+# Beyond half a turn, a rotation this near to full turns, radians, does not determine its axis.
 _WHOLE = 0.1
 
 
@@ -30,10 +32,10 @@ def of_section(
 ) -> Array:
     """Return the mean rotation of a section, radians: its vector ``(3,)``, or the angle about an axis.
 
-    About an axis it is the rotation of `isorod.model.mean.MeanSupport`, of any size; its vector is that of the rotation
-    that is nearest to how the section's points move (Kabsch), for small ones ``J^-1 int r x u dA`` too.  Whole turns
-    are counted from a held end whose turn is known, on along the rod; where no end is, from the end that has turned by
-    less, up to half a turn.  Where they cannot be followed a warning says so.
+    About an axis it is the rotation of `isorod.model.mean.MeanSupport`, of any size; the vector is that of the best fit
+    to the motion of the section's points (Kabsch), for small ones ``J^-1 int r x u dA`` too.  Full turns are counted
+    along the rod from a clamped end, whose rotation is known; without one, from the end that has rotated less, up to
+    half a turn.  A warning says if they cannot be followed.
 
     Parameters
     ----------
@@ -52,9 +54,9 @@ def of_section(
     path = _path(model, nodal, body, u, factor)
     if about is None:
         size = float(np.linalg.norm(mean))
-        wound = sum((vector(one) for one in steps(path)), np.zeros(3))
-        if np.linalg.norm(wound) > np.pi and size < _WHOLE:
-            axis = wound / np.linalg.norm(wound)
+        total = sum((vector(step) for step in steps(path)), np.zeros(3))
+        if np.linalg.norm(total) > np.pi and size < _WHOLE:
+            axis = total / np.linalg.norm(total)
         else:
             axis = mean / size if size else np.array([0.0, 0.0, 1.0])
         return mean + axis * _turns(followed(path, axis) - float(mean @ axis))
@@ -62,14 +64,14 @@ def of_section(
 
 
 def of_points(arms: Array, now: Array, weights: Array, about: Array | None) -> Array:
-    """Return the mean rotation of places from their middle, ``(q, 3)``, as `of_section`, up to half a turn."""
+    """Return the mean rotation of points relative to their centre, ``(q, 3)``, as `of_section`, up to half a turn."""
     if about is not None:
         return np.asarray(turns_about(arms, now, weights, about[None])[0])
     return vector(nearest(arms[None], (weights[:, None] * now)[None])[0])
 
 
 def _turns(difference: float) -> float:
-    """Return the whole turns, radians, that are nearest to an angle."""
+    """Return the multiple of a full turn, radians, nearest to an angle."""
     if np.isnan(difference):
         warnings.warn("rotation: whole turns cannot be followed along the rod, and are left out", stacklevel=5)
         return 0.0
@@ -77,14 +79,10 @@ def _turns(difference: float) -> float:
 
 
 def _path(model: Model, nodal: Array, body: int, u: float, factor: float) -> Array:
-    """Return rotations ``(t, 3, 3)`` from none, by the turn of an end's support, along the rod to a section."""
+    """Return rotations ``(t, 3, 3)`` from zero to that of an end's support, and along the rod to a section."""
     space = model.bodies[body].space
-    breaks = space.axis.breaks
-    share = np.arange(_SECTIONS) / _SECTIONS
-    along = np.append((breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel(), breaks[-1])
-    ends = _ends(model, body, factor)
-    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-    xi = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    along, ends = sections(space), _ends(model, body, factor)
+    xi = circle(AROUND)
 
     def turned(where: Array) -> Array:
         rest = space.rod.grid(xi, where)[0]
@@ -92,51 +90,63 @@ def _path(model: Model, nodal: Array, body: int, u: float, factor: float) -> Arr
         return nearest(*(one - one.mean(axis=1, keepdims=True) for one in arms))
 
     if not ends:
-        # Of what is held elsewhere, or nowhere, the end that has turned by less.
-        first, last = (vector(one) for one in turned(breaks[[0, -1]]))
+        # Without a clamped end, the end that has rotated less.
+        first, last = (vector(one) for one in turned(along[[0, -1]]))
         ends = {0: first} if np.linalg.norm(first) <= np.linalg.norm(last) else {-1: last}
     side, turn = next(iter(ends.items()))
-    way = np.append(along[along < u], u) if side == 0 else np.append(along[along > u], u)
+    path = np.append(along[along < u], u) if side == 0 else np.append(along[along > u], u)
     if side:
-        way = np.append(way[-2::-1], u)
+        path = np.append(path[-2::-1], u)
     count = 2 + int(4.0 * np.linalg.norm(turn) / APART)
-    return np.concatenate([[rotation(f * turn) for f in np.linspace(0.0, 1.0, count)], turned(way)])
+    return np.concatenate([[rotation(f * turn) for f in np.linspace(0.0, 1.0, count)], turned(path)])
 
 
 def _ends(model: Model, body: int, factor: float) -> dict[int, Array]:
-    """Return by how much supports turn the ends of a body that they hold whole: at its start by 0, at its end by -1."""
-    space, found = model.bodies[body].space, {}
+    """Return the rotations of clamped ends of a body by their supports: the start by key 0, the end by -1."""
+    space, rotations = model.bodies[body].space, {}
     for support, motion in zip(model.supports, model.motions, strict=True):
-        if support.body != body or not isinstance(support, Support) or space.rod.closed:
-            continue
-        layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
-        whole = {*support.components, *support.tied} == {*"xyz"} and (count == space.layer_nodes).all()
-        if whole and layers.size == 1 and layers[0] in (0, space.layers - 1):
+        if support.body == body and (layer := clamped_layer(space, support)) is not None:
             begin, end = motion.during
-            share = np.clip((factor - begin) / (end - begin), 0.0, 1.0)
-            found[0 if layers[0] == 0 else -1] = share * motion.turn
-    return found
+            fraction = np.clip((factor - begin) / (end - begin), 0.0, 1.0)
+            rotations[0 if layer == 0 else -1] = fraction * motion.turn
+    return rotations
+
+
+def clamped_layer(space: Space, support: Support | MeanSupport) -> int | None:
+    """Return the layer of the end face that a support clamps, None if it does not clamp one."""
+    if not isinstance(support, Support) or space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
+        return None
+    layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
+    clamped = layers.size == 1 and count[0] == space.layer_nodes and layers[0] in (0, space.layers - 1)
+    return int(layers[0]) if clamped else None
+
+
+def sections(space: Space) -> Array:
+    """Return axis parameters ``(t,)`` at which the rotation of sections is followed, with both ends."""
+    breaks = space.axis.breaks
+    fractions = np.arange(_SECTIONS) / _SECTIONS
+    return np.append((breaks[:-1, None] + fractions * np.diff(breaks)[:, None]).ravel(), breaks[-1])
 
 
 def direction(name: str, given: ArrayLike) -> Array:
     """Return the unit vector ``(3,)`` of a direction of any length; raises `InputError`."""
-    found = np.asarray(given, dtype=float)
-    size = float(np.linalg.norm(found))
-    if found.shape != (3,) or not np.isfinite(size) or not size > 0.0:
-        raise InputError(f"{name}: got {found.tolist()}, need three numbers that are not all zero")
-    return np.asarray(found / size)
+    vector = np.asarray(given, dtype=float)
+    size = float(np.linalg.norm(vector))
+    if vector.shape != (3,) or not np.isfinite(size) or not size > 0.0:
+        raise InputError(f"{name}: got {vector.tolist()}, need three numbers that are not all zero")
+    return np.asarray(vector / size)
 
 
 def vector(turned: Array) -> Array:
     """Return the vector ``(3,)`` of a rotation ``(3, 3)``, up to half a turn."""
-    # Half a turn is where others lose digits.
+    # SciPy keeps its digits near half a turn.
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(turned).as_rotvec())
 
 
 def nearest(before: Array, after: Array) -> Array:
-    """Return the rotations nearest to what takes places ``(t, q, 3)`` to others, shape ``(t, 3, 3)`` (Kabsch)."""
+    """Return the rotations ``(t, 3, 3)`` that fit best points ``(t, q, 3)`` before to those after (Kabsch)."""
     left, _, right = np.linalg.svd(np.einsum("tqa,tqb->tab", after, before))
     left[..., 2] *= np.linalg.det(left @ right)[:, None]
     return np.asarray(left @ right)
@@ -148,25 +158,25 @@ def angles(rotations: Array) -> Array:
 
 
 def steps(rotations: Array) -> Array:
-    """Return what takes each rotation to the next."""
+    """Return the relative rotation of each to the next."""
     return np.asarray(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
 
 
 def followed(rotations: Array, axis: Array) -> float:
-    """Return the angle about an axis by which rotations along a path turn in all, NaN where it cannot be followed."""
-    each = steps(rotations)
-    if angles(each).max() > APART:
+    """Return the total angle about an axis of rotations along a path, NaN where it cannot be followed."""
+    relative = steps(rotations)
+    if angles(relative).max() > APART:
         return np.nan
-    # As quaternions, the real part of a small step first.
-    real = 0.5 * np.sqrt(1.0 + np.trace(each, axis1=1, axis2=2))
-    skew = each - each.swapaxes(1, 2)
+    # Quaternions of the relative rotations, real part first.
+    real = 0.5 * np.sqrt(1.0 + np.trace(relative, axis1=1, axis2=2))
+    skew = relative - relative.swapaxes(1, 2)
     rest = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / (4.0 * real[:, None])
     w, v = 1.0, np.zeros(3)
     path = [(w, 0.0)]
     for a, b in zip(real, rest, strict=True):
         w, v = a * w - b @ v, a * v + w * b + np.cross(b, v)
         path.append((w, float(v @ axis)))
-    seen = np.array(path)
-    if np.linalg.norm(seen, axis=1).min() < _SEEN:
+    components = np.array(path)
+    if np.linalg.norm(components, axis=1).min() < _SEEN:
         return np.nan
-    return 2.0 * float(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))[-1])
+    return 2.0 * float(np.unwrap(np.arctan2(components[:, 1], components[:, 0]))[-1])

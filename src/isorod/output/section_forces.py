@@ -1,4 +1,4 @@
-"""Forces and moments that a rod carries through its sections, from the stress."""
+"""Section forces and moments of a rod, from the stress."""
 
 from dataclasses import dataclass
 
@@ -16,18 +16,17 @@ from isorod.model.body import Body
 from isorod.output.stress import first_piola
 from isorod.tensors import determinant
 
-# Elements that are evaluated at a time: memory stays small.
+# Elements evaluated at a time, to limit memory.
 _CHUNK = 32
 
 
 @dataclass(frozen=True, eq=False)
 class SectionForces:
-    """What goes through sections of a rod: the action of what lies beyond (greater ``u``) on what lies before.
+    """Forces and moments in sections of a rod: the action of the part beyond (greater ``u``) on the part before.
 
-    The directions of a section are its normal, which points to greater ``u``, and two in the section: the first where
-    the disk's first axis ``xi_1`` points in the mean, the second normal to both; they move with the section.  At the
-    end of a rod force and moment are those that support or load exert there, at its start those of the support with
-    the opposite sign.
+    The directions of a section are its normal, towards greater ``u``, and two in the section: the first along the mean
+    direction of the disk's axis ``xi_1``, the second normal to both; they move with the section.  At the end of a rod
+    force and moment are those of support or load there, at its start those of the support with the opposite sign.
 
     Attributes
     ----------
@@ -74,14 +73,14 @@ class SectionForces:
 
 
 def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: ArrayLike | None) -> SectionForces:
-    """Return what goes through sections at axis parameters ``u``, of any shape; at a knot the element above is meant.
+    """Return section forces at axis parameters ``u``, of any shape; at a knot those of the element above.
 
-    Of a slender rod's stress at a single section little more than its bending is right: the axial strain is a small
-    difference of large terms.  So the first Piola-Kirchhoff stress is integrated over the rod too, with the space's own
+    Of a slender rod's stress in a single section little more than its bending is accurate: the axial strain is a small
+    difference of large terms.  So the first Piola-Kirchhoff stress is integrated along the rod too, with the space's
     functions and quadrature: the nodal forces of the layers from the ``k``-th on add up to the mean of
-    ``int P N dA`` with the weight ``psi_k'(u)``, ``psi_k = sum_{j >= k} R_j``, and these means are in balance with
-    supports and loads to the last digit.  Forces here are the splines of one degree less than the displacement that
-    have these means; moments likewise.  Where a support or a load at a single section lets them jump, splines smear it.
+    ``int P N dA`` with the weight ``psi_k'(u)``, ``psi_k = sum_{j >= k} R_j``, and these means balance supports and
+    loads to round-off.  Forces here are the splines of one degree less than the displacement that have these means;
+    moments likewise.  Jumps at supports or loads in a single section are smeared by the splines.
 
     Parameters
     ----------
@@ -91,10 +90,10 @@ def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: 
         As for `isorod.output.stress.first_piola`.
     """
     space, where = body.space, u.ravel()
-    # The stress of a linear elastic law balances in the places at rest.
+    # The stress of a small-strain law balances in the positions at rest.
     moved = nodal if Laws.of(body.laws).objective else np.zeros_like(nodal)
     table = space.tabulate(0, 1)
-    # The weights on the disk, but for a factor.
+    # The quadrature weights on the disk, up to a factor.
     area = table.weights[0, 0] * determinant(table.inverse[0, 0])
     rest, jacobian = space.rod.grid(table.xi, where)
     change, F = space.displacement(moved, table.xi, where)
@@ -109,8 +108,8 @@ def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: 
     centres = np.einsum("q,ql,jla->ja", area / area.sum(), table.section[:, 2], places)
     force, about_origin = _recovered(space.axis, means, centres, where)
     moment = about_origin - np.cross(centroid - origin, force)
-    found = force, moment, centroid, frames(F @ jacobian, area)
-    return SectionForces(*(one.reshape(*u.shape, *one.shape[1:]) for one in found))
+    fields = force, moment, centroid, frames(F @ jacobian, area)
+    return SectionForces(*(field.reshape(*u.shape, *field.shape[1:]) for field in fields))
 
 
 def _nodal_forces(body: Body, nodal: Array, factor: float, pressure: ArrayLike | None) -> Array:
@@ -124,19 +123,20 @@ def _nodal_forces(body: Body, nodal: Array, factor: float, pressure: ArrayLike |
         pull = stress.reshape(table.inverse.shape) @ table.inverse.swapaxes(-1, -2) * table.weights[..., None, None]
         plane = np.einsum("etqad,qdl->etla", pull[..., :2], table.section[:, :2])
         along = np.einsum("etqa,ql->etla", pull[..., 2], table.section[:, 2])
-        own = np.einsum("etj,etla->ejla", table.axial, plane) + np.einsum("etj,etla->ejla", table.slopes, along)
+        by_element = np.einsum("etj,etla->ejla", table.axial, plane) + np.einsum("etj,etla->ejla", table.slopes, along)
         first = axis.first_function[begin : begin + table.elements]
-        np.add.at(forces, first[:, None] + np.arange(axis.degree + 1), own)
+        np.add.at(forces, first[:, None] + np.arange(axis.degree + 1), by_element)
     return forces
 
 
 def _recovered(axis: Axis, means: tuple[Array, Array], centres: Array, u: Array) -> tuple[Array, Array]:
-    """Return splines at ``u`` ``(t,)``, force and moment about the origin, that have the means given.
+    """Return splines at ``u`` ``(t,)``, force and moment about the origin, with the given means.
 
-    The sum of the nodal forces' moments is that of the work on a rotation of the layers beyond, whose places
-    ``sum_{j >= k} R_j x_j`` are not quite ``psi_k x``: what loads along the rod, ``-f'``, do there is taken off.
+    The moment of the nodal forces is their virtual work in a rotation of the layers beyond, whose positions
+    ``sum_{j >= k} R_j x_j`` are not exactly ``psi_k x``: the work of distributed loads ``-f'`` on the difference is
+    subtracted.
     """
-    # Rational functions want more points than splines.
+    # Rational functions need more quadrature points than splines.
     points, weights = (one.ravel() for one in axis_points(axis, axis.degree + 6))
     first, values, slopes = axis.local(points)
     number = first[:, None] + np.arange(axis.degree)
@@ -155,22 +155,22 @@ def _recovered(axis: Axis, means: tuple[Array, Array], centres: Array, u: Array)
 
     begin, local, _ = bspline.table(axis.knots[1:-1], axis.degree - 1, u)
     both = np.concatenate([force, solve(moment)], axis=1)[begin[:, None] + np.arange(axis.degree)]
-    found = np.einsum("tk,tkc->tc", local, both)
-    return found[:, :3], found[:, 3:]
+    splines_at = np.einsum("tk,tkc->tc", local, both)
+    return splines_at[:, :3], splines_at[:, 3:]
 
 
 def _beyond(layers: Array) -> Array:
-    """Return the sums of the entries ``(m, ...)`` from the first, the second ... on, those of all left out."""
+    """Return the sums of the entries ``(m, ...)`` from the second, the third ... on."""
     return np.asarray(np.cumsum(layers[::-1], axis=0)[-2::-1])
 
 
-def centroids(places: Array, shares: Array) -> Array:
-    """Return the centroids ``(t, 3)`` of points ``(t, q, 3)`` with shares of area ``(t, q)``."""
-    return np.asarray(np.einsum("tq,tqa->ta", shares, places) / shares.sum(axis=1)[:, None])
+def centroids(places: Array, areas: Array) -> Array:
+    """Return the centroids ``(t, 3)`` of points ``(t, q, 3)`` with areas ``(t, q)``."""
+    return np.asarray(np.einsum("tq,tqa->ta", areas, places) / areas.sum(axis=1)[:, None])
 
 
 def normals(jacobian: Array, area: Array) -> Array:
-    """Return the normals of a section times its share of area at quadrature points, shape ``(t, q, 3)``."""
+    """Return the normals of sections times the area of quadrature points, shape ``(t, q, 3)``."""
     return np.asarray(np.cross(jacobian[..., 0], jacobian[..., 1]) * area[:, None])
 
 

@@ -1,13 +1,13 @@
-"""The outer surfaces of meshes, with the lines that are drawn upon them."""
+"""The outer surfaces of meshes, with their edges."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-# Degrees by which a surface bends where an edge is drawn.
+# Angle of a surface, degrees, from which an edge is drawn.
 _SHARP = 40.0
 
-# Points nearer to each other than this share of a face are one.
+# Distance of equal points over the size of faces.
 _CLOSE = 1e-3
 
 
@@ -17,31 +17,28 @@ class Skin(NamedTuple):
     Attributes
     ----------
     faces
-        Triangles, each piece of the mesh with points of its own.
+        Triangles, each connected part of the mesh with its own points.
     whole
-        The same with points that pieces share.
+        The same with common points of adjacent parts.
     edges
-        Where pieces end, and edges of the surface.
+        Boundaries of parts, and edges of the surface.
     """
 
     faces: Any
     whole: Any
     edges: Any
 
-    def moved(self, share: float, motion: str = "motion") -> "Skin":
-        """Return the skin moved by a share of a field."""
-        found = [one.copy() for one in self]
-        for one in found:
-            if one.n_points:
-                one.points = one.points + share * one.point_data[motion]
-        return Skin(*found)
+    def moved(self, factor: float, motion: str = "motion") -> "Skin":
+        """Return the skin moved by a factor times a field."""
+        meshes = [part.copy() for part in self]
+        for part in meshes:
+            if part.n_points:
+                part.points = part.points + factor * part.point_data[motion]
+        return Skin(*meshes)
 
 
 def skin(mesh: Any) -> Skin:
-    """Return the outer surface of a mesh; the faces between its pieces are left out.
-
-    A piece is what shares points.
-    """
+    """Return the outer surface of a mesh, without the faces between adjacent connected parts."""
     import pyvista
     from scipy.spatial import KDTree
 
@@ -49,7 +46,7 @@ def skin(mesh: Any) -> Skin:
     centres = surface.cell_centers().points
     size = np.sqrt(np.abs(surface.compute_cell_sizes(length=False, volume=False).cell_data["Area"]))
     near, _ = KDTree(centres).query(centres, k=2)
-    # Of two pieces that meet, faces lie on each other.
+    # Faces of two adjacent parts coincide.
     surface = surface.remove_cells(near[:, 1] < _CLOSE * size)
     surface = surface.triangulate()
     used, numbered = np.unique(surface.regular_faces, return_inverse=True)

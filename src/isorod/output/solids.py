@@ -1,4 +1,4 @@
-"""What states say of finite element bodies beside the rods, and these bodies as VTK's grids."""
+"""Results of finite element bodies beside the rods, and these bodies as VTK's grids."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -22,32 +22,33 @@ class WithSolids:
     solids: Sequence[Array]
 
     def solid_fields(self, solid: int) -> dict[str, Array]:
-        """Return fields of one of the model's solids by name, each ``(3 nodes,)`` of those on this rank, if known."""
+        """Return fields of a solid by name, each ``(3 nodes,)`` on this rank; empty if not known."""
         return {"displacement": self.solids[solid]} if len(self.solids) else {}
 
     def function(self, solid: int = 0) -> Any:
-        """Return the displacement of one of the model's solids as a dolfinx Function; collective."""
+        """Return the displacement of a solid as a dolfinx Function; collective."""
         number = whole_number("solid", solid, 0, len(self.model.solids) - 1)
         return self.model.solids[number].function(self.solids[number])
 
 
 def owned(model: Model, everywhere: Array) -> list[Array]:
-    """Return what this rank has of each solid's degrees of freedom, given those of all, one solid behind the other."""
-    found, first = [], 0
+    """Return the degrees of freedom of each solid on this rank, given those of all solids on all ranks."""
+    parts, first = [], 0
     for solid in model.solids:
         begin, end = (first + 3 * node for node in solid.owned)
-        found.append(np.array(everywhere[begin:end]))
+        parts.append(np.array(everywhere[begin:end]))
         first += 3 * solid.nodes
-    return found
+    return parts
 
 
-def told(solid: "Solid", name: str) -> str:
-    """Return in words what a body of a name is made of; collective."""
+def summary(solid: "Solid", name: str) -> str:
+    """Return a summary of a body: its cells, nodes, volume and law; collective."""
     from isorod.fenics.groups import described
 
-    of = described(solid)
-    made = f"{of['cells']:,} {of['kind']} of degree {of['degree']}, {of['nodes']:,} nodes, volume {solid.volume:.6g}"
-    return f"{name}, {made}, {'a form' if solid.law is None else type(solid.law).__name__}"
+    entries = described(solid)
+    cells = f"{entries['cells']:,} {entries['kind']} of degree {entries['degree']}, {entries['nodes']:,} nodes"
+    law = "a form" if solid.law is None else type(solid.law).__name__
+    return f"{name}, {cells}, volume {solid.volume:.6g}, {law}"
 
 
 def mesh_of(solid: "Solid") -> "pyvista.UnstructuredGrid":
@@ -68,16 +69,16 @@ def mesh_of(solid: "Solid") -> "pyvista.UnstructuredGrid":
 
 
 def grid(solid: "Solid", fields: Mapping[str, Array], factor: float = 1.0) -> "pyvista.UnstructuredGrid":
-    """Return the undeformed body with fields and, of a ``displacement`` where it has a law, ``von_mises``, on one rank.
+    """Return the undeformed body with fields and, with a ``displacement`` and a law, ``von_mises``, on one rank.
 
-    Stresses are those of displacement gradients that are averaged at the nodes.
+    Stresses are those of displacement gradients averaged at the nodes.
 
     Parameters
     ----------
     fields
         By name, each of shape ``(3 nodes,)``.
     factor
-        Load factor of the stress, which activation follows.
+        Load factor, which scales activation.
 
     Raises
     ------

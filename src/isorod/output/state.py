@@ -3,9 +3,9 @@
 A body is named by its number in the model, or by its `Rod`, its `Space` or the `Body` itself.  Its points are pairs of
 axis parameters ``u`` and disk points ``xi``: ``u`` is a number, ``"start"`` or ``"end"``, or an array of any shape;
 ``xi`` has the shape ``(2,)`` or ``(..., 2)`` and is the centre ``(0, 0)`` where not given; the centre of a hollow rod
-is where its inner surface is in the mean, and has a displacement but no stress.  The answer is on the grid of both: its
-shape is that of ``u``, then that of ``xi`` without its last axis, then that of one value.  At a knot the element above
-it is meant, at a radius where two rings meet the outer one.  Every rank has the whole answer, none waits for another.
+is the mean of its inner surface, and has a displacement but no stress.  Results are on the grid of both: their shape is
+that of ``u``, then that of ``xi`` without its last axis, then that of a value.  At a knot they belong to the element
+above, at a radius where two rings meet to the outer one.  Every rank has all results; no call is collective.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
 
     from isorod.output.section_forces import SectionForces
 
-# A body, by its number in the model or by what it is made of.
+# A body, by its number in the model or by itself, its space or its rod.
 Named = int | Rod | Space | Body
 
-# Of `State.stress`.
+# Kinds of `State.stress`.
 KINDS = ("cauchy", "pk1", "von Mises")
 
 
 class _Points(NamedTuple):
     """A grid of points of a body: parameters ``(t,)`` and ``(q, 2)``, and the shape in which they were given.
 
-    Where ``mean``, all ``xi`` together stand for one point, the centre of a hole.
+    If ``mean``, the mean over all ``xi`` is taken for the centre of a hole.
     """
 
     number: int
@@ -53,12 +53,12 @@ class _Points(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """Displacements of a model, and what they say of any point.
+    """Displacements of a model, evaluated at any point.
 
     Attributes
     ----------
     model
-        What was solved.
+        The model that was solved.
     displacement
         All degrees of freedom, shape ``(dofs,)``, on every rank.
     """
@@ -67,7 +67,7 @@ class Deformation:
     displacement: Array
 
     def frames(self) -> "list[tuple[float, Deformation]]":
-        """Return what there is to show, each with its time or load factor: this alone."""
+        """Return the states to show, each with its time or load factor: this one alone."""
         return [(0.0, self)]
 
     def fields(self, body: int) -> dict[str, Array]:
@@ -80,7 +80,7 @@ class Deformation:
         Raises
         ------
         InputError
-            If the body is none of the model, or a parameter is no number or outside the rod.
+            If the body is not of the model, or a parameter is no number or outside the rod.
         """
         points = self._points(body, u, xi)
         nodal = self.fields(points.number)["displacement"]
@@ -88,7 +88,7 @@ class Deformation:
         return _on_grid(moved, points)
 
     def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
-        """Return where points of a body are, shape ``(..., 3)``, moved by ``scale`` times their displacement."""
+        """Return positions of points of a body, shape ``(..., 3)``, displaced by ``scale`` times their displacement."""
         points = self._points(body, u, xi)
         expect("scale", scale, float)
         finite("scale", scale, "a finite number")
@@ -113,9 +113,9 @@ class Deformation:
         Parameters
         ----------
         count
-            Number of points, both ends among them.
+            Number of points, including both ends.
         scale
-            By how much displacements are multiplied.
+            Factor of displacements.
 
         Returns
         -------
@@ -134,17 +134,17 @@ class Deformation:
     ) -> "Image":
         """Return a picture of all bodies, which a notebook shows; its ``save("name.png")`` keeps it.
 
-        Drawn off screen by pyvista, which is loaded now; grey is the outline at rest.
+        It is drawn off screen by pyvista; the outline at rest is grey.
 
         Parameters
         ----------
         colour
-            What the colours show: ``"von Mises"`` stress or the size of the ``"displacement"``; of a mode, whose size
-            means nothing, the latter alone.
+            What the colours show: ``"von Mises"`` stress or the magnitude of the ``"displacement"``; for a mode, of
+            arbitrary amplitude, the latter alone.
         scale
-            By how much displacements are multiplied; where not given 1, of a mode so that it can be seen.
+            Factor of displacements; by default 1, for a mode one that makes it visible.
         view
-            Direction from which one looks; where not given one from which little is foreshortened.
+            Direction to the camera; by default one with little foreshortening.
         size
             Width and height, pixels.
 
@@ -155,12 +155,12 @@ class Deformation:
         """
         return next(_pictures("plot", [Moment(self)], colour, scale, view, size))
 
-    # What `plot` can show, by default the first; whether displacements are a shape alone, whose size says nothing.
+    # Colours of `plot`, the first by default; whether displacements are a mode shape of arbitrary amplitude.
     _colours: ClassVar[tuple[str, ...]] = ("displacement",)
     _shape: ClassVar[bool] = False
 
     def _scale(self, largest: float) -> float:
-        """Return by how much `plot` multiplies displacements, of which the largest is given."""
+        """Return the factor of displacements in `plot`, given the largest displacement."""
         return 1.0
 
     def _mesh(self, body: int, colour: str) -> Any:
@@ -175,15 +175,15 @@ class Deformation:
         """Return the number of a body."""
         bodies = self.model.bodies
         if isinstance(named, Rod | Space | Body):
-            found = [b for b, body in enumerate(bodies) if any(named is x for x in (body, body.space, body.space.rod))]
-            if len(found) > 1:
-                raise InputError(f"body: this {type(named).__name__} is that of bodies {found}; give the number of one")
-            if self.model.remembers and not found:
-                # Bodies with a past are others, and so are spaces with more points.
+            hits = [b for b, body in enumerate(bodies) if any(named is x for x in (body, body.space, body.space.rod))]
+            if len(hits) > 1:
+                raise InputError(f"body: this {type(named).__name__} is that of bodies {hits}; give the number of one")
+            if self.model.remembers and not hits:
+                # Bodies with a history, and their spaces with more points, are copies of those given.
                 rod = getattr(getattr(named, "space", named), "rod", None)
-                found = [b for b, body in enumerate(bodies) if body.space.rod is rod]
-            if found:
-                return found[0]
+                hits = [b for b, body in enumerate(bodies) if body.space.rod is rod]
+            if hits:
+                return hits[0]
             raise InputError(f"body: this {type(named).__name__} is that of none of the model's {len(bodies)} bodies")
         if isinstance(named, bool) or not isinstance(named, int | np.integer) or not 0 <= named < len(bodies):
             shown = f"{named!r:.40}" if isinstance(named, Real | str | None) else type(named).__name__
@@ -209,15 +209,15 @@ class Deformation:
 
 
 class Moment(NamedTuple):
-    """A frame of an animation: a state with a share of its displacement, and what is written above it."""
+    """A frame of an animation: a state, the text above it, and a factor of its displacement."""
 
     state: Deformation
     words: str = ""
-    share: float = 1.0
+    amplitude: float = 1.0
 
 
 class Animated:
-    """What moves, and can be shown so."""
+    """A result that can be animated."""
 
     def animate(
         self,
@@ -227,9 +227,9 @@ class Animated:
         view: tuple[float, float, float] | None = None,
         size: tuple[int, int] = (800, 560),
     ) -> None:
-        """Write an animated GIF: a motion or load steps one after the other, a mode as it swings.
+        """Write an animated GIF of a motion, of load steps, or of a mode over its period.
 
-        Colours, their scale and the place from which one looks are the same throughout.
+        Colour bar and camera are the same in all frames.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class Animated:
 
     @property
     def _counted(self) -> str:
-        """What the states are counted in."""
+        """The variable of the states: time or load factor."""
         return "time"
 
     def frames(self) -> Sequence[tuple[float, Deformation]]:
@@ -279,41 +279,41 @@ def _pictures(
     """Yield a picture of each moment (`Deformation.plot`)."""
     from isorod.output import picture, words
 
-    one = moments[0].state
-    shown = one._colours[0] if colour is None else colour
-    if shown not in one._colours:
-        raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, one._colours))}")
+    first = moments[0].state
+    shown = first._colours[0] if colour is None else colour
+    if shown not in first._colours:
+        raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, first._colours))}")
     if scale is not None:
         expect("scale", scale, float)
         finite("scale", scale, "a finite number")
     picture.check(view, size, what)
-    # A mode is the same in all frames.
+    # All frames of a mode have the same state.
     states = {id(moment.state): moment.state for moment in moments}
-    meshes = {key: [state._mesh(b, shown) for b in range(len(one.model.bodies))] for key, state in states.items()}
-    moved = np.concatenate([mesh.point_data["motion"] for own in meshes.values() for mesh in own])
+    meshes = {key: [state._mesh(b, shown) for b in range(len(first.model.bodies))] for key, state in states.items()}
+    moved = np.concatenate([mesh.point_data["motion"] for of_state in meshes.values() for mesh in of_state])
     largest = float(np.linalg.norm(moved, axis=1).max())
     known = [getattr(moment.state, "stress_error", None) for moment in moments]
     notes = [words.stress_error(error) if shown == "von Mises" else "" for error in known]
     frames = [picture.Frame(meshes[id(one.state)], *one[1:], note) for one, note in zip(moments, notes, strict=True)]
-    scale, title = one._scale(largest) if scale is None else scale, words.FIELDS[shown.lower().replace(" ", "_")]
-    yield from picture.draw(frames, title, scale, view, size, shape=one._shape)
+    scale, title = first._scale(largest) if scale is None else scale, words.FIELDS[shown.lower().replace(" ", "_")]
+    yield from picture.draw(frames, title, scale, view, size, shape=first._shape)
 
 
 @dataclass(frozen=True, eq=False)
 class State(Deformation):
-    """Displacements with the stresses they make.
+    """Displacements with stresses.
 
     Attributes
     ----------
     model, displacement
         As for `Deformation`.
     factor
-        Load factor of the stress, which a muscle's activation follows.
+        Load factor, which scales a muscle's activation.
     pressures
         Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty
         if no body is mixed.
     solids
-        Displacement of each solid's degrees of freedom on this rank (`function`).
+        Displacements of each solid on this rank (`function`).
     """
 
     factor: float = field(default=1.0, kw_only=True)
@@ -328,7 +328,7 @@ class State(Deformation):
         return gradient.reshape(*points.shape, 3, 3)
 
     def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), kind: str = "cauchy") -> Array:
-        """Return the stress at points of a body, that of the mixed formulation with its pressure.
+        """Return the stress at points of a body, with the pressure of the mixed formulation.
 
         Parameters
         ----------
@@ -349,19 +349,19 @@ class State(Deformation):
             raise InputError(f"stress: got kind {kind!r}, need one of {', '.join(map(repr, KINDS))}")
         points = self._points(body, u, xi)
         fields = self.fields(points.number)
-        given = points.body, fields["displacement"], points.xi, points.u, self.factor, fields.get("pressure")
+        arguments = points.body, fields["displacement"], points.xi, points.u, self.factor, fields.get("pressure")
         if kind == "von Mises":
-            return stress.von_mises(stress.cauchy(*given)).reshape(points.shape)
-        found = stress.first_piola(*given)[0] if kind == "pk1" else stress.cauchy(*given)
-        return found.reshape(*points.shape, 3, 3)
+            return stress.von_mises(stress.cauchy(*arguments)).reshape(points.shape)
+        values = stress.first_piola(*arguments)[0] if kind == "pk1" else stress.cauchy(*arguments)
+        return values.reshape(*points.shape, 3, 3)
 
     def state(self, name: str, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
-        """Return what laws with memory know at points (`isorod.output.stress.known`), shape ``(..., count)``."""
+        """Return a state variable of laws with memory at points (`isorod.output.stress.known`), ``(..., count)``."""
         from isorod.output import stress
 
         points = self._points(body, u, xi)
-        given = points.body, self.fields(points.number)["displacement"], points.xi, points.u, self.factor
-        return stress.known(*given, [name])[name].reshape(*points.shape, -1)
+        arguments = points.body, self.fields(points.number)["displacement"], points.xi, points.u, self.factor
+        return stress.known(*arguments, [name])[name].reshape(*points.shape, -1)
 
     def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
         """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.
@@ -396,5 +396,5 @@ class State(Deformation):
 
 
 def _on_grid(values: Array, points: _Points) -> Array:
-    """Return vectors ``(t, q, 3)`` in the shape in which the points were given."""
+    """Return vectors ``(t, q, 3)`` in the shape of the given points."""
     return (values.mean(axis=1) if points.mean else values).reshape(*points.shape, 3)

@@ -27,10 +27,10 @@ def first_piola(
     nodal
         Displacements of the body's nodes, shape ``(nodes, 3)``.
     xi, u
-        Disk points ``(q, 2)`` and axis parameters ``(t,)``; at a knot the element above it is meant, at a radius
-        where two rings meet the outer one.
+        Disk points ``(q, 2)`` and axis parameters ``(t,)``; a knot belongs to the element above, a radius where two
+        rings meet to the outer one.
     factor
-        Load factor, which a muscle's activation follows.
+        Load factor, which scales a muscle's activation.
     pressure
         Pressure coefficients of a body with the mixed formulation (`isorod.statics.Equilibrium.pressures`).
 
@@ -52,8 +52,8 @@ def first_piola(
         raise InputError("stress of a body with the mixed formulation: its pressure is missing")
     from isorod.material.along_rod import shear_laws, volume_change
 
-    own = body.pressures.evaluate(pressure, xi, u)
-    return shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1], F
+    p = body.pressures.evaluate(pressure, xi, u)
+    return shear_laws(laws).stress(F) + p[..., None, None] * volume_change(laws, F)[1], F
 
 
 def cauchy(
@@ -64,7 +64,7 @@ def cauchy(
     factor: float = 1.0,
     pressure: ArrayLike | None = None,
 ) -> Array:
-    """Return the Cauchy stress ``P F^T / det F``, force per current area, of what `first_piola` takes, its shape."""
+    """Return the Cauchy stress ``P F^T / det F``, force per current area, as `first_piola` does."""
     stress, F = first_piola(body, nodal, xi, u, factor, pressure)
     return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
 
@@ -72,9 +72,9 @@ def cauchy(
 def known(
     body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike, factor: float, names: Sequence[str]
 ) -> dict[str, Array]:
-    """Return parts of the state of laws with memory at a grid of points (`first_piola`), shape ``(t, q, count)`` each.
+    """Return state variables of laws with memory at a grid of points (`first_piola`), shape ``(t, q, count)`` each.
 
-    It is that of the deformation which each point has gone through, and NaN where a law has no such part.
+    They follow the history of deformation of each point, and are NaN where a law has no such variable.
     """
     _, F = body.space.displacement(nodal, xi, u)
     laws = body.laws_at(np.asarray(u, dtype=float), xi).advanced(F, factor)
@@ -82,7 +82,7 @@ def known(
 
 
 def of_six(values: Array, name: str) -> Array:
-    """Return one number of symmetric tensors ``(..., 6)``, components 00, 01, 02, 11, 12, 22, shape ``(...)``.
+    """Return a scalar of symmetric tensors ``(..., 6)``, components 00, 01, 02, 11, 12, 22, shape ``(...)``.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ def von_mises(stress: Array) -> Array:
 
 
 def component(stress: Array, name: Component, normal: Array) -> Array:
-    """Return one number of Cauchy stresses ``(..., 3, 3)``, shape ``(...)``.
+    """Return a scalar of Cauchy stresses ``(..., 3, 3)``, shape ``(...)``.
 
     Parameters
     ----------
     name
-        Which one (`Component`).
+        The scalar (`Component`).
     normal
-        Normals of the sections where the stresses are, of any length, shape ``(..., 3)``; of those that ask for one.
+        Normals of the sections, of any length, shape ``(..., 3)``; used by ``along`` and ``shear``.
     """
     if name == "von_mises":
         return von_mises(stress)

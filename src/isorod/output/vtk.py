@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     import pyvista
 
 
-# Lines that contact may add round the section, and along an element, at most.
+# Largest number of grid lines added for contact, round the section and along an element.
 _MOST = 100
 
-# Degree of curved cells in each direction, how many are along an element, and round the section at least.
+# Degree of curved cells, their number along an element, and round the section at least.
 _DEGREE, _ALONG, _ROUND = 4, 3, 8
 
-# Memory for a point with its stress, bytes.
+# Memory for each point with its stress, bytes.
 _BYTES = 900.0
 
-# Share of their range by which lines are apart.
+# Distance of grid lines over their range, at least.
 _CLOSE = 1e-6
 
 
@@ -51,26 +51,25 @@ def grid(
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, vector fields as point data, ``von_mises`` beside ``displacement``.
 
-    With ``displacement`` come the states of laws with memory by their names too, strains in VTK's order.  With a field
-    ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
-    ``mean_stress``; with ``contact_pressure`` (`isorod.statics.Equilibrium.fields`) the same on the lateral surface, by
-    linear interpolation between the points of contact, in cells that have corners at those under pressure.
+    ``displacement`` also gives state variables of laws with memory by name, strains in VTK's order.  A field
+    ``pressure``, coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), gives
+    ``mean_stress``; ``contact_pressure`` (`isorod.statics.Equilibrium.fields`) is interpolated linearly on the lateral
+    surface, in cells with corners at the contact points under pressure.
 
-    Every element, and every ring of the section, gets points of its own, so that what jumps between them is shown as
-    it is.
+    Every element and every ring of the section has its own points, so that fields may jump between them.
 
     Parameters
     ----------
     fields
-        Values at the body's nodes by name, shape ``(nodes, 3)`` each but for those two.
+        Values at the body's nodes by name, shape ``(nodes, 3)`` each but for the two pressures.
     rings, around, slices
-        Cells along the radius (one a ring at least), round the section and along an element.
+        Cells along the radius (at least one for each ring), round the section and along an element.
     factor
-        Load factor of the stress, which a muscle's activation follows.
+        Load factor, which scales a muscle's activation.
     curved
-        Make fewer cells that interpolate by polynomials of degree 4 (VTK's Lagrange hexahedra; Cauchy's stress with
-        them, ``cauchy``, six components in VTK's order): three along an element, one a ring, and eight or more round
-        the section, with edges where the outline's arcs meet.
+        Whether to make fewer cells of degree 4 (VTK's Lagrange hexahedra), with the Cauchy stress ``cauchy``, six
+        components in VTK's order: three along an element, one for each ring, and eight or more round the section, with
+        edges at the knots of the outline.
 
     Raises
     ------
@@ -81,11 +80,11 @@ def grid(
     import pyvista
 
     degree = _DEGREE if curved else 1
-    touched = fields.get("contact_pressure", np.empty((0, 5)))
+    contact = fields.get("contact_pressure", np.empty((0, 5)))
     if curved:
         angles, slices = _curved_angles(body), _ALONG * degree
     else:
-        angles = _with(np.linspace(0.0, 2.0 * np.pi, around, endpoint=False), _touched(touched, 1) % (2.0 * np.pi))
+        angles = _merged(np.linspace(0.0, 2.0 * np.pi, around, endpoint=False), _pressed(contact, 1) % (2.0 * np.pi))
     bounds = body.space.rod.rings
     xi, numbers = _disk(bounds, [degree if curved else max(1, round(rings * w)) for w in np.diff(bounds)], angles)
     axis = body.space.axis
@@ -93,10 +92,10 @@ def grid(
     for low, high in pairwise(axis.breaks):
         line = np.linspace(low, high, slices + 1)
         if not curved:
-            places = _touched(touched, 0)
+            places = _pressed(contact, 0)
             inside = np.abs(places - 0.5 * (low + high)) < (0.5 - _CLOSE) * (high - low)
-            line = _with(line, places[inside])
-        # Stay inside the element: at a knot the next one would be meant.
+            line = _merged(line, places[inside])
+        # Stay inside the element: a knot belongs to the next one.
         line[-1] -= 1e-9 * (high - low)
         lines.append(line)
     u = np.concatenate(lines)
@@ -108,7 +107,7 @@ def grid(
     mesh = pyvista.UnstructuredGrid(
         np.insert(cells, 0, cells.shape[1], axis=1).ravel(), np.full(len(cells), kind), points.reshape(-1, 3)
     )
-    # Where the points are: those of the disk, at each of the axis parameters.
+    # The points: those of the disk, at each axis parameter.
     mesh.field_data["u"], mesh.field_data["xi"] = u, xi
     pressure = fields.get("pressure")
     for name, nodal in fields.items():
@@ -130,20 +129,20 @@ def grid(
 
 
 def _states(body: Body, nodal: Array, xi: Array, u: Array, factor: float) -> dict[str, Array]:
-    """Return what laws with memory know at the points by name; of several tensors each by its number from 1."""
+    """Return state variables of laws with memory at the points by name, several tensors with numbers from 1."""
     names = list(dict.fromkeys(name for law in body.laws for name in law.states if name[0] != "_"))
-    found = {}
+    result = {}
     for name, values in (stress.known(body, nodal, xi, u, factor, names) if names else {}).items():
         flat = values.reshape(-1, values.shape[-1])
         tensors = [flat[:, k : k + 6] for k in range(0, flat.shape[1], 6)] if flat.shape[1] % 6 == 0 else [flat]
-        for number, one in enumerate(tensors, 1):
-            own = one[:, [0, 3, 5, 1, 4, 2]] if one.shape[1] == 6 else one.squeeze(axis=1)
-            found[name if len(tensors) == 1 else f"{name}_{number}"] = own
-    return found
+        for number, tensor in enumerate(tensors, 1):
+            components = tensor[:, [0, 3, 5, 1, 4, 2]] if tensor.shape[1] == 6 else tensor.squeeze(axis=1)
+            result[name if len(tensors) == 1 else f"{name}_{number}"] = components
+    return result
 
 
 def small_cells(mesh: "pyvista.UnstructuredGrid") -> "pyvista.UnstructuredGrid":
-    """Return Lagrange hexahedra of one degree as the linear ones between their points; other cells as they are."""
+    """Return a mesh of Lagrange hexahedra of one degree split into linear ones; other meshes unchanged."""
     import pyvista
 
     if not mesh.n_cells or (mesh.celltypes != pyvista.CellType.LAGRANGE_HEXAHEDRON).any():
@@ -153,21 +152,21 @@ def small_cells(mesh: "pyvista.UnstructuredGrid") -> "pyvista.UnstructuredGrid":
     lattice = np.empty(cells.shape[1], dtype=np.int64)
     lattice[_order(degree)] = np.arange(lattice.size)
     small = _windows(lattice.reshape(3 * (degree + 1,)), 1).reshape(-1, 8)[:, _order(1)]
-    found = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: cells[:, small].reshape(-1, 8)}, mesh.points)
-    for kept, given in ((found.point_data, mesh.point_data), (found.field_data, mesh.field_data)):
-        for name, values in given.items():
-            kept[name] = values
-    return found
+    split = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: cells[:, small].reshape(-1, 8)}, mesh.points)
+    for target, source in ((split.point_data, mesh.point_data), (split.field_data, mesh.field_data)):
+        for name, values in source.items():
+            target[name] = values
+    return split
 
 
 def _curved_angles(body: Body) -> Array:
-    """Return angles of points of curved cells, whose edges are where arcs of the outline or of functions meet."""
+    """Return angles of points of curved cells, whose edges are at knots of the outline or of section functions."""
     space = body.space
     if isinstance(space.basis, Graded):
         joints = space.basis.joints
     else:
-        several = isinstance(space.basis, Polyharmonic)
-        n, turn = (space.points_around, space.turn) if several else (space.rod.section_points, 0.0)
+        own_points = isinstance(space.basis, Polyharmonic)
+        n, turn = (space.points_around, space.turn) if own_points else (space.rod.section_points, 0.0)
         joints = turn + 2.0 * np.pi / n * (np.arange(n + 1) - 0.5)
     parts = _DEGREE * -(-_ROUND // (len(joints) - 1))
     return np.concatenate([np.linspace(low, high, parts, endpoint=False) for low, high in pairwise(joints)])
@@ -182,7 +181,7 @@ def _windows(lattice: Index, degree: int) -> Index:
 
 @lru_cache
 def _order(degree: int) -> Index:
-    """Return which point of the lattice ``(i, j, k)`` of a hexahedron each of VTK's is."""
+    """Return the index in the lattice ``(i, j, k)`` of a hexahedron for each point in VTK's order."""
     from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron
 
     order = 3 * [degree]
@@ -202,23 +201,23 @@ def _cells(numbers: Sequence[Index], sizes: Sequence[int], count: int, degree: i
     return np.asarray(cells.reshape(-1, (degree + 1) ** 3)[:, _order(degree)])
 
 
-def _touched(points: Array, which: int) -> Array:
-    """Return axis parameters (0) or angles (1) of points under pressure, and of those beside them."""
-    found = []
+def _pressed(points: Array, column: int) -> Array:
+    """Return axis parameters (column 0) or angles (1) of contact points under pressure and of their neighbours."""
+    result = []
     for contact in np.unique(points[:, 3]):
         rows = points[points[:, 3] == contact]
-        places, of_place = np.unique(rows[:, which].round(9), return_inverse=True)
-        near = np.unique(of_place[rows[:, 2] > 0.0][:, None] + np.array([-1, 0, 1]))
-        found.append(places[near[(near >= 0) & (near < places.size)]])
-    return np.unique(np.concatenate([np.empty(0), *found]))
+        places, of_place = np.unique(rows[:, column].round(9), return_inverse=True)
+        chosen = np.unique(of_place[rows[:, 2] > 0.0][:, None] + np.array([-1, 0, 1]))
+        result.append(places[chosen[(chosen >= 0) & (chosen < places.size)]])
+    return np.unique(np.concatenate([np.empty(0), *result]))
 
 
-def _with(lines: Array, more: Array) -> Array:
-    """Return lines and more of them, no more than there is room for, and none as good as on another."""
+def _merged(lines: Array, more: Array) -> Array:
+    """Return grid lines with a limited number of additional ones, without near duplicates."""
     more = more[:: -(-more.size // _MOST)] if more.size else more
-    found = np.unique(np.concatenate([lines, more]))
-    apart = np.diff(found) > 0.5 * _CLOSE * (found[-1] - found[0])
-    return found[np.concatenate([[True], apart])]
+    merged = np.unique(np.concatenate([lines, more]))
+    apart = np.diff(merged) > 0.5 * _CLOSE * (merged[-1] - merged[0])
+    return merged[np.concatenate([[True], apart])]
 
 
 def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
@@ -228,7 +227,7 @@ def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
     """
     from scipy.interpolate import RegularGridInterpolator
 
-    found = np.zeros((u.size, len(xi)))
+    total = np.zeros((u.size, len(xi)))
     for contact in np.unique(points[:, 3]):
         rows = points[points[:, 3] == contact]
         on = np.flatnonzero(np.abs(np.linalg.norm(xi, axis=1) - rows[0, 4]) < 1e-9)
@@ -237,37 +236,37 @@ def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
         turns, of_turn = np.unique(rows[:, 1].round(9), return_inverse=True)
         values = np.zeros((places.size, turns.size))
         values[of_place, of_turn] = rows[:, 2]
-        # Once round and a little more.
+        # Periodic round the section.
         turns = np.concatenate([[turns[-1] - 2.0 * np.pi], turns, [turns[0] + 2.0 * np.pi]])
         values = np.concatenate([values[:, -1:], values, values[:, :1]], axis=1)
         if places.size == 1:
             places, values = places + np.array([-1e-9, 1e-9]), np.repeat(values, 2, axis=0)
-        seen = RegularGridInterpolator((places, turns), values, bounds_error=False, fill_value=0.0)
-        where = turns[0] + (angles - turns[0]) % (2.0 * np.pi)
-        found[:, on] += seen(tuple(np.meshgrid(u, where, indexing="ij")))
-    return found
+        interpolated = RegularGridInterpolator((places, turns), values, bounds_error=False, fill_value=0.0)
+        wrapped = turns[0] + (angles - turns[0]) % (2.0 * np.pi)
+        total[:, on] += interpolated(tuple(np.meshgrid(u, wrapped, indexing="ij")))
+    return total
 
 
 def content(mesh: "pyvista.UnstructuredGrid") -> bytes:
-    """Return what the ``.vtu`` file of a mesh holds."""
+    """Return the content of the ``.vtu`` file of a mesh."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(mesh)
-    # To memory: of a disk that is full the writer says nothing, or dies.
+    # To memory: on a full disk the writer reports nothing, or crashes.
     writer.WriteToOutputStringOn()
     writer.Write()
     return str(writer.GetOutputString()).encode()
 
 
 def _disk(bounds: Sequence[float], parts: Sequence[int], angle: Array) -> tuple[Array, list[Index]]:
-    """Return points of the rings of the disk, and their numbers ``(radii, angles)`` ring by ring; one is its centre."""
+    """Return points of the rings of the disk, and their numbers ``(radii, angles)`` for each ring."""
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     points: list[Array] = []
     numbers = []
     count = 0
     for (inner, outer), n in zip(pairwise(bounds), parts, strict=True):
-        # Stay inside the ring: where two meet the outer one would be meant.
+        # Stay inside the ring: a common radius belongs to the outer one.
         radius = np.linspace(inner, outer if outer == bounds[-1] else outer * (1.0 - 1e-9), n + 1)
         centre = [np.zeros((1, 2))] if inner == 0.0 else []
         points += [*centre, (radius[len(centre) :, None, None] * circle).reshape(-1, 2)]

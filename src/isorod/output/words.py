@@ -1,20 +1,20 @@
-"""Numbers as people read them, and words by which they ask."""
+"""Formatted numbers, and names of components, fields and cells."""
 
 from typing import Literal
 
-# Kinds of cells in files: what suits a body, those of degree 4 (`isorod.output.vtk.grid`), many small linear ones.
+# Kinds of cells in files: chosen for the body, of degree 4 (`isorod.output.vtk.grid`), many small linear ones.
 CELLS = "auto", "curved", "linear"
 
-# Of Cauchy's stress: von Mises, the largest and the smallest principal stress, components in space, and through the
-# section: normal to it, and the size of the shear in it.
+# Scalars of Cauchy's stress: von Mises, largest and smallest principal stress, components in space, and those on the
+# section: normal stress, and magnitude of the shear stress.
 Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "zz", "xy", "yz", "xz", "along", "shear"]
 
 
-# Of the strains that laws with memory know: ``sqrt(2/3 e:e)``, and components in space at rest.
+# Scalars of strains of laws with memory: ``sqrt(2/3 e:e)``, and components in space at rest.
 StateComponent = Literal["equivalent", "xx", "yy", "zz", "xy", "yz", "xz"]
 
 
-# What fields are called where they are drawn, and in which unit they are.
+# Titles of fields in pictures, with units.
 FIELDS = {
     "von_mises": "von Mises stress\n(unit of E)",
     "cauchy": "Cauchy stress\n(unit of E)",
@@ -27,28 +27,28 @@ FIELDS = {
     "dissipated": "dissipated energy\n(unit of E)",
 }
 
-# Where files keep the estimate, as records do.
+# Name of the estimate in files and records.
 STRESS_ERROR = "stress_error_estimate"
 
 
-# Relative errors below this are rounding.
+# Relative errors below this are round-off.
 _NO_ERROR = 1e-10
 
 
 def percent(error: float) -> str:
-    """Return an estimate of an error, to one digit, rounding as 0."""
+    """Return an estimate of an error, to one digit; 0 at round-off."""
     if abs(error) < _NO_ERROR:
         return "0 %"
     return f"{float(f'{100.0 * error:.1g}'):g} %"
 
 
 def stress_error(error: float | None) -> str:
-    """Return what stands with pictures of stresses: their error (`isorod.checks.stresses`), or that none is known."""
+    """Return the note on pictures of stresses: their estimated error (`isorod.checks.stresses`), if known."""
     return f"stress error {'not estimated' if error is None else f'about {percent(error)}'}"
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words: milliseconds, seconds, minutes or hours."""
+    """Return a formatted time: milliseconds, seconds, minutes or hours."""
     if seconds < 1.0:
         return f"{1e3 * seconds:.3g} ms"
     if seconds < 60.0:

@@ -20,7 +20,7 @@ from isorod.errors import InputError, whole_number
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model, unmoved
 from isorod.model.times import until
-from isorod.output.progress import Teller
+from isorod.output.progress import Reporter
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics import stability
@@ -200,7 +200,7 @@ def _solve(
     if assembler.contact is not None and start_at is not None:
         # The matrix includes the entries of the contacts there.
         assembler.contact.tangent(np.pad(start_at, (0, assembler.contact.beyond.size)))
-    solver, display, writer = Newton(assembler, loose), Teller(), None
+    solver, display, writer = Newton(assembler, loose), Reporter(), None
     if progress and assembler.comm.getRank() == 0:
         solver.report = display
     try:
