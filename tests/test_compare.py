@@ -219,7 +219,7 @@ def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
         (["compare", "none.toml"], "isorod: none.toml: "),
         (
             ["compare", "moves.toml"],
-            "isorod: moves.toml:12: analysis: integrator: finite elements take isorod's implicit steps; say integrator "
+            "isorod: moves.toml:12: analysis: integrator: finite elements take isorod's implicit steps; set integrator "
             '= "implicit" and time_step = ',
         ),
         (["spring", "--ranks", "2"], "comparisons: --ranks 2: only compare takes ranks (see"),

@@ -39,7 +39,7 @@ def assembled(
     model
         Rods, bodies, ties.
     bodies
-        What the file says of the bodies.
+        Of the file's bodies.
     names
         Of the rods.
     cuts
