@@ -173,13 +173,13 @@ class Comparison:
         names = [*self.what.scene.units]
         meshes = self._meshes()
         finest = meshes[-1]
-        found = [quantities.values(one.record, names) for one in meshes]
-        reference = quantities.converged([1.0 / one.level for one in meshes], found)
+        values = [quantities.values(one.record, names) for one in meshes]
+        reference = quantities.converged([1.0 / one.level for one in meshes], values)
         scene = self.what.scene
         stresses = list(scene.stresses)
         judge = distance.Judge(reference, finest.sample, names, stresses)
-        said = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
-        self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
+        entry = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
+        self._record("scene", entry | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
         self._record("converged", {"quantities": [vars(one) for one in reference], "degree": self.what.degree})
         for one in meshes:
             own = judge.of_mesh(one.record, one.sample)
@@ -195,37 +195,37 @@ class Comparison:
 
     def _meshes(self) -> list[_Solved]:
         """Return finite elements on nested meshes; those that are too large are left out, with a record of it."""
-        found: list[_Solved] = []
+        solved: list[_Solved] = []
         for level in LEVELS:
-            fitting, dofs = self._fitting(found, level)
+            fitting, dofs = self._fitting(solved, level)
             if fitting is None:
                 continue
             with self.steps.step(f"finite elements of degree {self.what.degree}, mesh {fitting}"):
                 try:
-                    found.append(self._mesh(fitting, dofs, self.what.degree))
+                    solved.append(self._mesh(fitting, dofs, self.what.degree))
                 except timing.Failed as problem:
-                    if len(found) < 2:
+                    if len(solved) < 2:
                         mine = problem.said.startswith(f"{self.what.word}:")
                         where = "" if mine else f"{self.what.word}: finite elements: "
                         raise InputError(where + problem.said) from None
                     self._refuse("fem", _words(fitting, self.what.degree), problem.said)
-        if len(found) < 2:
+        if len(solved) < 2:
             raise InputError(
-                f"{self.what.word}: finite elements need {found[0].record['dofs']:,} unknowns on the coarsest mesh, "
+                f"{self.what.word}: finite elements need {solved[0].record['dofs']:,} unknowns on the coarsest mesh, "
                 f"and two meshes at least; --level full allows {MOST['full'].dofs:,}"
             )
-        return found
+        return solved
 
-    def _fitting(self, found: Sequence[_Solved], level: int) -> tuple[int | None, float]:
+    def _fitting(self, solved: Sequence[_Solved], level: int) -> tuple[int | None, float]:
         """Return the level of a mesh, or the one in its place, that is not too large, or None, and how large it is."""
-        if not found:
+        if not solved:
             return level, 0.0
-        last, most = found[-1].record, MOST[self.study.level]
+        last, most = solved[-1].record, MOST[self.study.level]
         for one in (level, INSTEAD) if level > INSTEAD else (level,):
-            finer = (one / found[-1].level) ** 3
+            finer = (one / solved[-1].level) ** 3
             dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
             # Without a second mesh there is nothing to compare with: it may be larger, and take however long it does.
-            if (dofs <= most.dofs and seconds <= most.seconds) or (len(found) < 2 and dofs <= SECOND * most.dofs):
+            if (dofs <= most.dofs and seconds <= most.seconds) or (len(solved) < 2 and dofs <= SECOND * most.dofs):
                 return one, dofs
             large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
             limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
@@ -267,12 +267,12 @@ class Comparison:
         first = self._variant(judge, Variant(DEFAULT, (), True))
         assert first is not None
         default = first.record
-        ways = variants(self.what.scene, self.what.model, default["discretisation"])
-        runs = [found for one in ways if (found := self._variant(judge, one)) is not None]
+        chosen = variants(self.what.scene, self.what.model, default["discretisation"])
+        runs = [run for one in chosen if (run := self._variant(judge, one)) is not None]
         for level in levels if self.what.model.solids else ():
             files = {one.name: body_file(self._bodies(level), one.name) for one in self.what.scene.bodies()}
-            said = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
-            self._variant(judge, Variant(f"bodies {level}", tuple(said), True), BODIES)
+            arguments = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
+            self._variant(judge, Variant(f"bodies {level}", tuple(arguments), True), BODIES)
         best = max(runs, key=lambda one: one.record["dofs"], default=first)
         if "stress" in default and best.record["dofs"] > default["dofs"]:
             own = judge.between(first.record, first.von_mises, best.record, best.von_mises)
@@ -291,9 +291,9 @@ class Comparison:
 
     def _bodies(self, level: int) -> Path:
         """Return the folder of the bodies' meshes that are cut out of finite elements'."""
-        found = self.folder / f"bodies-{level}"
-        found.mkdir(exist_ok=True)
-        return found
+        folder = self.folder / f"bodies-{level}"
+        folder.mkdir(exist_ok=True)
+        return folder
 
     def _variant(self, judge: distance.Judge, one: Variant, curve: str = "isorod") -> _Ours | None:
         file = self.folder / "ours.npz"

@@ -53,8 +53,10 @@ def table(rows: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tupl
     def error(row: Mapping[str, Any]) -> str:
         if "failure" in row:
             return str(row["failure"])
-        told = f" (finite elements tell to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
-        return f"{100 * row['error']:.2g} %{told}"
+        uncertainty = (
+            f" (finite elements tell to {100 * row['uncertainty']:.2g} %)" if row["error"] < row["told"] else ""
+        )
+        return f"{100 * row['error']:.2g} %{uncertainty}"
 
     shown: dict[str, Callable[[Any], object]] = {
         "example": itemgetter("name"),

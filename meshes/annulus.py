@@ -63,11 +63,11 @@ def _circles(circle: Array, radii: Sequence[float], rings: Sequence[int], order:
     Between two radii the circles grow by equal factors, so that in a round section all its rings have cells of one
     shape.
     """
-    found = [
+    circles = [
         inner * (outer / inner) ** (np.arange(1, order * count + 1) / (order * count))
         for (inner, outer), count in zip(pairwise(radii), rings, strict=True)
     ]
-    outward = np.concatenate(found)
+    outward = np.concatenate(circles)
     points = (outward[:, None, None] * circle).reshape(-1, 2)
     return points, np.arange(len(points)).reshape(outward.size, len(circle))
 

@@ -79,8 +79,8 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
         model = model if end_time is None else until(model, end_time)
         return _Problem(scene, model, settings, mesh, element, sets).deck()
     except InputError as problem:
-        said = ":".join(scene.named(part) for part in str(problem).split(":"))
-        raise InputError(f"{scene.name}: {said}; {_LATER}") from None
+        message = ":".join(scene.named(part) for part in str(problem).split(":"))
+        raise InputError(f"{scene.name}: {message}; {_LATER}") from None
 
 
 def check(scene: Any) -> None:
@@ -182,14 +182,14 @@ class _Problem:
         bodies = [f"solid {one.name}" for one in self.bodies]
         deck_names.once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
-        whole = deck_names.renamed(self.mesh, self.names)
+        named = deck_names.renamed(self.mesh, self.names)
         self.solids = [
             deck_solids.mesh_of(one, solid, name)
             for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
         ]
         elements = [self.element, *(map(deck_solids.element, self.bodies, self.model.solids))]
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
-        self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [whole, *self.solids], self.names)
+        self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [named, *self.solids], self.names)
         joined = [*self.pairs.ties(), *self.pairs.contacts()]
         self.said += [*self.pairs.said, *self.means.said]
         materials = [*self._materials()]
@@ -234,7 +234,7 @@ class _Problem:
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
-        words, said = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
+        words, note = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
         if self.kind != "statics" and words[0].startswith("*HYPERELASTIC"):
             # Measured of a bar: its frequency is 2 % off if it is stretched by 0.5 %, 14 % if by 5 %.
             raise InputError(
@@ -243,8 +243,8 @@ class _Problem:
             )
         if isinstance(law, Thermal):
             words = [*words, *deck_heat.expansion(law)]
-        if said:
-            self.said.append(f"{name}: {said}")
+        if note:
+            self.said.append(f"{name}: {note}")
         title = abaqus.name_of(name)
         yield from [f"*MATERIAL,NAME={title}", *words]
         if density > 0.0:
@@ -264,8 +264,8 @@ class _Problem:
                 self.said.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
             on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
-                told = ", ".join(f"{value:.6g}" for value in on)
-                self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
+                text = ", ".join(f"{value:.6g}" for value in on)
+                self.said.append(f"{self.supports[k]}: loads on its own nodes, ({text}), are in the RF of CalculiX")
         if self.swing:
             for name, node in deck_harmonic.places(self.scene, self.model, self.mesh, self.number):
                 if not node:
@@ -304,14 +304,15 @@ class _Problem:
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from [*self._boundary(factor), *loads, *self._printed()]
         if self.kind == "buckling":
-            share = self._share()
+            fraction = self._share()
             self.said.append(
-                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {share:g} "
-                f"of the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {share:g}"
+                f"load factors are those of linear buckling, by the stress of the state of rest; loads are "
+                f"{fraction:g} of the scene's, since CalculiX sees factors above 1 alone: "
+                f"multiply what it finds by {fraction:g}"
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)
-            yield from next(self._loads([share]))
+            yield from next(self._loads([fraction]))
             yield from ["*NODE FILE", "U", "*END STEP"]
         if self.kind in ("modal", "harmonic"):
             from isorod.checks.rigid_motions import moved_freely
@@ -354,12 +355,12 @@ class _Problem:
         """Return the load factors at which steps end."""
         if not self.large and self.model.times is None and not self.model.contacts:
             return [1.0]
-        found = {*self.model.stages}
+        stops = {*self.model.stages}
         for one in self.model.motions:
             parts = max(ceil(np.degrees(np.linalg.norm(one.turn)) / ANGLE - 1e-6), len(one.path) - 1)
             begin, end = one.during
-            found |= {begin + (end - begin) * k / parts for k in range(1, parts + 1)}
-        return sorted(found - {0.0})
+            stops |= {begin + (end - begin) * k / parts for k in range(1, parts + 1)}
+        return sorted(stops - {0.0})
 
     def _boundary(self, factor: float) -> Iterator[str]:
         """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""

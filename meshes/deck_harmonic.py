@@ -64,16 +64,20 @@ class Swing:
 
     def find(self) -> Iterator[str]:
         """Find how many modes it takes, and yield which measures these alone, as CalculiX has them, are off in."""
-        found = solve(self._model, **self._settings)
-        self.modes = len(found.modes.frequencies)
-        alone = found.coordinates.copy()
+        response = solve(self._model, **self._settings)
+        self.modes = len(response.modes.frequencies)
+        alone = response.coordinates.copy()
         alone[:, self.modes :] = 0.0
         with warnings.catch_warnings():
             # Of stresses, which `isorod run` tells.
             warnings.simplefilter("ignore")
-            whole, part = (self.scene.measure(one)["response"] for one in (found, replace(found, coordinates=alone)))
-        for name, one in whole.items():
-            off = np.abs(part[name]["amplitude"] - one["amplitude"]).max() / max(one["amplitude"].max(), 1e-300)
+            measured, measured_alone = (
+                self.scene.measure(one)["response"] for one in (response, replace(response, coordinates=alone))
+            )
+        for name, one in measured.items():
+            off = np.abs(measured_alone[name]["amplitude"] - one["amplitude"]).max() / max(
+                one["amplitude"].max(), 1e-300
+            )
             if off > _TOLD:
                 yield f"{name}: modes alone, which CalculiX takes, are {100.0 * off:.2g} % of the largest amplitude off"
 
@@ -105,8 +109,8 @@ class Swing:
             yield from loads
             if self.base.any():
                 size = float(np.linalg.norm(self.base))
-                way = ",".join(f"{one:.12g}" for one in 0.0 - self.base / size)
-                yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},GRAV,{size:.12g},{way}"]
+                direction = ",".join(f"{one:.12g}" for one in 0.0 - self.base / size)
+                yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},GRAV,{size:.12g},{direction}"]
             for title in printed:
                 yield from [f"*NODE PRINT,NSET={title}", "U"]
             yield "*END STEP"

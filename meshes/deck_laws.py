@@ -38,9 +38,9 @@ def elastic(law: Material) -> tuple[list[str], str]:
     waves = plane_waves(law if np.isfinite(law.lame) else law.shear)
     if np.ptp(waves, axis=0).max() > _ROUNDING * waves.max():
         raise refused(law)
-    (mu, bulk), said = _moduli(law)
+    (mu, bulk), note = _moduli(law)
     young, poisson = 9.0 * bulk * mu / (3.0 * bulk + mu), 0.5 * (3.0 * bulk - 2.0 * mu) / (3.0 * bulk + mu)
-    return ["*ELASTIC", f"{young:.12g},{poisson:.12g}"], said
+    return ["*ELASTIC", f"{young:.12g},{poisson:.12g}"], note
 
 
 def _moduli(law: Material) -> tuple[tuple[float, float], str]:
@@ -62,23 +62,23 @@ def finite(law: Material) -> tuple[list[str], str]:
         raise refused(law)
     if isinstance(law, StVenantKirchhoff):
         return elastic(law)[0], "in Abaqus *ELASTIC is linear in logarithmic strain: the same where strains are small"
-    (_, bulk), said = _moduli(law)
+    (_, bulk), note = _moduli(law)
     factor = f"{2.0 / bulk:.12g}"
     if isinstance(law, NeoHookean):
         # Under uniaxial stress 0.27 of the strain at nu = 0.3, 0.09 at 0.45.
-        near = "" if said else "stresses differ from the file's law by less than a third of the strain, 0.3 % at 1 %"
-        return ["*HYPERELASTIC,NEO HOOKE", f"{0.5 * law.mu:.12g},{factor}"], said or near
+        near = "" if note else "stresses differ from the file's law by less than a third of the strain, 0.3 % at 1 %"
+        return ["*HYPERELASTIC,NEO HOOKE", f"{0.5 * law.mu:.12g},{factor}"], note or near
     if isinstance(law, Ogden):
         terms = [one for m, a in zip(law.mu, law.alpha, strict=True) for one in (0.5 * m * a, a)]
         if len(law.mu) > _MOST:
             raise refused(law)
-        return _constants(f"OGDEN,N={len(law.mu)}", terms, factor, len(law.mu)), said or _VOLUME
+        return _constants(f"OGDEN,N={len(law.mu)}", terms, factor, len(law.mu)), note or _VOLUME
     coefficients = _polynomial(law)
     powers = max(i + j for i, j in coefficients)
     order = [(n - j, j) for n in range(1, powers + 1) for j in range(n + 1)]
     return _constants(
         f"POLYNOMIAL,N={powers}", [coefficients.get(one, 0.0) for one in order], factor, powers
-    ), said or _VOLUME
+    ), note or _VOLUME
 
 
 _VOLUME = "a change of volume J stores bulk/2 (J - 1)^2 in it, and bulk/2 (ln J)^2 by the file"
@@ -104,10 +104,10 @@ def _polynomial(law: Material) -> dict[tuple[int, int], float]:
     free = sp.expand(sp.powdenest(sp.simplify(free.subs(values)), force=True))
     if not free.is_polynomial(x, y) or free.free_symbols - {x, y}:
         raise refused(law)
-    found = {powers: float(one) for powers, one in sp.Poly(free, x, y).terms() if sum(powers)}
-    if not found or max(sum(powers) for powers in found) > _MOST:
+    terms = {powers: float(one) for powers, one in sp.Poly(free, x, y).terms() if sum(powers)}
+    if not terms or max(sum(powers) for powers in terms) > _MOST:
         raise refused(law)
-    return found
+    return terms
 
 
 def refused(law: Material) -> InputError:

@@ -41,8 +41,8 @@ class Loads:
         largest = max(float(one.max(initial=0.0)) for one in most)
         where = [np.nonzero(one > _ROUNDING * largest) for one in most]
         for factor, own in zip(stops, rods, strict=True):
-            share = self.model.share(None, factor)
-            dead = [own, *(share * forces for _, forces in self.blocks[1:])]
+            fraction = self.model.share(None, factor)
+            dead = [own, *(fraction * forces for _, forces in self.blocks[1:])]
             yield self._step(factor, [(at, one[at]) for at, one in zip(where, dead, strict=True)])
 
     def _step(self, factor: float, dead: Sequence[tuple[tuple[Index, ...], Array]]) -> Iterator[str]:

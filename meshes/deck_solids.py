@@ -59,8 +59,8 @@ def mesh_of(one: OfBody, solid: "Solid", name: str) -> Mesh:
         if kind.order == 1:
             return facets
         sides = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1)
-        found = [[between[tuple(side)] for side in row] for row in sides.tolist()]
-        return np.concatenate([facets, np.array(found, dtype=np.int64)], axis=1)
+        middles = [[between[tuple(side)] for side in row] for row in sides.tolist()]
+        return np.concatenate([facets, np.array(middles, dtype=np.int64)], axis=1)
 
     return Mesh(
         grid.shape,  # type: ignore[arg-type]
@@ -89,14 +89,14 @@ def forces(mesh: Mesh, solid: "Solid", name: str) -> Array:
     from isorod.fenics import compat
     from isorod.fenics.flags import FAST
 
-    found = np.zeros_like(mesh.points)
+    result = np.zeros_like(mesh.points)
     if solid.outer.empty():
-        return found
+        return result
     if mesh.shape == "hexahedron" and mesh.order == 2:
         raise InputError(f"{name}: loads on hexahedra of degree 2 are not written to .inp; take tetrahedra")
     vector = fem.Function(solid.space)
     compat.assemble_array(vector.x.array, compat.form(solid.outer, FAST))
     far, row = cKDTree(mesh.points).query(solid.space.tabulate_dof_coordinates())
     assert far.max() < _SAME * np.ptp(mesh.points), "nodes of dolfinx are those of the mesh"
-    found[row] = vector.x.array.reshape(-1, 3)
-    return found
+    result[row] = vector.x.array.reshape(-1, 3)
+    return result

@@ -63,18 +63,18 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     check(path)
     names = deck_names.names_of(scene, mesh)
     if path.suffix in (".msh", ".py"):
-        said: list[str] = []
-        whole = deck_names.renamed(mesh, names)
+        notes: list[str] = []
+        named = deck_names.renamed(mesh, names)
         if model is not None:
-            whole = replace(whole, faces={**whole.faces, **groups.surfaces(scene, model, mesh)})
+            named = replace(named, faces={**named.faces, **groups.surfaces(scene, model, mesh)})
             laws = {kind.name: kind.cells for kind in groups.kinds(mesh, model, names)}
-            whole = replace(whole, regions={**whole.regions, **laws})
+            named = replace(named, regions={**named.regions, **laws})
         if path.suffix == ".py":
             assert model is not None, "whoever asks for a program has a model"
-            text, said = script.write(scene, model, mesh, path)
+            text, notes = script.write(scene, model, mesh, path)
             write_whole(path, text.encode())
-        gmsh_model.write(whole, path.with_suffix(".msh"))
-        return said
+        gmsh_model.write(named, path.with_suffix(".msh"))
+        return notes
     where = dict(zip(("rod", "element", "ring"), rods.places(mesh, scene.rods()).T, strict=True))
     if path.suffix == ".vtu":
         vtu.write(mesh, path, where)
@@ -90,10 +90,10 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
 
 def _rings(where: dict[str, Index], names: deck_names.Names) -> dict[str, Index]:
     """Return the cells of each ring of rods that have several."""
-    found = {}
+    cells_of_rings = {}
     for rod in np.unique(where["rod"]):
         own = where["rod"] == rod
         rings = np.unique(where["ring"][own])
         for ring in rings if rings.size > 1 else ():
-            found[f"{names[f'rod {rod}']} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
-    return found
+            cells_of_rings[f"{names[f'rod {rod}']} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
+    return cells_of_rings

@@ -66,13 +66,13 @@ def tips(section: Plane) -> list[tuple[float, float]]:
     z = section(circle(angle))[0] @ np.array([1.0, 1j])
     ahead, behind = np.roll(z, -1) - z, z - np.roll(z, 1)
     turn = np.angle(ahead / behind) / np.abs(ahead + behind)
-    found = []
+    tips = []
     for short in (z.real.max() - z.real, z.real - z.real.min()):
         outermost = angle[short < _TIP * np.ptp(z.real)]
         first = np.exp(1j * outermost).mean()
         curved = np.exp(1j * angle[np.argmax(np.where(short < _NOSE * np.ptp(z.real), turn, -np.inf))])
-        found.append([float(np.angle(one)) for one in (first, first + curved, curved)])
-    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+        tips.append([float(np.angle(one)) for one in (first, first + curved, curved)])
+    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*tips, strict=True)]
     return [pair for k, pair in enumerate(pairs) if not any(np.allclose(pair, one, atol=_SAME) for one in pairs[:k])]
 
 
@@ -120,8 +120,8 @@ def laid_out(
     disk = _between([circle(side) for side in sides], s, t)
     inside = disk[1:-1, 1:-1]
     if inside.size:
-        wanted = _between([section(circle(side))[0] for side in sides], s, t)[1:-1, 1:-1]
-        inside[:] = _inverse(section, inside.reshape(-1, 2), wanted.reshape(-1, 2)).reshape(inside.shape)
+        targets = _between([section(circle(side))[0] for side in sides], s, t)[1:-1, 1:-1]
+        inside[:] = _inverse(section, inside.reshape(-1, 2), targets.reshape(-1, 2)).reshape(inside.shape)
     return grid(disk, order)
 
 
@@ -134,12 +134,12 @@ def _between(sides: list[Array], s: Array, t: Array) -> Array:
     return ruled + (1.0 - s) * start[:, None] + s * end[:, None] - corners
 
 
-def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
+def _inverse(section: Plane, start: Array, targets: Array) -> Array:
     """Return the points of the disk that stand at places ``(m, 2)``, by Newton's method, damped."""
-    xi, length = start, np.ptp(wanted, axis=0).max()
+    xi, length = start, np.ptp(targets, axis=0).max()
     places, slopes = section(xi)
     for _ in range(_STEPS):
-        short = wanted - places
+        short = targets - places
         gap = np.linalg.norm(short, axis=1)
         if gap.max() <= _NEAR * length:
             return xi
@@ -149,7 +149,7 @@ def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
             outside = np.linalg.norm(new, axis=1) >= 1.0
             new[outside] = xi[outside]
             places, slopes = section(new)
-            worse = outside | (np.linalg.norm(wanted - places, axis=1) > gap + _NEAR * length)
+            worse = outside | (np.linalg.norm(targets - places, axis=1) > gap + _NEAR * length)
             if not worse.any():
                 break
             step[worse] *= 0.5

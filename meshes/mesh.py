@@ -85,8 +85,8 @@ class Mesh:
 
         A cell's is shared out equally among its nodes.
         """
-        shares = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
-        return np.asarray(np.bincount(self.cells.ravel(), shares, len(self.points)), dtype=float)
+        volumes = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
+        return np.asarray(np.bincount(self.cells.ravel(), volumes, len(self.points)), dtype=float)
 
     def _cell_volumes(self) -> Array:
         where, weights = gauss(self.shape, 3 * self.order)
@@ -144,11 +144,11 @@ def lexicographic(order: int, dimension: int) -> Array:
     return np.stack([grid.ravel() for grid in reversed(grids)], axis=1)
 
 
-def match(given: Array, wanted: Array) -> Index:
+def match(given: Array, target: Array) -> Index:
     """Return ``p`` with ``given[p] == wanted`` up to rounding: the same reference nodes in another program's order."""
-    distance = np.linalg.norm(wanted[:, None, :] - given[None, :, :], axis=2)
+    distance = np.linalg.norm(target[:, None, :] - given[None, :, :], axis=2)
     order = distance.argmin(axis=1)
-    if given.shape != wanted.shape or distance[np.arange(len(order)), order].max() > 1e-6:
+    if given.shape != target.shape or distance[np.arange(len(order)), order].max() > 1e-6:
         raise ValueError("the two sets of reference nodes differ")
     return order.astype(np.int64)
 

@@ -121,7 +121,7 @@ def locking(rod: Rod) -> float:
 def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
     """Return the rod, the axis element and the ring that each cell of a mesh of `build` is in, shape ``(cells, 3)``."""
     assert mesh.parameters is not None
-    found = np.empty((len(mesh.cells), 3), dtype=np.int64)
+    result = np.empty((len(mesh.cells), 3), dtype=np.int64)
     for k, (rod, cells) in enumerate(zip(rods, mesh.regions.values(), strict=True)):
         own = mesh.parameters[mesh.cells[cells]]
         u, breaks = own[:, :, 2], rod.axis.breaks
@@ -130,7 +130,7 @@ def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
             last = np.ptp(u, axis=1, keepdims=True) > 0.5 * np.ptp(breaks)
             u = np.where(last & (u == breaks[0]), breaks[-1], u)
         radius = np.linalg.norm(own[:, :, :2], axis=2).mean(axis=1)
-        found[cells] = np.stack(
+        result[cells] = np.stack(
             [
                 np.full(len(cells), k),
                 np.searchsorted(breaks, u.mean(axis=1)) - 1,
@@ -138,15 +138,15 @@ def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
             ],
             axis=1,
         )
-    return found
+    return result
 
 
 def owners(mesh: Mesh) -> Index:
     """Return the number of the rod that each node of a mesh of `build` belongs to, shape ``(nodes,)``."""
-    found = np.empty(len(mesh.points), dtype=np.int64)
+    result = np.empty(len(mesh.points), dtype=np.int64)
     for k, cells in enumerate(mesh.regions.values()):
-        found[mesh.cells[cells]] = k
-    return found
+        result[mesh.cells[cells]] = k
+    return result
 
 
 def _mesh(rod: Rod, name: str, level: int, order: int, cells: Cells | None) -> Mesh:

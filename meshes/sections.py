@@ -154,11 +154,15 @@ def _off(rod: Rod, template: Template, radius: float, u: Array) -> float:
     a, b, c = radius * circle(angle)
     nodes = [rod.grid(xi, u)[0] for xi in (a, b, c)]
     apart, length, inside = 0.0, nodes[2] - nodes[0], nodes[0] - rod.grid([[0.0, 0.0]], u)[0]
-    for share in (0.25, 0.75):
-        functions = (1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)
+    for position in (0.25, 0.75):
+        functions = (
+            (1.0 - position) * (1.0 - 2.0 * position),
+            4.0 * position * (1.0 - position),
+            position * (2.0 * position - 1.0),
+        )
         edge = sum(function * node for function, node in zip(functions, nodes, strict=True))
         # The places on the outline amid the nodes' angles.
-        low, high = (angle[0], angle[1]) if share < 0.5 else (angle[1], angle[2])
+        low, high = (angle[0], angle[1]) if position < 0.5 else (angle[1], angle[2])
         exact, _ = rod.grid(radius * circle(0.5 * (low + high)), u)
         apart = apart + 0.5 * np.linalg.norm(np.cross(edge - exact, length), axis=2).sum(axis=1)
     area = 0.5 * np.linalg.norm(np.cross(inside, length).sum(axis=1), axis=1)

@@ -106,13 +106,13 @@ def _pull(s: Array, t: Array, back: float, front: float) -> Array:
 
     Its corners go to the angles ``back`` and ``front`` off the diameter.
     """
-    way = 0.5 * (s + 1.0)
+    fraction = 0.5 * (s + 1.0)
     low, high = -np.cos(back), np.cos(front)
-    x = low + way * (high - low)
+    x = low + fraction * (high - low)
     y = t * np.sqrt(1.0 - x * x)
     # The short sides bulge onto the circle, and the lines between them the less the farther they are away.
-    x = x + way * (np.sqrt(1.0 - (t * np.sin(front)) ** 2) - high)
-    x = x - (1.0 - way) * (np.sqrt(1.0 - (t * np.sin(back)) ** 2) + low)
+    x = x + fraction * (np.sqrt(1.0 - (t * np.sin(front)) ** 2) - high)
+    x = x - (1.0 - fraction) * (np.sqrt(1.0 - (t * np.sin(back)) ** 2) + low)
     return np.stack([x, y], axis=-1)
 
 

@@ -21,9 +21,9 @@ def _parser() -> argparse.ArgumentParser:
     several = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help=", ".join(SCENES))
     for name, scene in SCENES.items():
         form = argparse.RawDescriptionHelpFormatter
-        it = several.add_parser(name, help=name, description=inspect.getdoc(scene.build), formatter_class=form)
-        _add_options(it, scene.build)
-        it.add_argument("-o", "--output", default=f"{name}.msh", metavar="FILE.msh")
+        subparser = several.add_parser(name, help=name, description=inspect.getdoc(scene.build), formatter_class=form)
+        _add_options(subparser, scene.build)
+        subparser.add_argument("-o", "--output", default=f"{name}.msh", metavar="FILE.msh")
     return parser
 
 

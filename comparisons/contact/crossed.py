@@ -67,13 +67,13 @@ class Cylinders:
         low, high = Rod(rod.axis, points), Rod(rod.axis, points @ _ACROSS.T + [0.0, 2.0 * RADIUS, 0.0])
         angles = 2.0 * np.pi / 720 * np.arange(720)
         circle_ = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        found = []
+        bars = []
         for one, sign in ((low, 1.0), (high, -1.0)):
             height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
             reach = 1.2 * long
             patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / self.across)
-            found.append(closer(one, [patch]))
-        return found
+            bars.append(closer(one, [patch]))
+        return bars
 
     def by_push(self, share: float = 1.0) -> Model:
         """Return bars whose backs come nearer by a share of Hertz' approach."""
@@ -94,9 +94,9 @@ class Cylinders:
 
     def lowered(self, model: Model) -> Array:
         """Return displacements ``(dofs,)`` by which the upper bar has come nearer by Hertz' approach."""
-        found = np.zeros((model.dofs // 3, 3))
-        model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_control_point, 1] = -self.exact().approach
-        return found.reshape(-1)
+        displacement = np.zeros((model.dofs // 3, 3))
+        model.nodal(displacement.reshape(-1), 1)[model.bodies[1].space.is_control_point, 1] = -self.exact().approach
+        return displacement.reshape(-1)
 
     def _model(self, low: Space, high: Space, supports: Sequence[Support], loads: Sequence[SectionLoad] = ()) -> Model:
         bodies = [Body(one, LinearElastic(E, self.nu), formulation=self.formulation) for one in (low, high)]
@@ -116,17 +116,17 @@ class Cylinders:
     def hertzian(self, shares: Sequence[float], forces: Sequence[float]) -> float:
         """Return the force at Hertz' approach, of two pushes by shares of it, less what is linear in the force."""
         approach = self.exact().approach
-        given, found = np.array(shares) * approach, np.array(forces)
-        terms = np.stack([found ** (2.0 / 3.0), found], axis=1)
+        given, measured = np.array(shares) * approach, np.array(forces)
+        terms = np.stack([measured ** (2.0 / 3.0), measured], axis=1)
         return float((approach / np.linalg.solve(terms, given)[0]) ** 1.5)
 
 
 def _back(space: Space, sign: float) -> Index:
     """Return the nodes of a bar's side that looks up, or down if ``sign`` is negative."""
     height = sign * space.positions[:, 1].reshape(space.layers, -1)[0]
-    carriers = np.flatnonzero(space.basis.is_control_point)
+    control_points = np.flatnonzero(space.basis.is_control_point)
     middle = sign * float(space.rod.grid([[0.0, 0.0]], [0.5])[0][0, 0, 1])
-    chosen = carriers[height[carriers] > middle + _BACK * RADIUS]
+    chosen = control_points[height[control_points] > middle + _BACK * RADIUS]
     return np.asarray((np.arange(space.layers)[:, None] * space.layer_nodes + chosen).ravel())
 
 
@@ -155,10 +155,11 @@ def main(arguments: Sequence[str]) -> None:
         ):
             start = process_time()
             result = solve(model, begin)
-            told = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
+            differences = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
             print(
                 f"{model.bodies[0].formulation}, {across:g} wanted across, {name} ({result.cells_across:.2g} seen, "
-                f"{model.dofs} degrees of freedom): force {result.force:.4f}, {told}; {process_time() - start:.0f} s",
+                f"{model.dofs} degrees of freedom): force {result.force:.4f}, {differences}; "
+                f"{process_time() - start:.0f} s",
                 flush=True,
             )
             pushes.append(result.force)

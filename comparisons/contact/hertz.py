@@ -46,10 +46,10 @@ def gap(first: tuple[float, float], second: tuple[float, float] = (0.0, 0.0), an
     one, other = first[0] - first[1], second[0] - second[1]
     # Deviators of the two curvature tensors add up like vectors at twice the angle.
     difference = 0.5 * abs(one + other * np.exp(2j * angle))
-    found = Gap(float(0.5 * (total - difference)), float(0.5 * (total + difference)))
-    if found.flat < -1e-12 * abs(found.steep):
-        raise InputError(f"gap: the surfaces cross near the point where they touch, curvature {2.0 * found.flat:.4g}")
-    return found
+    result = Gap(float(0.5 * (total - difference)), float(0.5 * (total + difference)))
+    if result.flat < -1e-12 * abs(result.steep):
+        raise InputError(f"gap: the surfaces cross near the point where they touch, curvature {2.0 * result.flat:.4g}")
+    return result
 
 
 class PointContact(NamedTuple):

@@ -113,9 +113,9 @@ def bent(ratio: float, pull: float, size: float = 1.0) -> Bent:
     load = SectionLoad.end(space, "end", (0.0, -force, 0.0))
     model = Model([Body(space, NeoHookean(E, NU))], supports, loads=[load], contacts=[contact])
     solution = statics.solve(model, load_steps=8)
-    (found,) = solution.contacts
-    angles = np.arctan2(found.positions[:, 0], found.positions[:, 1] + ratio)
-    pressed = found.areas * found.pressure / force
+    (result,) = solution.contacts
+    angles = np.arctan2(result.positions[:, 0], result.positions[:, 1] + ratio)
+    pressed = result.areas * result.pressure / force
     return Bent(*arc_of(angles, pressed), -float(solution.reactions[0, 0]) / force)
 
 
@@ -186,8 +186,8 @@ def hauled(ratio: float, size: float = 1.0) -> Hauled:
     pull = np.array([np.cos(0.5 * WRAP), -np.sin(0.5 * WRAP), 0.0])
     grown = friction_ratio(FRICTION, WRAP)
     # Strain F / (E A) of the end that is hauled, and four fifths of that all along.
-    way = 0.8 * grown * 0.25 / ratio * (2.0 * free + WRAP * ratio) * pull
-    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(way[0], way[1], 0.0))]
+    travel = 0.8 * grown * 0.25 / ratio * (2.0 * free + WRAP * ratio) * pull
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(travel[0], travel[1], 0.0))]
     contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=FRICTION)
     model = Model([Body(space, NeoHookean(E, NU))], supports, contacts=[contact])
     solution = statics.solve(model, load_steps=2)

@@ -78,10 +78,10 @@ def line_angle() -> float:
 
 def line_load() -> float:
     """Pull the strand and return the force per length of a line of contact, far from the ends."""
-    (found,) = statics.solve(SCENE.model()).contacts
-    middle = np.abs(found.positions[:, 2] / SCENE.length - 0.5) < 0.25
+    (contact,) = statics.solve(SCENE.model()).contacts
+    middle = np.abs(contact.positions[:, 2] / SCENE.length - 0.5) < 0.25
     length = 6.0 * 0.5 * SCENE.length / np.cos(line_angle())
-    return float((found.areas * found.pressure)[middle].sum() / length)
+    return float((contact.areas * contact.pressure)[middle].sum() / length)
 
 
 def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
@@ -105,19 +105,19 @@ def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
     return Model(bodies, supports, contacts=[Contact(0, 1)])
 
 
-def measure(found: ContactResult) -> Line:
+def measure(contact: ContactResult) -> Line:
     """Return what the middle of the piece's line of contact carries; points of both sides have a part of it."""
-    middle = np.abs(found.parameters[:, 0] - 0.5) < MIDDLE
+    middle = np.abs(contact.parameters[:, 0] - 0.5) < MIDDLE
     scene, carried, moment, peak = SCENE, 0.0, 0.0, 0.0
     for body, radius, slope in ((0, scene.core_radius, 0.0), (1, scene.wire_radius, scene.lay_angle)):
-        mine = middle & (found.body == body)
-        areas, pressure = found.areas[mine], found.pressure[mine]
+        mine = middle & (contact.body == body)
+        areas, pressure = contact.areas[mine], contact.pressure[mine]
         # Of the strand, for which points stand: round a rod, areas add up to the circle by the length of its axis, half
         # of that for either side.
         length = areas.sum() / (np.pi * radius) * np.cos(slope)
         load = areas * pressure * np.cos(line_angle()) / length
         # Round the sections, to which the line is not quite normal.
-        angle = np.angle(np.exp(1j * (found.parameters[mine, 1] - np.pi * body)))
+        angle = np.angle(np.exp(1j * (contact.parameters[mine, 1] - np.pi * body)))
         carried += float(load.sum())
         moment += float(load @ (np.cos(line_angle()) * radius * angle) ** 2)
         peak = max(peak, float(pressure.max()))
@@ -128,12 +128,12 @@ def main(arguments: Sequence[str]) -> int:
     """Do what the module says."""
     if arguments:
         raise InputError(f"comparisons.contact.wire: got {arguments[0]}, takes nothing")
-    wanted = line_load()
-    print(f"line load of the strand {wanted:.2f} N/mm")
+    target = line_load()
+    print(f"line load of the strand {target:.2f} N/mm")
     push = PUSH
     for arcs in ARCS:
-        (found,) = statics.solve(piece(push, arcs)).contacts
-        line = measure(found)
+        (contact,) = statics.solve(piece(push, arcs)).contacts
+        line = measure(contact)
         record: dict[str, Any] = {
             "arcs": arcs,
             "push": push,
@@ -143,10 +143,10 @@ def main(arguments: Sequence[str]) -> int:
             "peak": line.peak,
             "peak_exact": line.exact.peak,
             "peak_error": line.peak / line.exact.peak - 1.0,
-            "cells_across": found.cells_across,
+            "cells_across": contact.cells_across,
         }
         print(results.line(record), flush=True)
-        push *= wanted / line.load
+        push *= target / line.load
     return 0
 
 

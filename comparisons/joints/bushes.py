@@ -90,8 +90,8 @@ class Spring(Scene):
     @cached_property
     def _rises(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """``z`` between which the blocks are."""
-        found = self.rod.points([[0.0, 0.0]], np.ravel(self._ends))[..., 2].ravel()
-        return (found[0], found[1]), (found[2], found[3])
+        heights = self.rod.points([[0.0, 0.0]], np.ravel(self._ends))[..., 2].ravel()
+        return (heights[0], heights[1]), (heights[2], heights[3])
 
     def place(self, along: float, points: Array) -> Array:
         """Return where points of the section are."""
@@ -124,9 +124,9 @@ class Spring(Scene):
         """Return what holds the solid."""
         return Problem(self.laws, [Held("lower"), Held("upper", self.push)])
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Found) -> Array:
         """Return the force on the upper block."""
-        return np.asarray(found.reactions[1, 2:])
+        return np.asarray(solution.reactions[1, 2:])
 
     def bush(self, k: int, radius: float) -> int:
         """Make a cylinder round a leg in gmsh's kernel; return its tag."""
@@ -135,10 +135,10 @@ class Spring(Scene):
 
     def edges(self, sizes: Sizes) -> str:
         """Return the size of gmsh's cells in blocks."""
-        found = f"{sizes.far}"
+        size = f"{sizes.far}"
         for z in np.ravel(self._rises):
-            found = f"Min({found},{sizes.near}+0.5*Sqrt((Sqrt((x-{COIL})^2+y*y)-{RADIUS})^2+(z-({z}))^2))"
-        return found
+            size = f"Min({size},{sizes.near}+0.5*Sqrt((Sqrt((x-{COIL})^2+y*y)-{RADIUS})^2+(z-({z}))^2))"
+        return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
         """Return all of it meshed as one, by gmsh: the wire is a pipe along its centre line."""

@@ -52,10 +52,10 @@ class Column(Scene):
         """Return the size of gmsh's cells."""
         ends = [z for z in self.block if self.rise[0] - 1e-9 <= z <= self.rise[1] + 1e-9]
         edge = [f"{sizes.near}+0.5*Sqrt((Sqrt(x*x+y*y)-{self.radius})^2+(z-({z}))^2)" for z in ends]
-        found = f"{sizes.far}"
+        size = f"{sizes.far}"
         for one in edge:
-            found = f"Min({found},{one})"
-        return found
+            size = f"Min({size},{one})"
+        return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
         """Return all of it meshed as one, by gmsh."""
@@ -119,9 +119,9 @@ class Tendon(Column):
         """Return what holds the solid."""
         return Problem(self.laws, [Held("bottom"), Held("hand", self.hand)])
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Found) -> Array:
         """Return the force at the hand, along and across."""
-        return np.asarray(found.reactions[1, [2, 0]])
+        return np.asarray(solution.reactions[1, [2, 0]])
 
     def held(self, block: int, space: Any) -> list[Any]:
         """Return what holds the block."""
@@ -172,9 +172,9 @@ class Screw(Column):
         """Return what holds and loads the solid."""
         return Problem(self.laws, [Held("sides")], self.pull)
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Found) -> Array:
         """Return how far the end rises."""
-        return found.moved[2:]
+        return solution.moved[2:]
 
     def held(self, block: int, space: Any) -> list[Any]:
         """Return what holds the plate."""

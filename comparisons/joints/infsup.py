@@ -116,11 +116,11 @@ class Pair(NamedTuple):
         values, trace = tied.multipliers[0].values.toarray(), tied.trace
         weights = trace.weights[:, None]
         rod, solid, fine = (side.compliance(values, weights, trace.points) for side in self.sides)
-        found = []
+        lowest = []
         for contrast in CONTRASTS:
-            seen, whole = rod / contrast + solid, fine / contrast + fine
-            found.append(float(np.sqrt(eigh(seen, whole, eigvals_only=True, subset_by_index=(0, 0))[0])))
-        return found
+            seen, full = rod / contrast + solid, fine / contrast + fine
+            lowest.append(float(np.sqrt(eigh(seen, full, eigvals_only=True, subset_by_index=(0, 0))[0])))
+        return lowest
 
 
 def ends() -> Iterator[tuple[float, Pair]]:
@@ -169,8 +169,8 @@ def main(parts: list[str]) -> None:
     for part in parts or ["end", "sleeve"]:
         for ratio, pair in ends() if part == "end" else sleeves():
             for slave in ("rod", "solid"):
-                found = " ".join(f"{one:.3f}" for one in pair.constants(slave))
-                print(f"{part:7s} size of solid to rod {ratio:6.3f}, slave {slave:5s}: {found}", flush=True)
+                text = " ".join(f"{one:.3f}" for one in pair.constants(slave))
+                print(f"{part:7s} size of solid to rod {ratio:6.3f}, slave {slave:5s}: {text}", flush=True)
 
 
 if __name__ == "__main__":

@@ -50,16 +50,16 @@ class Held(NamedTuple):
 
 def graded(marks: Array, layers: int, singular: Sequence[float]) -> Array:
     """Return breaks between marks, so many layers of cells graded to those that are singular."""
-    found = [marks]
+    ticks = [marks]
     for low, high in pairwise(marks):
         both = low in singular and high in singular
         size = (high - low) * (0.5 if both else 1.0)
         steps = size * _RATIO ** np.arange(0 if both else 1, layers + 1)
         if low in singular:
-            found.append(low + steps)
+            ticks.append(low + steps)
         if high in singular:
-            found.append(high - steps)
-    return np.unique(np.concatenate(found).round(12))
+            ticks.append(high - steps)
+    return np.unique(np.concatenate(ticks).round(12))
 
 
 class Meridian:
@@ -206,11 +206,11 @@ class Meridian:
 
     def _fixed(self, n: int) -> Array:
         """Return the degrees of freedom that are held, and that are nothing on the axis."""
-        found = [3 * np.flatnonzero(self.points[:, 0] < 1e-12) + (0 if n == 0 else 2)]
+        dofs = [3 * np.flatnonzero(self.points[:, 0] < 1e-12) + (0 if n == 0 else 2)]
         for held in self._held:
             on = np.flatnonzero(held.where(self.points.T))
-            found += [3 * on + "rtz".index(letter) for letter in held.components]
-        return np.unique(np.concatenate(found))
+            dofs += [3 * on + "rtz".index(letter) for letter in held.components]
+        return np.unique(np.concatenate(dofs))
 
 
 def _lobatto(degree: int) -> Array:
@@ -228,10 +228,10 @@ def _between(breaks: Array, nodes: Array) -> Array:
 
 def _lagrange(nodes: Array, s: Array) -> tuple[Array, Array]:
     """Return Lagrange's polynomials of nodes at points, and their slopes, shape ``(q, nodes)``."""
-    whole = legendre.legvander(nodes, len(nodes) - 1)
+    vandermonde = legendre.legvander(nodes, len(nodes) - 1)
     slopes = np.stack([legendre.Legendre.basis(k).deriv()(s) for k in range(len(nodes))], axis=1)
     values = legendre.legvander(s, len(nodes) - 1)
-    return np.linalg.solve(whole.T, values.T).T, np.linalg.solve(whole.T, slopes.T).T
+    return np.linalg.solve(vandermonde.T, values.T).T, np.linalg.solve(vandermonde.T, slopes.T).T
 
 
 AXIAL = Load(0, 0.0, 1.0, lambda r: (0.0, 0.0, 1.0 / np.pi))

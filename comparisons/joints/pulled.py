@@ -75,8 +75,8 @@ def _shear(k: float) -> float:
     # With sin kz: u_r and s_rr; with cos kz: u_z and s_rz, of opposite sign to those of `_columns`.
     matrix = np.block([[rod, -inner], [np.zeros((2, 2)), outer[:2]]])
     right = np.array([0.0, own, lam * k * own, 0.0, 0.0, 0.0])
-    found = np.linalg.solve(matrix, right)
-    return float(-(rod @ found[:2])[3])
+    solution = np.linalg.solve(matrix, right)
+    return float(-(rod @ solution[:2])[3])
 
 
 def _columns(k: float, r: float, body: int) -> Array:
@@ -141,9 +141,9 @@ def solve(
         ties=[Tie(hole, own_surface, 0.5) if slave == "solid" else Tie(own_surface, hole, 0.5)],
         solids=[solid],
     )
-    found = statics.solve(model)
-    work = float((load.nodal(space) * found.displacement.reshape(-1, 3)).sum())
-    along = [found.section_forces(0, one / LENGTH).force[2] for one in z]
+    solution = statics.solve(model)
+    work = float((load.nodal(space) * solution.displacement.reshape(-1, 3)).sum())
+    along = [solution.section_forces(0, one / LENGTH).force[2] for one in z]
     return Pulled(2.0 * work / SIZE**2, np.array(along) / SIZE, (3 * space.nodes, 3 * solid.nodes))
 
 

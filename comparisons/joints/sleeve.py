@@ -164,14 +164,14 @@ def vectors(mesh: Any, degree: int) -> Any:
 
 def pinned(space: Any, radius: float) -> list[Any]:
     """Return conditions at three points of the outer surface that hold what symmetry holds."""
-    found = []
+    conditions = []
     for letter, place in (("y", (radius, 0.0)), ("y", (-radius, 0.0)), ("x", (0.0, radius))):
         part = space.sub("xyz".index(letter))
         own, _ = compat.collapsed(part)
         at = np.array([*place, 0.0])[:, None]
         dofs = fem.locate_dofs_geometrical((part, own), lambda x, at=at: np.linalg.norm(x - at, axis=0) < 1e-9)
-        found.append(fem.dirichletbc(fem.Function(own), dofs, part))
-    return found
+        conditions.append(fem.dirichletbc(fem.Function(own), dofs, part))
+    return conditions
 
 
 def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
@@ -204,10 +204,10 @@ def solve(
         solids=[solid],
     )
     start = perf_counter()
-    found = statics.solve(model)
+    solution = statics.solve(model)
     seconds = perf_counter() - start
-    energy = found.energy(0) + solid.energy(found.solids[0], 1.0)
-    carried = found.ties[0]
+    energy = solution.energy(0) + solid.energy(solution.solids[0], 1.0)
+    carried = solution.ties[0]
     expected = problem.solution.traction(carried.points) * (1.0 if slave == "rod" else -1.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     along = np.linspace(0.0, 1.0, 21)
@@ -216,19 +216,19 @@ def solve(
     moved = problem.solution.displacement(where.reshape(-1, 3), 0).reshape(where.shape)
     return Found(
         energy=energy / AMPLITUDE**2 / stored(problem) - 1.0,
-        rod=distance(found.at(0, along, xi) / AMPLITUDE, moved),
+        rod=distance(solution.at(0, along, xi) / AMPLITUDE, moved),
         traction=distance(carried.traction / AMPLITUDE, expected),
         jump=carried.jump / (AMPLITUDE * float(np.abs(moved).max())),
         gap=carried.gap / RADIUS,
         unknowns=(3 * space.nodes, 3 * solid.nodes),
         seconds=seconds,
-        equilibrium=found,
+        equilibrium=solution,
     )
 
 
-def distance(found: Array, expected: Array) -> float:
+def distance(values: Array, expected: Array) -> float:
     """Return the relative distance of fields, in the mean of squares of points."""
-    return float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+    return float(np.linalg.norm(values - expected) / np.linalg.norm(expected))
 
 
 def stored(problem: Problem) -> float:

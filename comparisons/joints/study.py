@@ -78,15 +78,15 @@ class Work:
             mesh = scene.bricks(self.sizes) if self.shape == "hexahedron" else scene.tetrahedra(self.sizes)
 
             def one() -> Outcome:
-                found = whole.solve(mesh, scene.problem())
-                return Outcome(scene.of_whole(found), (0, found.unknowns), found.seconds)
+                solution = whole.solve(mesh, scene.problem())
+                return Outcome(scene.of_whole(solution), (0, solution.unknowns), solution.seconds)
 
             return one
         space, meshes = scene.space(**self.space), scene.blocks(self.sizes, self.shape)
 
         def coupled() -> Outcome:
-            found = scene.coupled(space, meshes)
-            return Outcome(found.values, found.unknowns, found.seconds)
+            solution = scene.coupled(space, meshes)
+            return Outcome(solution.values, solution.unknowns, solution.seconds)
 
         return coupled
 
@@ -179,21 +179,21 @@ class _Comparison:
 
     def run(self) -> None:
         """Record the converged values, all work, and the fastest of both sides within each target."""
-        found = []
+        meshes = []
         for sizes in self.subject.converged:
             with self.steps.step(f"{self.subject.name}: converged, bricks of {sizes.near:g} to {sizes.far:g}"):
-                found.append(self._measured(Work("one solid", BRICKS, sizes), 1))
-        coarse, fine = (np.array(one["values"]) for one in found)
+                meshes.append(self._measured(Work("one solid", BRICKS, sizes), 1))
+        coarse, fine = (np.array(one["values"]) for one in meshes)
         limit = 2.0 * fine - coarse
-        said = {"scene": self.subject.name, "title": self.subject.title, "names": self.subject.scene.quantities}
+        subject = {"scene": self.subject.name, "title": self.subject.title, "names": self.subject.scene.quantities}
         uncertainty = float(np.abs(fine / limit - 1.0).max())
-        self._record("converged", said | {"values": limit.tolist(), "uncertainty": uncertainty, "meshes": found})
+        self._record("converged", subject | {"values": limit.tolist(), "uncertainty": uncertainty, "meshes": meshes})
         done = []
         for work in self.subject.work:
             with self.steps.step(f"{self.subject.name}, {work.side}: {work.label}"):
                 one = self._measured(work, REPEAT)
                 one["error"] = float(np.abs(np.array(one["values"]) / limit - 1.0).max())
-                done.append((work, self._record("work", said | one)))
+                done.append((work, self._record("work", subject | one)))
         for target in TARGETS:
             with self.steps.step(f"{self.subject.name}: side by side within {100 * target:g} %"):
                 self._beside(done, target)
@@ -217,9 +217,9 @@ class _Comparison:
     def _measured(self, work: Work, repeat: int) -> dict[str, Any]:
         solve, times = work.ready(self.subject.scene), []
         for _ in range(repeat):
-            found = _once(solve)
-            times.append(found.seconds)
-            if found.seconds > LONG:
+            outcome = _once(solve)
+            times.append(outcome.seconds)
+            if outcome.seconds > LONG:
                 break
         return {
             "side": work.side,
@@ -227,8 +227,8 @@ class _Comparison:
             "shape": work.shape,
             "sizes": work.sizes._asdict(),
             "space": work.space,
-            "values": found.values.tolist(),
-            "unknowns": list(found.unknowns),
+            "values": outcome.values.tolist(),
+            "unknowns": list(outcome.unknowns),
             "seconds": min(times[1:] or times),
         }
 

@@ -97,11 +97,11 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
     try:
         gmsh.option.setNumber("General.Verbosity", 1)
         occ = gmsh.model.occ
-        whole = occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, RADIUS)
+        cylinder = occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, RADIUS)
         if hole:
-            occ.cut([(3, whole)], [(3, occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, 1.0))])
+            occ.cut([(3, cylinder)], [(3, occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, 1.0))])
         elif outline:
-            occ.fragment([(3, whole)], [(2, occ.addDisk(0, 0, HEIGHT, 1.0, 1.0))])
+            occ.fragment([(3, cylinder)], [(2, occ.addDisk(0, 0, HEIGHT, 1.0, 1.0))])
         occ.synchronize()
         groups: dict[str, list[int]] = {"held": [], "joined": [], "free": []}
         for _, one in gmsh.model.getEntities(2):
@@ -167,8 +167,8 @@ def rod_space(hole: bool, **space: Any) -> Space:
     rod = line.sweep(isorod.circle(8, 1.0))
     if hole:
         rod = choice.with_rim(rod)
-        share = HEIGHT / (HEIGHT + ROD)
-        layers = share + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
+        start = HEIGHT / (HEIGHT + ROD)
+        layers = start + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
         space.setdefault("knots", (*(np.array([0.2, 0.5]) / 12.0), *layers))
     return Space(rod, **space)
 
@@ -190,26 +190,26 @@ def solve(
     joined = SolidSurface(0, made.joined)
     tie = Tie(own, joined, _GAP) if slave == "rod" else Tie(joined, own, _GAP)
     body = Body(space, LinearElastic(E[0], _NU))
-    found, equilibria, jump, balance = {}, {}, 0.0, 0.0
+    compliances, equilibria, jump, balance = {}, {}, 0.0, 0.0
     for name in loads:
         load = Traction(EndFace(0, "end"), _scaled(LOADS[name]))
         start = perf_counter()
         one = statics.solve(Model([body], loads=[load], ties=[tie], solids=[solid]))
         seconds = perf_counter() - start
         nodal = load.nodal(space)
-        found[name] = float((nodal * one.displacement.reshape(-1, 3)).sum()) / SIZE**2
+        compliances[name] = float((nodal * one.displacement.reshape(-1, 3)).sum()) / SIZE**2
         equilibria[name] = one
         moved = np.abs(one.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
         jump = max(jump, one.ties[0].jump / moved)
         balance = max(balance, _balance(one, nodal, space, 1.0 if slave == "rod" else -1.0))
-    return Found(found, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
+    return Found(compliances, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
 
 
 def _balance(one: Any, nodal: Array, space: Space, sign: float) -> float:
     """Return how far the tie's resultants are from what balances a load, relative to force times the rod's length."""
     tie = one.ties[0]
-    carriers = space.is_control_point[:, None]
-    force = (carriers * nodal).sum(axis=0)
-    moment = np.cross(space.positions - carriers * tie.center, nodal).sum(axis=0)
+    control_points = space.is_control_point[:, None]
+    force = (control_points * nodal).sum(axis=0)
+    moment = np.cross(space.positions - control_points * tie.center, nodal).sum(axis=0)
     largest = max(np.abs(force).max() * ROD, np.abs(moment).max())
     return float(max(np.abs(sign * tie.force + force).max() * ROD, np.abs(sign * tie.moment + moment).max()) / largest)

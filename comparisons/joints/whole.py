@@ -76,8 +76,8 @@ def rectangle(half: tuple[float, float]) -> Callable[[Array], Array]:
     """
 
     def outline(angle: Array) -> Array:
-        side, way = np.divmod(angle + 0.25 * np.pi, 0.5 * np.pi)
-        along = way / (0.25 * np.pi) - 1.0
+        side, position = np.divmod(angle + 0.25 * np.pi, 0.5 * np.pi)
+        along = position / (0.25 * np.pi) - 1.0
         corner = np.stack([np.ones_like(along), along], axis=1)
         turned = np.stack([-corner[:, 1], corner[:, 0]], axis=1)
         quarter = np.mod(np.rint(side), 4)[:, None]
@@ -108,8 +108,8 @@ def section(
     angle = np.arctan2(disk.points[rim, 1], disk.points[rim, 0])
     edge = outline(angle)
     width = float(np.linalg.norm(edge - radius * disk.points[rim], axis=1).mean())
-    share = spaced((0.0, width), far, (near, None))[1:, None, None] / width
-    points = (1.0 - share) * radius * disk.points[rim] + share * edge
+    fraction = spaced((0.0, width), far, (near, None))[1:, None, None] / width
+    points = (1.0 - fraction) * radius * disk.points[rim] + fraction * edge
     number = np.concatenate([rim[None], len(disk.points) + np.arange(points[..., 0].size).reshape(-1, rim.size)])
     rest = blocks(np.concatenate([number, number[:, :1]], axis=1).T, 2)
     inner = np.repeat([True, False], [len(disk.quads), len(rest)])
@@ -130,9 +130,9 @@ def spaced(ends: tuple[float, float], far: float, near: tuple[float | None, floa
     low, high = ends
     t = np.linspace(low, high, 2001)
     size = np.full(t.size, far)
-    for small, way in zip(near, (t - low, high - t), strict=True):
+    for small, distance in zip(near, (t - low, high - t), strict=True):
         if small is not None:
-            size = np.minimum(size, small + _GROWTH * way)
+            size = np.minimum(size, small + _GROWTH * distance)
     passed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (1.0 / size[1:] + 1.0 / size[:-1]))])
     count = max(1, int(np.ceil(passed[-1] - 0.1)))
     corners = np.interp(np.linspace(0.0, passed[-1], count + 1), passed, t)

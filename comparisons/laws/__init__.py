@@ -41,12 +41,12 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
         if laws and not taken:
             raise InputError(f"--scene {scenes[0]}: {law} is compared on {', '.join(scenes_of(law))} alone")
         pairs += [(law, scene) for scene in taken]
-    found = []
+    records = []
     with study.progress(len(pairs)) as steps:
         for law, scene in pairs:
             with steps.step(f"{law}, {scene}"):
-                found.append(study.record("pair", pair(law, scene, MESHES[study.level])))
-    text = markdown(*table(found))
+                records.append(study.record("pair", pair(law, scene, MESHES[study.level])))
+    text = markdown(*table(records))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
@@ -66,15 +66,15 @@ def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
         meshes = [solve(model, one.mesh(level), "statics", load_steps=scenes.STEPS) for level in levels]
     except SolveError as problem:
         return record | {"failure": str(problem)}
-    told = [one.measure(solution) for solution in meshes]
+    measured = [one.measure(solution) for solution in meshes]
     quantities = []
     for name, value in one.measure(own).items():
-        limit = convergence.extrapolate([1.0 / level for level in levels], [found[name] for found in told])
+        limit = convergence.extrapolate([1.0 / level for level in levels], [values[name] for values in measured])
         quantities.append(
             {
                 "name": name,
                 "isorod": value,
-                "meshes": [found[name] for found in told],
+                "meshes": [values[name] for values in measured],
                 "limit": limit.value,
                 "order": limit.order,
                 "uncertainty": limit.distance / abs(limit.value),

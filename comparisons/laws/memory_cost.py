@@ -100,7 +100,7 @@ def ratios(works: dict[str, Callable[[], float]]) -> dict[str, float]:
     for _ in range(ROUNDS):
         for name, work in works.items():
             times[name].append(work())
-    least = {name: min(found) for name, found in times.items()}
+    least = {name: min(values) for name, values in times.items()}
     return {name: time / least["NeoHookean"] for name, time in least.items()}
 
 

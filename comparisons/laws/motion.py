@@ -95,13 +95,13 @@ TABLE = "motion.md"
 def run(study: Run, laws: Sequence[str] = ()) -> None:
     """Set cylinders of these laws (all where none is named) in motion; record each, and write the table too."""
     options.initialize([])
-    wanted = [(law, kind) for law in laws or LAWS for kind in KINDS if not (law in WHOLE and kind.endswith("mixed"))]
-    found = []
-    with study.progress(len(wanted)) as steps:
-        for law, kind in wanted:
+    chosen = [(law, kind) for law in laws or LAWS for kind in KINDS if not (law in WHOLE and kind.endswith("mixed"))]
+    records = []
+    with study.progress(len(chosen)) as steps:
+        for law, kind in chosen:
             with steps.step(f"{law}, {kind}"):
-                found.append(study.record("motion", moved(law, kind, STEPS[study.level])))
-    text = markdown(*table(found))
+                records.append(study.record("motion", moved(law, kind, STEPS[study.level])))
+    text = markdown(*table(records))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
@@ -176,10 +176,10 @@ def _main(arguments: Sequence[str]) -> int:
     parser.add_argument("--level", choices=LEVELS, default="full", help="quick: two hundred steps; full: ten thousand")
     parser.add_argument("--law", action="append", choices=LAWS, default=[], help="this law alone (repeat for more)")
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and table (results)")
-    found = parser.known(arguments)
-    results.check_folder(found.results)
-    study = Run("laws", found.level, results.make_folder(found.results))
-    run(study, found.law)
+    given = parser.known(arguments)
+    results.check_folder(given.results)
+    study = Run("laws", given.level, results.make_folder(given.results))
+    run(study, given.law)
     print((study.folder / TABLE).read_text(), end="")
     return 0
 

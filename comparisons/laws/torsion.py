@@ -119,10 +119,10 @@ def main() -> None:
             torque, force = taken(case.stored, stretch)
             solution = twisted(case.law, stretch)
             errors = solution.moments[1, 2] / torque - 1.0, solution.reactions[1, 2] / force - 1.0
-            told = " ".join(f"{one:.1f}" for one in newton_orders(solution.residual_norms))
+            orders = " ".join(f"{one:.1f}" for one in newton_orders(solution.residual_norms))
             print(
                 f"| {name} | {stretch:g} | {torque:.6f} | {force:.6f} | {abs(errors[0]):.1e} | {abs(errors[1]):.1e} "
-                f"| {told} |"
+                f"| {orders} |"
             )
 
 

@@ -59,9 +59,9 @@ class Converged:
         """Whether it is zero as far as the meshes tell."""
         return not np.linalg.norm(self.values) > np.linalg.norm(self.uncertainties)
 
-    def error(self, found: Sequence[float]) -> float:
+    def error(self, values: Sequence[float]) -> float:
         """Return the relative error of other values of the quantity."""
-        return self._relative(np.array(found) - self.values)
+        return self._relative(np.array(values) - self.values)
 
     def _relative(self, difference: Array) -> float:
         if self.name == FREQUENCIES:
@@ -71,24 +71,24 @@ class Converged:
 
 def values(record: Record, names: Sequence[str]) -> dict[str, list[float]]:
     """Return what a record has of quantities, each as a list of numbers; of frequencies those of flexible modes."""
-    found = {name: np.ravel(np.asarray(record[name], dtype=float)).tolist() for name in names}
-    if FREQUENCIES in found:
-        found[FREQUENCIES] = found[FREQUENCIES][record.get("rigid", 0) :]
-    return found
+    result = {name: np.ravel(np.asarray(record[name], dtype=float)).tolist() for name in names}
+    if FREQUENCIES in result:
+        result[FREQUENCIES] = result[FREQUENCIES][record.get("rigid", 0) :]
+    return result
 
 
-def converged(sizes: Sequence[float], found: Sequence[Mapping[str, Sequence[float]]]) -> list[Converged]:
+def converged(sizes: Sequence[float], records: Sequence[Mapping[str, Sequence[float]]]) -> list[Converged]:
     """Return the limit of each quantity of `values` of meshes, given coarse to fine; ``sizes`` are those of cells."""
     result = []
-    for name in found[0]:
-        limits = [_limit(sizes, column) for column in zip(*(one[name] for one in found), strict=True)]
+    for name in records[0]:
+        limits = [_limit(sizes, column) for column in zip(*(one[name] for one in records), strict=True)]
         result.append(
             Converged(
                 name,
                 [limit.value for limit in limits],
                 [limit.distance for limit in limits],
                 [limit.order for limit in limits],
-                _spread([one[name] for one in found]),
+                _spread([one[name] for one in records]),
             )
         )
     return result
@@ -115,6 +115,6 @@ def _limit(sizes: Sequence[float], column: Sequence[float]) -> Limit:
     return Limit(float(column[-1] + step), limit.order, abs(step))
 
 
-def errors(reference: Sequence[Converged], found: Mapping[str, Any]) -> dict[str, float]:
+def errors(reference: Sequence[Converged], values: Mapping[str, Any]) -> dict[str, float]:
     """Return the relative error of each quantity that does not vanish."""
-    return {one.name: one.error(found[one.name]) for one in reference if not one.vanishes}
+    return {one.name: one.error(values[one.name]) for one in reference if not one.vanishes}

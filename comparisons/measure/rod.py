@@ -45,8 +45,8 @@ def solve(
         start = process_time()
         solution, seconds = solving.solve(scene, settings)
         if whole:
-            told = solving.estimate(solution).get("estimate_seconds", 0.0)
-            seconds |= {"estimate": told, "total": seconds["total"] + told}
+            estimating = solving.estimate(solution).get("estimate_seconds", 0.0)
+            seconds |= {"estimate": estimating, "total": seconds["total"] + estimating}
         runs.append(seconds | {"processor": process_time() - start})
     return solution, runs
 
@@ -102,19 +102,19 @@ def _main(arguments: Sequence[str]) -> int:
     parser.add_argument(WHOLE, action="store_true", help="the estimate is a part of the time, as in isorod run")
     parser.add_argument("--at", metavar="NPZ", help="where fields are wanted (comparisons.measure.sampled.Places)")
     parser.add_argument("--fields", metavar="NPZ", help="write them to this file")
-    found = parser.known(ours[1:])
-    scene = find(name, field_values(found, known) | {"spaces": found.spaces})
+    given = parser.known(ours[1:])
+    scene = find(name, field_values(given, known) | {"spaces": given.spaces})
     options.initialize(theirs)
     settings = scene.settings()
-    solution, runs = solve(scene, settings, found.repeat, found.whole)
+    solution, runs = solve(scene, settings, given.repeat, given.whole)
     values = record(scene, solution, runs, settings, theirs)
-    if found.estimate:
+    if given.estimate:
         values |= solving.estimate(solution)
     first = ending.rank() == 0
-    if found.fields:
-        arrays = sampled.fields(solution, sampled.Places.read(Path(found.at)))
+    if given.fields:
+        arrays = sampled.fields(solution, sampled.Places.read(Path(given.at)))
         if first:
-            results.write_arrays(Path(found.fields), **arrays)
+            results.write_arrays(Path(given.fields), **arrays)
     if first:
         print(results.line(values), flush=True)
     return 0

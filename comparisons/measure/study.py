@@ -44,9 +44,9 @@ class Run:
     def record(self, part: str, values: dict[str, Any]) -> dict[str, Any]:
         """Append a record, complete with provenance, and return it."""
         head = {"study": self.study, "run": self.identity, "level": self.level, "part": part}
-        whole = results.provenance() | values | head
-        results.append(self.path, whole)
-        return whole
+        entry = results.provenance() | values | head
+        results.append(self.path, entry)
+        return entry
 
     @contextlib.contextmanager
     def progress(self, total: int) -> Iterator["Steps"]:

@@ -62,11 +62,11 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     elif "order" in base and len(points := {body.space.points_around for body in model.bodies}) == 1:
         across[1] = {"order": max(2, base["order"]), "section_points": 2 * points.pop()}
     both = [across[0] | along[0], across[1] | along[1]]
-    found: list[tuple[dict[str, int], bool]] = []
+    options: list[tuple[dict[str, int], bool]] = []
     for changed in (*both, *across, *along):
-        if changed and changed not in [one for one, _ in found]:
-            found.append((changed, changed in both))
-    return [Variant(_label(base, one), _words(scene, model, base, one), sequence) for one, sequence in found]
+        if changed and changed not in [one for one, _ in options]:
+            options.append((changed, changed in both))
+    return [Variant(_label(base, one), _words(scene, model, base, one), sequence) for one, sequence in options]
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
@@ -99,15 +99,15 @@ def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str
         spaces = [_changed(body.space, changed, base.get("elements")) for body in model.bodies]
         return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}
-    found = []
+    words = []
     for name, value in (dict(base) | dict(changed)).items():
         # A spring counts its elements by the turn.
         if name == "elements" and name not in names:
             name, value = "elements_per_turn", scene.per_turn * value // scene.rod().axis.elements
         # The functions of control points of a section that are its rod's own.
         if name in names:
-            found += [f"--{name.replace('_', '-')}", str(value)]
-    return tuple(found)
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return tuple(words)
 
 
 def _changed(space: Any, changed: Mapping[str, int], elements: int | None) -> Any:

@@ -69,7 +69,7 @@ def solve(
     """
     clock = Clock()
     space = displacements(mesh, degree, family, "start")
-    body, whole = measure(mesh, rule), measure(mesh, 2 * degree)
+    body, mass_measure = measure(mesh, rule), measure(mesh, 2 * degree)
     young, poisson, density = material
     law = LinearElastic(young, poisson)
     u, v = space.TnT()
@@ -80,7 +80,7 @@ def solve(
     stiffness += ngsolve.InnerProduct(stress, virtual) * body
     one = displacements(mesh, degree, family, "start", components=1)
     mass = ngsolve.BilinearForm(one)
-    mass += density * one.TrialFunction() * one.TestFunction() * whole
+    mass += density * one.TrialFunction() * one.TestFunction() * mass_measure
     clock.lap("forms")
     stiffness.Assemble()
     mass.Assemble()
@@ -147,8 +147,8 @@ class _Inverse:
 
 
 def _residuals(stiffness: _Operator, mass: _Mass, values: Array, vectors: Array) -> Array:
-    found = []
+    residuals = []
     for value, vector in zip(values, vectors.T, strict=True):
         inertia = value * mass(vector)
-        found.append(np.linalg.norm(stiffness(vector) - inertia) / np.linalg.norm(inertia))
-    return np.array(found)
+        residuals.append(np.linalg.norm(stiffness(vector) - inertia) / np.linalg.norm(inertia))
+    return np.array(residuals)

@@ -32,7 +32,7 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
     ends = dict(placed.ends())
     if CLAMPED not in ends.values() and len(ends) < 2:
         raise NotImplementedError("an equilibrium of a rod that neither a clamp nor two pins hold")
-    found = []
+    supports = []
     for which, how in ends.items():
         nodes = placed.layer(which)
         moved = placed.initial[nodes[placed.space.basis.is_control_point]].mean(axis=0)
@@ -42,10 +42,10 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
             arm, turn = _detour(moved, gravity) if how == PINNED else (None, np.zeros(3))
             given = np.zeros(3) if turn.any() else moved * placed.space.is_control_point[some, None]
             around = None if arm is None else np.tile(arm, (some.size, 1))
-            found.append(isorod.Support(some, components, given, turn=tuple(turn), arms=around))
+            supports.append(isorod.Support(some, components, given, turn=tuple(turn), arms=around))
     if CLAMPED not in ends.values():
-        found.append(_spin(placed))
-    return found
+        supports.append(_spin(placed))
+    return supports
 
 
 def _check_clamp(placed: Placed, which: str) -> None:

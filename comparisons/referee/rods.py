@@ -115,8 +115,8 @@ def place(
 
 def arms(space: isorod.Space) -> Array:
     """Return the coefficients of the section's points from its centre at rest, shape ``(layer_nodes, 3)``."""
-    first, carriers = space.positions[: space.layer_nodes], space.basis.is_control_point
-    return first - carriers[:, None] * first[carriers].mean(axis=0)
+    first, control_points = space.positions[: space.layer_nodes], space.basis.is_control_point
+    return first - control_points[:, None] * first[control_points].mean(axis=0)
 
 
 def interpolation(space: isorod.Space) -> tuple[Array, Array]:
@@ -150,26 +150,26 @@ def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, n
     now = np.stack([first, np.cross(tangent, first)], axis=2) * stretch[:, :, None] ** -nu
     at_rest = arms(space) @ np.stack([normal, np.cross(direction, normal)], axis=1)
     centres = space.basis.is_control_point[:, None] * curve(along)[:, None]
-    wanted = centres + np.einsum("tab,nb->tna", now, at_rest)
-    found = np.linalg.solve(matrix, wanted.reshape(places.size, -1))
-    return found.reshape(-1, 3) - space.positions
+    targets = centres + np.einsum("tab,nb->tna", now, at_rest)
+    moved = np.linalg.solve(matrix, targets.reshape(places.size, -1))
+    return moved.reshape(-1, 3) - space.positions
 
 
 def held(placed: Placed, which: str, how: str) -> list[tuple[Index, str]]:
     """Return which nodes and components of an end a clamp or a pin holds."""
     space, nodes = placed.space, placed.layer(which)
-    carriers = space.basis.is_control_point
-    if how == PINNED and carriers.sum() == 1:
-        return [(nodes[carriers], "xyz")]
+    control_points = space.basis.is_control_point
+    if how == PINNED and control_points.sum() == 1:
+        return [(nodes[control_points], "xyz")]
     if how == PINNED:
         off = np.linalg.norm(np.cross(arms(space), placed.normal), axis=1)
-        hinge = carriers & (off < _ALONG * placed.given.radius)
+        hinge = control_points & (off < _ALONG * placed.given.radius)
         if hinge.sum() != 2:
             raise NotImplementedError("a pin of a rod that touches another, its normal not across a coordinate plane")
         return [(nodes[hinge], "xyz")]
-    if carriers.sum() != 1:
+    if control_points.sum() != 1:
         raise NotImplementedError("a clamped rod that touches something")
-    found = [(nodes[carriers], "xyz")]
+    groups = [(nodes[control_points], "xyz")]
     for node, arm in zip(nodes, arms(space), strict=True):
         if not arm.any():
             continue
@@ -177,8 +177,8 @@ def held(placed: Placed, which: str, how: str) -> list[tuple[Index, str]]:
         own = "xyz"[int(np.argmax(np.abs(arm)))]
         if np.abs(arm).max() < (1.0 - _ALONG) * np.linalg.norm(arm):
             raise NotImplementedError("a clamp of a section whose axes are not those of space")
-        found.append((np.array([node]), "xyz".replace(own, "")))
-    return found
+        groups.append((np.array([node]), "xyz".replace(own, "")))
+    return groups
 
 
 def supports(placed: Placed, body: int) -> list[isorod.Support]:
@@ -192,13 +192,13 @@ def supports(placed: Placed, body: int) -> list[isorod.Support]:
 
 def loads(placed: Placed, gravity: Any, body: int) -> list[Any]:
     """Return a rod's weight and the forces on its ends."""
-    found: list[Any] = []
+    loads: list[Any] = []
     if any(gravity):
         density = placed.given.material.density
-        found.append(isorod.BodyForce(tuple(density * component for component in gravity), body))
+        loads.append(isorod.BodyForce(tuple(density * component for component in gravity), body))
     for load in placed.given.loads:
-        found.append(isorod.SectionLoad.end(placed.space, load.at.value, tuple(load.force), body))
-    return found
+        loads.append(isorod.SectionLoad.end(placed.space, load.at.value, tuple(load.force), body))
+    return loads
 
 
 def configuration(placed: Placed, state: Any, body: int, elements: int) -> tuple[Array, Array]:

@@ -22,20 +22,20 @@ _MOST_POINTS = 64
 
 def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
     """Return the pairs of rods of which elements start near each other."""
-    found = []
+    pairs = []
     for i, one in enumerate(scenario.rods):
         for j, other in enumerate(scenario.rods[:i]):
             if near(one, other, elements).size:
-                found.append((j, i))
-    return found
+                pairs.append((j, i))
+    return pairs
 
 
 def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[isorod.Contact]:
     """Return the contacts of rods, placed in this order, with each other, themselves and obstacles."""
-    found = []
+    contacts = []
     for first, second in pairs(scenario, elements):
         one, other = placed[first].given, placed[second].given
-        found.append(
+        contacts.append(
             isorod.Contact(
                 first,
                 second,
@@ -49,11 +49,11 @@ def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[iso
     for k, rod in enumerate(placed):
         if scenario.self_contact:
             own = _points(rod, elements)
-            found.append(isorod.Contact(k, penalty=_penalty(rod.given), points=own, friction=rod.given.friction))
+            contacts.append(isorod.Contact(k, penalty=_penalty(rod.given), points=own, friction=rod.given.friction))
         for obstacle in scenario.obstacles:
             points, friction = _points(rod, elements), max(rod.given.friction, obstacle.friction)
-            found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))
-    return found
+            contacts.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))
+    return contacts
 
 
 def _rigid(obstacle: Any) -> isorod.Plane | isorod.Cylinder:

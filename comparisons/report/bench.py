@@ -100,7 +100,7 @@ def ratios(records: list[Record], target: float) -> list[tuple[Record, float, fl
 
 def rows(records: list[Record]) -> Rows:
     """Return head and rows of a scene's table."""
-    found = [
+    lines = [
         (target, one, {how(mine): mine for mine in sides if is_ours(mine)})
         for target in precision.targets(records)
         for sides in (fastest(records, target),)
@@ -118,7 +118,7 @@ def rows(records: list[Record]) -> Rows:
 
     wall, processor = (partial(_seconds, name) for name in ("total", "processor"))
     return columns(
-        found,
+        lines,
         {
             "within": lambda row: f"{100 * row[0]:g} %",
             "program": lambda row: program(row[1]),
@@ -176,18 +176,18 @@ def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
 
 def reached(records: list[Record]) -> list[tuple[str, float, Record, float, float | None]]:
     """Return scene, error, isorod's run, and the time of the best of all others over its, with and without checks."""
-    found: list[tuple[str, float, Record, float, float | None]] = []
+    reached: list[tuple[str, float, Record, float, float | None]] = []
     for scene in scenes(records):
         mine = of_scene(records, scene)
         for target in precision.targets(mine):
-            found += [(scene, target, *one) for one in ratios(mine, target)]
+            reached += [(scene, target, *one) for one in ratios(mine, target)]
     last = motion(of_scene(records, "biceps"))
     if last is not None:
         runs, _, time = last
         for one in runs:
             plain = time / one["seconds_steps"] if "seconds_steps" in one else None
-            found.append(("biceps", biceps.TARGET, one, time / one["seconds_motion"], plain))
-    return found
+            reached.append(("biceps", biceps.TARGET, one, time / one["seconds_motion"], plain))
+    return reached
 
 
 def summary(records: list[Record]) -> list[str]:

@@ -48,8 +48,8 @@ class _Ours:
     def at(self, time: float) -> Any:
         """Return the mesh at an output."""
         k = int(np.argmin(np.abs(self.times - time)))
-        share = min(1.0, self.times[k] / self.scene.ramp) if self.scene.ramp > 0.0 else 1.0
-        return self.mesh(self.displacement[k].astype(float), share)
+        fraction = min(1.0, self.times[k] / self.scene.ramp) if self.scene.ramp > 0.0 else 1.0
+        return self.mesh(self.displacement[k].astype(float), fraction)
 
     def borders(self) -> Any:
         """Return the circles between elements, as lines, of the initial shape."""

@@ -26,9 +26,9 @@ def pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot as found
+    from matplotlib import pyplot as module
 
-    return found
+    return module
 
 
 def save(figure: Any, path: Path, dpi: int) -> None:
@@ -65,15 +65,15 @@ def curves(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) ->
 
 def looks(curves: Sequence[Record]) -> dict[str, dict[str, str]]:
     """Return colour, marker and line of each curve of the story by its name: no two have colour or marker in common."""
-    found: dict[str, dict[str, str]] = {}
+    looks: dict[str, dict[str, str]] = {}
     for method, colours, markers, line in (
         ("cylindrical", COLOURS, MARKERS, "-"),
         ("fem", FEM_COLOURS, FEM_MARKERS, "--"),
     ):
         names = dict.fromkeys(named(one) for one in curves if one["method"] == method)
         for name, colour, marker in zip(names, colours, markers, strict=False):
-            found[name] = {"color": colour, "marker": marker, "linestyle": line}
-    return found
+            looks[name] = {"color": colour, "marker": marker, "linestyle": line}
+    return looks
 
 
 def story(records: list[Record], curves: Sequence[Record], quantity: str, path: Path) -> None:
@@ -162,14 +162,14 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], path: Path) -> N
             low = min(low, 0.6 * told[name])
             axis.axhspan(low, told[name], color="black", alpha=0.06, label="less than finite elements tell")
             axis.set_ylim(low, max(high, 1.5 * told[name]))
-    found = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    handles = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     look: dict[str, Any] = {"frameon": False, "fontsize": 11}
     if len(axes) > len(panels):
         # In the place that is left.
         axes[-1].axis("off")
-        axes[-1].legend(found.values(), found.keys(), loc="center", **look)
+        axes[-1].legend(handles.values(), handles.keys(), loc="center", **look)
     else:
-        figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=3, **look)
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, **look)
     # Panels have their sizes then.
     figure.draw_without_rendering()
     for axis, those in zip(axes, labels, strict=False):

@@ -49,7 +49,7 @@ def fastest(
 
     What is confirmed within a smaller error is so within a larger one.  ``of`` is a version of dolfinx, any if None.
     """
-    found = [
+    runs = [
         one
         for one in part(records, "confirm")
         if one["method"] == method
@@ -57,17 +57,17 @@ def fastest(
         and (one["target"] <= target if holds else one["target"] == target)
         and of in (None, version(one))
     ]
-    return min(found, key=lambda one: one["seconds"]["total"], default=None)
+    return min(runs, key=lambda one: one["seconds"]["total"], default=None)
 
 
 def pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
     """Return the targets that both sides reach, and the fastest of each."""
-    found = []
+    pairs = []
     for target in targets(records):
         ours, theirs = (fastest(records, method, target) for method in ("cylindrical", "fem"))
         if ours and theirs:
-            found.append((target, ours, theirs))
-    return found
+            pairs.append((target, ours, theirs))
+    return pairs
 
 
 def ratio(ours: float, theirs: float) -> str:
@@ -77,12 +77,12 @@ def ratio(ours: float, theirs: float) -> str:
 
 def shares(records: list[Record], what: str) -> str:
     """Return our share of their ``"time"`` or ``"unknowns"``, smallest to largest over the targets, in words."""
-    found = [
+    values = [
         (a["seconds"]["total"], b["seconds"]["total"]) if what == "time" else (a["dofs"], b["dofs"])
         for _, a, b in pairs(records)
     ]
-    found.sort(key=lambda pair: pair[0] / pair[1], reverse=True)
-    words = list(dict.fromkeys(ratio(*pair) for pair in (found[0], found[-1])))
+    values.sort(key=lambda pair: pair[0] / pair[1], reverse=True)
+    words = list(dict.fromkeys(ratio(*pair) for pair in (values[0], values[-1])))
     return f"{' to '.join(word.removesuffix(' of') for word in words)}{' of' if ' of' in words[-1] else ''} the {what}"
 
 
@@ -142,15 +142,15 @@ def share(ours: float, theirs: float) -> str:
 
 def reach(records: list[Record]) -> str:
     """Return the table of the fastest runs within each target, and of what only luck brings there sooner."""
-    found: list[tuple[float, Record, str]] = []
+    reached: list[tuple[float, Record, str]] = []
     for target in targets(records):
         best = fastest(records, "fem", target)
         for method, of in (("cylindrical", None), *(("fem", one) for one in versions(records))):
             held, lucky = (fastest(records, method, target, holds, of) for holds in (True, False))
             if held:
-                found.append((target, held, faster(held, best) if best and is_ours(held) else ""))
+                reached.append((target, held, faster(held, best) if best and is_ours(held) else ""))
             if lucky and not (held and lucky["seconds"]["total"] >= held["seconds"]["total"]):
-                found.append((target, lucky, "errors cancel"))
+                reached.append((target, lucky, "errors cancel"))
     shown: dict[str, Callable[[Any], object]] = {
         "within": lambda row: percent(row[0]),
         "fastest": lambda row: side(row[1]),
@@ -163,7 +163,7 @@ def reach(records: list[Record]) -> str:
         "check ms": lambda row: timed("check")(row[1]),
         "peak MiB": lambda row: f"{row[1]['peak_memory'] / 2**20:.0f}",
     }
-    return table(*columns(found, shown), text=(0, 1, 5))
+    return table(*columns(reached, shown), text=(0, 1, 5))
 
 
 def error(record: Record) -> str:
@@ -240,9 +240,9 @@ def rerun(study: str, records: list[Record]) -> str:
 
 def refused(records: list[Record]) -> list[str]:
     """Return what was refused on the way, with its one line, as a list; nothing if all ran."""
-    found = part(records, "refused")
+    refused = part(records, "refused")
     lines = [
-        f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in found
+        f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in refused
     ]
     return ["<p class=small>Refused:</p><ul class=small>", *lines, "</ul>"] if lines else []
 

@@ -105,8 +105,8 @@ def introduction(studies: Iterable[str]) -> str:
 
 def words(studies: Iterable[str]) -> str:
     """Return the list of letters and words of a page that has these studies."""
-    found = MEANINGS
+    meanings = MEANINGS
     if not set(STUDIES) & set(studies):
-        found = {word: (MEANINGS | _IN_COMPARED)[word] for word in _OF_COMPARED}
-    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in found.items()]
+        meanings = {word: (MEANINGS | _IN_COMPARED)[word] for word in _OF_COMPARED}
+    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in meanings.items()]
     return "<dl>" + "\n".join(items) + "</dl>"

@@ -55,12 +55,12 @@ def cases(level: str) -> Iterator[Case]:
 def run(study: Run) -> None:
     """Measure each case in a process of its own and record it."""
     # Each once, though some are there to be compared with others too.
-    wanted = list(dict.fromkeys(cases(study.level)))
-    with study.progress(1 + len(wanted)) as steps:
+    chosen = list(dict.fromkeys(cases(study.level)))
+    with study.progress(1 + len(chosen)) as steps:
         with steps.step("tangents beside DGEMM"):
-            for found in timing.run("comparisons.scaling.roofline", [])["families"]:
-                study.record("roofline", found)
-        for case in wanted:
+            for family in timing.run("comparisons.scaling.roofline", [])["families"]:
+                study.record("roofline", family)
+        for case in chosen:
             with steps.step(case.title):
                 arguments = [case.analysis, case.family, str(case.coils)]
                 study.record("wire", timing.run("comparisons.scaling.wire", arguments, case.ranks, 7200.0))

@@ -57,8 +57,8 @@ def stresses_at(seed: int, solution: Any) -> Array | None:
     jumps = axis.breaks if len(set(map(id, body.laws))) > 1 else axis.breaks[[0, -1]]
     u = u[held.distance(model, 0, u, jumps) > held.width(model, 0)][:PLACES]
     angle = rng.uniform(0.0, 2.0 * np.pi, u.size)
-    found = [solution.stress(0, u[k], (np.cos(angle[k]), np.sin(angle[k]))) for k in range(u.size)]
-    return np.array(found).reshape(-1, 3, 3)
+    values = [solution.stress(0, u[k], (np.cos(angle[k]), np.sin(angle[k]))) for k in range(u.size)]
+    return np.array(values).reshape(-1, 3, 3)
 
 
 def ratio(record: Mapping[str, Any], apart: float, of: str = "") -> float | None:

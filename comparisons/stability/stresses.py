@@ -156,26 +156,26 @@ def places(model: Any) -> tuple[Array, Array]:
 
 def finer(space: Space) -> Space:
     """Return the space that a chosen one is compared with."""
-    axis, whole = space.axis, space.rod.rings == WHOLE
+    axis, solid = space.axis, space.rod.rings == WHOLE
     degree = cast(int, space.section_degree)
     # Beyond the largest degree there are rings alone, of round sections.  Those have functions enough.
     rod = choice.with_rim(space.rod) if degree == MAX_DEGREE else space.rod
-    ringed = whole and rod is not space.rod
-    parts = 3 if whole and not ringed else 2
+    ringed = solid and rod is not space.rod
+    parts = 3 if solid and not ringed else 2
     elements = parts * cast(int, space.elements)
     even = space.rod.axis.refine(elements // space.rod.axis.elements, 6, 3).breaks
-    shares = np.arange(1, parts) / parts
-    cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * shares).ravel()
+    fractions = np.arange(1, parts) / parts
+    cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * fractions).ravel()
     more = np.sort(np.concatenate([space.knots or (), cut]))
     apart = np.abs(more[:, None] - even).min(axis=1) > 1e-9 * np.ptp(axis.breaks)
-    across = _RINGED if ringed else min(2 * degree, MAX_DEGREE) if whole else degree + 1
+    across = _RINGED if ringed else min(2 * degree, MAX_DEGREE) if solid else degree + 1
     return Space(rod, elements, 6, 3, section_degree=across, knots=tuple(map(float, more[apart])))
 
 
-def off(found: Array, exact: Array) -> float:
+def off(values: Array, exact: Array) -> float:
     """Return the largest difference of stresses ``(t, q, 3, 3)`` over the largest stress."""
     size = np.linalg.norm(exact, axis=(2, 3)).max()
-    return float(np.linalg.norm(found - exact, axis=(2, 3)).max() / size)
+    return float(np.linalg.norm(values - exact, axis=(2, 3)).max() / size)
 
 
 def compare(bar: Bar, folder: Path) -> dict[str, Any]:
@@ -234,9 +234,9 @@ def LIMITS(records: list[Record]) -> list[str]:
                 continue
             worst = max(own, key=lambda one: one["error"])
             counts = {name: sum(one["outcome"] == name for one in own) for name in OUTCOMES}
-            told = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+            text = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
             lines.append(
-                f"{section}, {law}: {len(own)} bars, {told}; "
+                f"{section}, {law}: {len(own)} bars, {text}; "
                 f"the worst {100.0 * worst['error']:.2g} % ({worst['bar']}), {worst['unknowns']} unknowns."
             )
     return lines

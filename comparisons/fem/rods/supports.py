@@ -54,7 +54,7 @@ class Supports:
         self._elements = elements
         self._objective = [all(law.objective for law in body.laws) for body in model.bodies]
         self._all, self._count = all_of(elements.source, model), max(1, len(model.supports))
-        # Of several supports on a node the last one holds it, as in isorod, and supports of rods come after those of bodies.
+        # Of several supports on a node the last one holds it, as in isorod; supports of rods come after bodies'.
         self._owner = np.full((len(elements.source.points), 3), -1)
         facets = [_HeldFacets(elements, k, held) for k, body in enumerate(bodies) for held in body.held]
         count = len(model.supports)
