@@ -76,7 +76,7 @@ def ratio(record: Mapping[str, Any], apart: float, of: str = "") -> float | None
     return float(error / estimate)
 
 
-def shares(ratios: Sequence[float | None]) -> dict[str, Any]:
+def statistics(ratios: Sequence[float | None]) -> dict[str, Any]:
     """Return how many ratios count, the share within a factor of 3, and how far errors are above and below."""
     counted = [one for one in ratios if one is not None]
     if not counted:

@@ -331,7 +331,7 @@ def table(records: Sequence[Mapping[str, Any]], refused: Mapping[str, int]) -> l
         row: dict[str, Any] = {"kind": kind or "all", "files": len(those)}
         row["refused"] = sum(refused.values()) if not kind else refused.get(kind, 0)
         for of in ("", "stress "):
-            statistics = estimates.shares([estimates.ratio(one, estimates.APART[1], of) for one in those])
+            statistics = estimates.statistics([estimates.ratio(one, estimates.APART[1], of) for one in those])
             row |= {f"{of}counted": statistics["counted"], f"{of}within 3": statistics.get("within 3")}
         row["stress at places"] = max((one.get("stress at places", 0.0) for one in those), default=None)
         row["answers"] = max((one["answers"] for one in those if not one["warned"]), default=None)
