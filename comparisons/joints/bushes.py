@@ -14,7 +14,7 @@ from scipy.interpolate import make_lsq_spline
 import isorod
 from comparisons.fem.statics import Held
 from comparisons.joints import whole
-from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, pieces, volumes
+from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, fragments, volumes
 from comparisons.joints.whole import BLOCK, ROD, Layers, Problem, Whole
 from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
@@ -154,7 +154,7 @@ class Spring(Scene):
             wire = occ.addPipe([(2, disk)], occ.addWire([curve]))
             occ.remove([(2, disk)])
             bushes = [(3, self.bush(k, BLOCK_RADIUS)) for k in range(2)]
-            volumes(pieces([*bushes, wire[0]], [BLOCK, BLOCK, ROD]))
+            volumes(fragments([*bushes, wire[0]], [BLOCK, BLOCK, ROD]))
             (_, low), (high, _) = self._rises
             between = f"1000*(Max(0,{low}-z)+Max(0,z-({high})))"
             return f"Min({self.edges(sizes)},{sizes.wire}+{between})"

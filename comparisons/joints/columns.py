@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import isorod
 from comparisons.fem.statics import Held
 from comparisons.joints import whole
-from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, pieces, volumes
+from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, fragments, volumes
 from comparisons.joints.whole import BLOCK, ROD, Layers, Problem, Whole
 from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
@@ -62,7 +62,7 @@ class Column(Scene):
 
         def make() -> str:
             box, rod = self._box(), (3, self._cylinder(*self.rise))
-            volumes(pieces([box, rod], [BLOCK, ROD]))
+            volumes(fragments([box, rod], [BLOCK, ROD]))
             return f"Min({self._edge(sizes)},{sizes.wire or sizes.far}+1000*Max(0,Sqrt(x*x+y*y)-{1.001 * self.radius}))"
 
         mesh, tags = by_gmsh(make, True)

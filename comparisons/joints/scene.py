@@ -162,13 +162,13 @@ def volumes(tags: Mapping[int, Sequence[int]]) -> None:
         gmsh.model.addPhysicalGroup(3, volumes, tag)
 
 
-def pieces(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[int, list[int]]:
+def fragments(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[int, list[int]]:
     """Fragment volumes of gmsh, and return those of each tag: of what several were, that of the last."""
     _, origins = gmsh.model.occ.fragment(solids[:1], solids[1:])
     of: dict[int, int] = {}
     for tag, origin in zip(tags, origins, strict=True):
-        of |= {piece: tag for dimension, piece in origin if dimension == 3}
-    return {tag: [piece for piece, own in of.items() if own == tag] for tag in set(of.values())}
+        of |= {fragment: tag for dimension, fragment in origin if dimension == 3}
+    return {tag: [fragment for fragment, own in of.items() if own == tag] for tag in set(of.values())}
 
 
 def fixed(space: Any, on: Callable[[Array], Any], displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
