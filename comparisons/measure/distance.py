@@ -50,7 +50,7 @@ class Judge:
             best = self.finest.fields(slice(None))
             field = self._fields(record, sample.on(self.finest.points), best, self.finest.weights)
             return self._errors(record, field | self._surface(sample.surface_von_mises))
-        here, there = sampled.shared(sample.places, self.places)
+        here, there = sampled.common(sample.places, self.places)
         if here.size >= ENOUGH * len(sample.weights):
             own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
             field = self._fields(record, own, best, sample.weights[here])

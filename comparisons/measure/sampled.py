@@ -196,7 +196,7 @@ def _within(space: Any, xi: Array, u: Array) -> tuple[Array, Array]:
     return np.clip(np.round(u, 10), *space.axis.breaks[[0, -1]]), across
 
 
-def shared(coarse: Places, fine: Places) -> tuple[Index, Index]:
+def common(coarse: Places, fine: Places) -> tuple[Index, Index]:
     """Return the numbers of those points of two meshes that are the same."""
     keys = [np.column_stack([10.0 * one.rod, one.xi, one.u]) for one in (coarse, fine)]
     distance, nearest = cKDTree(keys[1]).query(keys[0])
