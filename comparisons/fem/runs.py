@@ -113,7 +113,7 @@ def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> Domain:
     return Domain.distribute(_first(build, comm), comm)
 
 
-def shared(build: Callable[[], Built], comm: MPI.Comm) -> Built:
+def broadcast(build: Callable[[], Built], comm: MPI.Comm) -> Built:
     """Build an object on rank 0 and broadcast it; an `InputError` is raised on every rank."""
     built: Built = comm.bcast(_first(build, comm), root=0)
     return built

@@ -115,7 +115,7 @@ def run(
                     gmsh_model.write(alone, one_solid.body_file(configuration.bodies, one.name))
             return solid, notes
 
-        mesh, notes = runs.shared(build, comm)
+        mesh, notes = runs.broadcast(build, comm)
         meshing = perf_counter() - start
         asked = {"steps": known.Steps(**settings)} if scene.analysis == "dynamics" else settings
 
