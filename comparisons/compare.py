@@ -205,10 +205,10 @@ class Comparison:
                     solved.append(self._mesh(fitting, dofs, self.what.degree))
                 except timing.Failed as problem:
                     if len(solved) < 2:
-                        mine = problem.said.startswith(f"{self.what.word}:")
+                        mine = problem.last_line.startswith(f"{self.what.word}:")
                         where = "" if mine else f"{self.what.word}: finite elements: "
-                        raise InputError(where + problem.said) from None
-                    self._refuse("fem", _words(fitting, self.what.degree), problem.said)
+                        raise InputError(where + problem.last_line) from None
+                    self._refuse("fem", _words(fitting, self.what.degree), problem.last_line)
         if len(solved) < 2:
             raise InputError(
                 f"{self.what.word}: finite elements need {solved[0].record['dofs']:,} unknowns on the coarsest mesh, "
@@ -255,7 +255,7 @@ class Comparison:
                         dofs = finest.record["dofs"] * (level * degree / (finest.level * self.what.degree)) ** 3
                         one = self._mesh(level, dofs, degree)
                     except timing.Failed as problem:
-                        self._refuse("fem", _words(level, degree), problem.said)
+                        self._refuse("fem", _words(level, degree), problem.last_line)
                         continue
                     self._record("work", one.record | judge.of_mesh(one.record, one.sample))
 
@@ -306,8 +306,8 @@ class Comparison:
                 record = timing.run("comparisons.measure.rod", words, self.what.ranks)
             except timing.Failed as problem:
                 if one.label == DEFAULT:
-                    raise SolveError(problem.said) from None
-                self._refuse("cylindrical", one.arguments, problem.said)
+                    raise SolveError(problem.last_line) from None
+                self._refuse("cylindrical", one.arguments, problem.last_line)
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)

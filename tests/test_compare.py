@@ -196,7 +196,7 @@ def test_what_finite_elements_refuse_is_one_line_and_nothing_is_written(both, mo
 def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
     with pytest.raises(timing.Failed, match="exit code 2: ") as caught:
         timing.run("comparisons.measure.rod", ["sprig"])
-    assert caught.value.said.startswith("scene 'sprig' is not known; there are")
+    assert caught.value.last_line.startswith("scene 'sprig' is not known; there are")
     with pytest.raises(timing.Failed, match=r"python -m timeit .*: not done after 0\.2 s"):
         timing.run("timeit", ["-n1", "import time; time.sleep(9)"], timeout=0.2)
 

@@ -31,11 +31,11 @@ Result = TypeVar("Result", bound=Timed)
 
 
 class Failed(SolveError):
-    """A measurement that failed; ``said`` is the last line that it said."""
+    """A measurement that failed; ``last_line`` is the last one of its output."""
 
-    def __init__(self, message: str, said: str) -> None:
+    def __init__(self, message: str, last_line: str) -> None:
         super().__init__(message)
-        self.said = said
+        self.last_line = last_line
 
 
 def environment(interpreter: str = sys.executable) -> dict[str, str]:
