@@ -84,7 +84,7 @@ class Pairs:
         assert isinstance(tie.master, LateralSurface), "the end of a rod is within no other surface"
         nodes = np.unique(deck_pairs.surface_of(self.model, self.mesh, tie.slave)[1])
         try:
-            interpolation = deck_embedded.shares(
+            interpolation = deck_embedded.interpolation(
                 self.mesh, self.mesh.regions[f"rod {tie.master.body}"], self.mesh.points[nodes]
             )
         except InputError as problem:
