@@ -45,8 +45,8 @@ class Trace:
         near = nodal.reshape(self.space.layers, -1, 3)[self._layers]
         return np.einsum("mj,ml,mjla->ma", self._axial, self._section, near, optimize=True)
 
-    def carriers_of(self, values: Array, held: Any) -> Array:
-        """Return the mean of the carriers among coefficients ``held`` that fit values ``(m, 3)`` best."""
+    def control_point_mean(self, values: Array, held: Any) -> Array:
+        """Return the mean of the control points among coefficients ``held`` that fit values ``(m, 3)`` best."""
         size = self.space.layers * self.space.layer_nodes
         rows = np.zeros((len(self.nodes), size))
         numbers = self._layers[:, :, None] * self.space.layer_nodes + np.arange(self.space.layer_nodes)
@@ -99,14 +99,14 @@ class Held:
         return nodal
 
     def centre(self, displacement: Array, moved: bool) -> Array:
-        """Return the mean of the held carriers' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
+        """Return the mean of the held control points' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
         control_points = self.functions & self.space.is_control_point
         if not moved:
             return np.asarray(self.space.positions[control_points].mean(axis=0))
         change = self._prescribed(1.0)[control_points].mean(axis=0)
         free = np.setdiff1d(np.arange(3), self.components)
         if free.size:
-            change[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
+            change[free] = self.trace.control_point_mean(displacement[self.nodes], self.functions)[free]
         return np.asarray(self.space.positions[control_points].mean(axis=0) + change)
 
 
