@@ -1,9 +1,9 @@
 """Pressure between core and wire of a strand, against Hertz' line contact: ``python -m comparisons.contact.wire``.
 
 The strand is the scene's, of 1 + 6 wires, pulled by 0.002; it says how much each length of its lines of contact
-carries.  No mesh of a whole wire sees the patch, a hundredth of the radius wide.  A piece of the core and of one wire,
+carries.  No mesh of a whole wire sees the patch, a hundredth of the radius wide.  A segment of the core and of one wire,
 of the scene's shape, does: its section functions are short at the line of contact alone, which is at the same angle
-all along.  Backs are drawn together until the middle of the piece carries as much; its ends are free, and many widths
+all along.  Backs are drawn together until the middle of the segment carries as much; its ends are free, and many widths
 of the patch away.  Pressures are force per reference area, which the pressure itself shortens by 0.3 per cent.
 
 Where a straight core touches a wire that winds round it, the gap opens across the line of contact alone, and what it
@@ -35,7 +35,7 @@ from isorod.space.space import Space
 
 SCENE = Strand(strain=0.002)
 
-# Of the piece: its length, elements, about the force per length, and what backs come nearer by at first.
+# Of the segment: its length, elements, about the force per length, and what backs come nearer by at first.
 LENGTH, ELEMENTS, LOAD, PUSH = 2.0, 2, 42.0, 0.0016
 
 # Fine arcs round a section, the last as many as there may be; control points of the rods, and half the width in which
@@ -43,7 +43,7 @@ LENGTH, ELEMENTS, LOAD, PUSH = 2.0, 2, 42.0, 0.0016
 ARCS = 512, 1024, 2048
 POINTS, REACH = 8, 2.0
 
-# Axis parameters up to which the piece is its middle, on either side.
+# Axis parameters up to which the segment is its middle, on either side.
 MIDDLE = 0.2
 
 # Backs are within such an angle of where nothing touches [rad].
@@ -84,7 +84,7 @@ def line_load() -> float:
     return float((contact.areas * contact.pressure)[middle].sum() / length)
 
 
-def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
+def segment(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
     """Return core and wire of a short strand, seen finely along their line of contact, and pushed together."""
     scene, turns = SCENE, LENGTH / SCENE.pitch
     core = straight(LENGTH, degree=4).sweep(circle(POINTS, scene.core_radius), twist=360.0 * turns)
@@ -106,7 +106,7 @@ def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
 
 
 def measure(contact: ContactResult) -> Line:
-    """Return what the middle of the piece's line of contact carries; points of both sides have a part of it."""
+    """Return what the middle of the segment's line of contact carries; points of both sides have a part of it."""
     middle = np.abs(contact.parameters[:, 0] - 0.5) < MIDDLE
     scene, carried, moment, peak = SCENE, 0.0, 0.0, 0.0
     for body, radius, slope in ((0, scene.core_radius, 0.0), (1, scene.wire_radius, scene.lay_angle)):
@@ -132,7 +132,7 @@ def main(arguments: Sequence[str]) -> int:
     print(f"line load of the strand {target:.2f} N/mm")
     push = PUSH
     for arcs in ARCS:
-        (contact,) = statics.solve(piece(push, arcs)).contacts
+        (contact,) = statics.solve(segment(push, arcs)).contacts
         line = measure(contact)
         record: dict[str, Any] = {
             "arcs": arcs,
