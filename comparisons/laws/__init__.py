@@ -15,7 +15,7 @@ from isorod.output.results import write_beside
 MESHES = {"quick": (2, 3), "full": (2, 3, 4)}
 
 # How far a law may be from finite elements, relative; how far finite elements may be from their own limit is beside it.
-WANTED = 1e-3
+TOLERANCE = 1e-3
 
 TABLE = "laws.md"
 
@@ -115,5 +115,5 @@ def _if_solved(of: Callable[[Any], str]) -> Callable[[Any], str]:
 
 
 def agrees(record: Mapping[str, Any]) -> bool:
-    """Whether all that is compared of a pair is within `WANTED`."""
-    return "failure" not in record and all(abs(one["difference"]) <= WANTED for one in record["quantities"])
+    """Whether all that is compared of a pair is within `TOLERANCE`."""
+    return "failure" not in record and all(abs(one["difference"]) <= TOLERANCE for one in record["quantities"])

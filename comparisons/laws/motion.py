@@ -46,10 +46,10 @@ SLOW = 0.01
 # Steps of each kind; an implicit one is a hundredth of the slowest period or so, an explicit one a tenth of a critical
 # one: its error of energy goes with the square of it, and does not grow with time.
 STEPS = {"quick": 200, "full": 10_000}
-IMPLICIT, SHARE = 0.1, 0.1
+IMPLICIT, STEP_FRACTION = 0.1, 0.1
 
 # Error of the energy that is asked for.
-WANTED = 1e-4
+TOLERANCE = 1e-4
 
 # Poisson's ratios, of displacements alone and with pressures.
 RATIOS = {"displacement": 0.4, "mixed": 0.5}
@@ -126,7 +126,7 @@ def moved(law: str, kind: str, steps: int) -> dict[str, Any]:
     try:
         step = IMPLICIT
         if integrator == "explicit":
-            step = SHARE * dynamics.solve(model, 1e-9, outputs=1).critical_step
+            step = STEP_FRACTION * dynamics.solve(model, 1e-9, outputs=1).critical_step
         clock = Clock()
         history = dynamics.solve(model, steps * step, step, 50, velocity=thrown(model), integrator=integrator)
         clock.lap("motion")
@@ -162,8 +162,8 @@ def table(records: Iterable[dict[str, Any]]) -> tuple[tuple[str, ...], list[tupl
 
 
 def keeps(record: dict[str, Any]) -> bool:
-    """Whether a motion keeps its energy within `WANTED`."""
-    return "failure" not in record and record["energy_error"] <= WANTED
+    """Whether a motion keeps its energy within `TOLERANCE`."""
+    return "failure" not in record and record["energy_error"] <= TOLERANCE
 
 
 def main(arguments: Sequence[str]) -> int:
