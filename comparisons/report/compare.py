@@ -20,14 +20,14 @@ from comparisons.report.html import section as section_of
 # Of what is measured, and of stress, which has an error of its own: what a default is to be within, and the errors at
 # which run times are compared.
 ERROR, STRESS = "error", "stress"
-WANTED = {ERROR: 5e-3, STRESS: 0.03}
+TARGET_ERRORS = {ERROR: 5e-3, STRESS: 0.03}
 TARGETS = {ERROR: (1e-2, 5e-3, 1e-3, 1e-4), STRESS: (0.1, 0.03, 0.01, 3e-3)}
 
 
 def summary(records: list[Record]) -> list[str]:
     """Return the main findings, one line each."""
     name, default = _scene(records)["name"], _default(records)
-    within = f"{100 * WANTED[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
+    within = f"{100 * TARGET_ERRORS[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
     lines = [f"{name}: default ({family(default)}) within {within}; {_of_default(records)}"]
     sentences = (_beside(records), _stress_sentence(records), _beside(records, STRESS), _field_sentence(default))
     lines += [f"{name}: {text}" for text in sentences if text]
@@ -47,7 +47,7 @@ def answer(records: list[Record]) -> list[str]:
     name, default = _scene(records)["name"], _default(records)
     lines = [
         f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod ({family(default)}) is "
-        f"{_percent(default['error'])} off: within {100 * WANTED[ERROR]:g} %: <strong>{verdict(records)}</strong>"
+        f"{_percent(default['error'])} off: within {100 * TARGET_ERRORS[ERROR]:g} %: <strong>{verdict(records)}</strong>"
         f"{_stress_verdict(records, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
         f"<p>{_sentence(_of_default(records))} {_sentence(_stress_sentence(records))} "
@@ -97,7 +97,7 @@ def verdict(records: list[Record], what: str = ERROR) -> str:
     That of stress is the larger one of those against finite elements and against isorod's own finest space.
     """
     finer = [one["stress"] for one in part(records, "finer") if what == STRESS]
-    error, target, doubt = max([_default(records)[what], *finer]), WANTED[what], uncertainty(records, what)
+    error, target, doubt = max([_default(records)[what], *finer]), TARGET_ERRORS[what], uncertainty(records, what)
     word = "yes" if error <= target else "no"
     if abs(error - target) < doubt:
         word += f", but finite elements tell to {_percent(doubt)} only"
@@ -108,7 +108,7 @@ def _stress_verdict(records: list[Record], style: str = "{}") -> str:
     """Return the verdict on stress; nothing where there is none."""
     if STRESS not in _default(records):
         return ""
-    return f", stress within {100 * WANTED[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
+    return f", stress within {100 * TARGET_ERRORS[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
 
 
 def uncertainty(records: list[Record], what: str = ERROR) -> float:
