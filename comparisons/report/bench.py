@@ -112,7 +112,7 @@ def rows(records: list[Record]) -> Rows:
 
         def share(row: Any) -> str:
             _, one, mine = row
-            return precision.share(time(mine[which]), time(one)) if which in mine and not is_ours(one) else ""
+            return precision.plain_ratio(time(mine[which]), time(one)) if which in mine and not is_ours(one) else ""
 
         return share
 

@@ -75,7 +75,7 @@ def ratio(ours: float, theirs: float) -> str:
     return f"1/{theirs / ours:.0f} of" if theirs > 1.5 * ours else f"{ours / theirs:.1f} times"
 
 
-def shares(records: list[Record], what: str) -> str:
+def ratio_range(records: list[Record], what: str) -> str:
     """Return our share of their ``"time"`` or ``"unknowns"``, smallest to largest over the targets, in words."""
     values = [
         (a["seconds"]["total"], b["seconds"]["total"]) if what == "time" else (a["dofs"], b["dofs"])
@@ -98,7 +98,7 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
     ]
     return [
         f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
-        f"{shares(records, 'time')} and {shares(records, 'unknowns')} of the fastest finite elements found.</p>",
+        f"{ratio_range(records, 'time')} and {ratio_range(records, 'unknowns')} of the fastest finite elements found.</p>",
         side_by_side(rows, known, lambda one: family(one) if is_ours(one) else ""),
     ]
 
@@ -132,10 +132,10 @@ def side_by_side(
 
 def faster(ours: Record, theirs: Record) -> str:
     """Return our time as a share of theirs, ``1/7`` or ``1.2``."""
-    return share(ours["seconds"]["total"], theirs["seconds"]["total"])
+    return plain_ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
 
 
-def share(ours: float, theirs: float) -> str:
+def plain_ratio(ours: float, theirs: float) -> str:
     """Return a share as `ratio` has it, without words."""
     return ratio(ours, theirs).removesuffix(" of").removesuffix(" times")
 
