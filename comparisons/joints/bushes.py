@@ -124,7 +124,7 @@ class Spring(Scene):
         """Return what holds the solid."""
         return Problem(self.laws, [Held("lower"), Held("upper", self.push)])
 
-    def of_whole(self, solution: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the force on the upper block."""
         return np.asarray(solution.reactions[1, 2:])
 

@@ -119,7 +119,7 @@ class Tendon(Column):
         """Return what holds the solid."""
         return Problem(self.laws, [Held("bottom"), Held("hand", self.hand)])
 
-    def of_whole(self, solution: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the force at the hand, along and across."""
         return np.asarray(solution.reactions[1, [2, 0]])
 
@@ -172,7 +172,7 @@ class Screw(Column):
         """Return what holds and loads the solid."""
         return Problem(self.laws, [Held("sides")], self.pull)
 
-    def of_whole(self, solution: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return how far the end rises."""
         return solution.moved[2:]
 

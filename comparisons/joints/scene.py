@@ -89,7 +89,7 @@ class Scene(ABC):
         """Return what holds and loads the solid."""
 
     @abstractmethod
-    def of_whole(self, solution: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the quantities of a solution of one solid."""
 
     def bricks(self, sizes: Sizes) -> Whole:

@@ -213,7 +213,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Found:
+class Solution:
     """A solution.
 
     Attributes
@@ -234,7 +234,7 @@ class Found:
     seconds: float
 
 
-def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None = None, degree: int = 2) -> Found:
+def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None = None, degree: int = 2) -> Solution:
     """Return the equilibrium, in one load step.
 
     Parameters
@@ -278,4 +278,4 @@ def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None =
     moved = np.full(3, np.nan)
     if pull is not None:
         moved = np.array([dolfinx.fem.assemble_scalar(one) for one in pull]) / area
-    return Found(reactions, moved, 3 * int(space.dofmap.index_map.size_global), seconds)
+    return Solution(reactions, moved, 3 * int(space.dofmap.index_map.size_global), seconds)
