@@ -31,7 +31,7 @@ HALF = float(np.sqrt(4.0 * FORCE * RADIUS / (np.pi * MODULUS)))
 PEAK = 2.0 * FORCE / (np.pi * HALF)
 
 
-class Found(NamedTuple):
+class Errors(NamedTuple):
     """Relative errors of half the patch's width, by the pressure's second moment, and of the pressure in the middle."""
 
     half: float
@@ -89,7 +89,7 @@ def model(points: float) -> Model:
     return Model([Body(space, STEEL)], supports, loads=[weight], contacts=[touching], solids=[solid])
 
 
-def measure(points: float) -> Found:
+def measure(points: float) -> Errors:
     """Return the errors."""
     one = model(points)
     (result,) = statics.solve(one).contacts
@@ -100,7 +100,7 @@ def measure(points: float) -> Found:
     # Of an ellipse the mean over so much of the middle.
     mean_height = np.mean(np.sqrt(1.0 - np.linspace(-0.2, 0.2, 101) ** 2))
     peak = float(loads[middle].sum() / result.areas[here][middle].sum()) / mean_height
-    return Found(half / HALF - 1.0, peak / PEAK - 1.0, one.unknowns + 3 * one.solids[0].nodes)
+    return Errors(half / HALF - 1.0, peak / PEAK - 1.0, one.unknowns + 3 * one.solids[0].nodes)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ PROBLEMS = {"torsion": torsion, "axial": axial, "inclusion": inclusion, "composi
 
 
 @dataclass(frozen=True)
-class Found:
+class Result:
     """What one solution is worth.
 
     Attributes
@@ -192,7 +192,7 @@ def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
 
 def solve(
     problem: Problem, space: Space, cells: tuple[int, int, int], element: str, slave: str = "rod", gap: float = 0.5
-) -> Found:
+) -> Result:
     """Return the errors of a rod's space in a sleeve of so many cells; slave is the ``"rod"`` or the ``"solid"``."""
     made, solid = sleeve(problem, cells, element)
     own, hole = LateralSurface(0), SolidSurface(0, made.hole)
@@ -214,7 +214,7 @@ def solve(
     xi = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     where = space.rod.grid(xi, along)[0]
     moved = problem.solution.displacement(where.reshape(-1, 3), 0).reshape(where.shape)
-    return Found(
+    return Result(
         energy=energy / AMPLITUDE**2 / stored(problem) - 1.0,
         rod=distance(solution.at(0, along, xi) / AMPLITUDE, moved),
         traction=distance(carried.traction / AMPLITUDE, expected),

@@ -136,7 +136,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
 
 
 @dataclass(frozen=True)
-class Found:
+class Result:
     """Compliances of a joint.
 
     Attributes
@@ -181,7 +181,7 @@ def solve(
     slave: str = "rod",
     degree: int = 2,
     loads: tuple[str, ...] = tuple(LOADS),
-) -> Found:
+) -> Result:
     """Return the compliances of a rod welded on a block or through a sleeve; rod and block."""
     V = compat.function_space(made.mesh, compat.element(made.mesh, "Lagrange", degree, 3))
     held = fem.dirichletbc(fem.Function(V), fem.locate_dofs_topological(V, 2, made.held))
@@ -202,7 +202,7 @@ def solve(
         moved = np.abs(one.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
         jump = max(jump, one.ties[0].jump / moved)
         balance = max(balance, _balance(one, nodal, space, 1.0 if slave == "rod" else -1.0))
-    return Found(compliances, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
+    return Result(compliances, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
 
 
 def _balance(one: Any, nodal: Array, space: Space, sign: float) -> float:
