@@ -75,12 +75,12 @@ class Cylinders:
             bars.append(closer(one, [patch]))
         return bars
 
-    def by_push(self, share: float = 1.0) -> Model:
-        """Return bars whose backs come nearer by a share of Hertz' approach."""
-        low, high = self.bars(FORCE * share**1.5)
+    def by_push(self, fraction: float = 1.0) -> Model:
+        """Return bars whose backs come nearer by a fraction of Hertz' approach."""
+        low, high = self.bars(FORCE * fraction**1.5)
         supports = [
             Support(_back(low, -1.0), "xyz"),
-            Support(_back(high, 1.0), "xyz", (0.0, -share * self.exact().approach, 0.0), 1),
+            Support(_back(high, 1.0), "xyz", (0.0, -fraction * self.exact().approach, 0.0), 1),
         ]
         return self._model(low, high, supports)
 
@@ -113,10 +113,10 @@ class Cylinders:
             "peak": result.peak / exact.peak - 1.0,
         }
 
-    def hertzian(self, shares: Sequence[float], forces: Sequence[float]) -> float:
-        """Return the force at Hertz' approach, of two pushes by shares of it, less what is linear in the force."""
+    def hertzian(self, fractions: Sequence[float], forces: Sequence[float]) -> float:
+        """Return the force at Hertz' approach, of two pushes by fractions of it, less what is linear in the force."""
         approach = self.exact().approach
-        given, measured = np.array(shares) * approach, np.array(forces)
+        given, measured = np.array(fractions) * approach, np.array(forces)
         terms = np.stack([measured ** (2.0 / 3.0), measured], axis=1)
         return float((approach / np.linalg.solve(terms, given)[0]) ** 1.5)
 
