@@ -50,7 +50,7 @@ class Deck(NamedTuple):
     """An input file's text, and what there is to say of it, a line each."""
 
     text: str
-    said: list[str]
+    notes: list[str]
 
 
 def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
@@ -104,7 +104,7 @@ class _Problem:
     def __init__(
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
-        self.kind, self.said = scene.analysis, list[str]()
+        self.kind, self.notes = scene.analysis, list[str]()
         self.swing = deck_harmonic.Swing(scene, model, settings) if self.kind == "harmonic" else None
         if self.swing:
             model = self.swing.still
@@ -129,7 +129,7 @@ class _Problem:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
         self.measured: list[str] = []
         if self.linear and model.spin is not None and any(model.spin.velocity):
-            self.said.append(
+            self.notes.append(
                 "spin: forces are those at rest, in isorod where bodies are displaced: omega^2 / omega_1^2 more"
             )
         self.names = deck_names.names_of(scene, mesh)
@@ -191,7 +191,7 @@ class _Problem:
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
         self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [named, *self.solids], self.names)
         joined = [*self.pairs.ties(), *self.pairs.contacts()]
-        self.said += [*self.pairs.said, *self.means.said]
+        self.notes += [*self.pairs.notes, *self.means.notes]
         materials = [*self._materials()]
         for mesh in self.pairs.meshes[len(elements) :]:
             elements.append("C3D8" if mesh.order == 1 else abaqus.BRICKS[mesh.order])
@@ -210,13 +210,13 @@ class _Problem:
         own = [*self._sets(), *self.pairs.equations(self.number, self.owner >= 0), *self._means(last, cells)]
         own += self.pairs.turning(last + len(self.means.titles))
         steps = list(self._steps())
-        notes = [f"** {one}" for one in self.said]
+        notes = [f"** {one}" for one in self.notes]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
         return Deck(
             "\n".join(
                 [*head, "** Nodes, elements, and sets of both", *text, *own, "** Laws", *materials, *joined, *steps]
             ),
-            self.said,
+            self.notes,
         )
 
     def _materials(self) -> Iterator[str]:
@@ -244,7 +244,7 @@ class _Problem:
         if isinstance(law, Thermal):
             words = [*words, *deck_heat.expansion(law)]
         if note:
-            self.said.append(f"{name}: {note}")
+            self.notes.append(f"{name}: {note}")
         title = abaqus.name_of(name)
         yield from [f"*MATERIAL,NAME={title}", *words]
         if density > 0.0:
@@ -261,15 +261,15 @@ class _Problem:
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[nodes]))
             others = [own for j, (own, _) in at_ends.items() if j != k and {j, k} & self.means.nodes.keys()]
             if any(np.isin(nodes, own).any() for own in others):
-                self.said.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
+                self.notes.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
             on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
                 text = ", ".join(f"{value:.6g}" for value in on)
-                self.said.append(f"{self.supports[k]}: loads on its own nodes, ({text}), are in the RF of CalculiX")
+                self.notes.append(f"{self.supports[k]}: loads on its own nodes, ({text}), are in the RF of CalculiX")
         if self.swing:
             for name, node in deck_harmonic.places(self.scene, self.model, self.mesh, self.number):
                 if not node:
-                    self.said.append(f"{name}: no node is there; another --level may have one")
+                    self.notes.append(f"{name}: no node is there; another --level may have one")
                     continue
                 self.measured.append(abaqus.name_of(name))
                 yield from abaqus.set_of_nodes(self.measured[-1], np.array([node]))
@@ -305,7 +305,7 @@ class _Problem:
                 yield from [*self._boundary(factor), *loads, *self._printed()]
         if self.kind == "buckling":
             fraction = self._share()
-            self.said.append(
+            self.notes.append(
                 f"load factors are those of linear buckling, by the stress of the state of rest; loads are "
                 f"{fraction:g} of the scene's, since CalculiX sees factors above 1 alone: "
                 f"multiply what it finds by {fraction:g}"
@@ -319,14 +319,14 @@ class _Problem:
 
             rigid = len(moved_freely(self.model))
             if self.swing:
-                self.said += self.swing.find()
+                self.notes += self.swing.find()
                 self.modes = self.swing.modes - rigid
             modes = self.modes + rigid + _MORE
             yield "** Frequencies, those of rigid motions first"
             yield "*STEP,PERTURBATION" if self.moves else "*STEP"
             yield from ["*FREQUENCY,STORAGE=YES" if self.swing else "*FREQUENCY", f"{modes}"]
             if rigid:
-                self.said.append(f"the first {rigid} modes are rigid motions")
+                self.notes.append(f"the first {rigid} modes are rigid motions")
             if not self.moves:
                 yield from self._boundary(0.0)
             yield from ["*END STEP"] if self.swing else ["*NODE FILE", "U", "*END STEP"]

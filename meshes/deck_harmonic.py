@@ -39,7 +39,7 @@ class Swing:
         The model with what is static, and with the loads that swing; None where supports are shaken.
     modes
         How many modes CalculiX is to find.
-    said
+    notes
         What there is to say, a line each.
     """
 
@@ -60,7 +60,7 @@ class Swing:
         if self.swinging is not None and not all(isinstance(one, Weight) for one in self.still.loads):
             raise InputError("loads: some that swing beside others that are static are not written to .inp")
         self._model = model
-        self.said: list[str] = []
+        self.notes: list[str] = []
 
     def find(self) -> Iterator[str]:
         """Find how many modes it takes, and yield which measures these alone, as CalculiX has them, are off in."""

@@ -38,7 +38,7 @@ class Pairs:
         Of all rods, of each finite element body, and of obstacles, with faces of all surfaces that are named.
     obstacles
         Their names, and the numbers of their contacts.
-    printed, said
+    printed, notes
         Lines that ask for what ties and contacts carry, and what there is to say, lines too.
     """
 
@@ -46,7 +46,7 @@ class Pairs:
         self.scene, self.model, self.mesh, self.meshes, self.names = scene, model, mesh, meshes, names
         self.obstacles: list[tuple[str, int]] = []
         self.printed: list[str] = []
-        self.said: list[str] = []
+        self.notes: list[str] = []
         self._embedded: list[tuple[int, Index, Index, Array]] = []
 
     def ties(self) -> Iterator[str]:
@@ -62,7 +62,7 @@ class Pairs:
                 continue
             if not moving:
                 moving = True
-                self.said.append("ties: CalculiX moves the nodes of the slave onto the master")
+                self.notes.append("ties: CalculiX moves the nodes of the slave onto the master")
                 yield "** Ties: the slave's nodes follow the master"
             (slave, mine), (master, other) = (
                 self._surface(one, f"{title} {side}") for one, side in ((tie.slave, "slave"), (tie.master, "master"))
@@ -71,9 +71,9 @@ class Pairs:
                 # CalculiX ties nodes: those of the coarser side would leave others loose.
                 if abs(other.area - mine.area) < _SAME_AREA * mine.area:
                     slave, master = master, slave
-                    self.said.append(f"{title}: the master is CalculiX' slave, whose mesh is the finer one")
+                    self.notes.append(f"{title}: the master is CalculiX' slave, whose mesh is the finer one")
                 else:
-                    self.said.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
+                    self.notes.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
             yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, mine.extent)
             self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)}", "SOF,SOM"]
 
@@ -91,7 +91,7 @@ class Pairs:
             raise InputError(f"tie {k}: {problem}") from None
         self._embedded.append((k, nodes, *interpolation))
         title = self.scene.named(f"tie {k}")
-        self.said.append(f"{title}: nodes of the end move as the other rod does where they are, by *EQUATION")
+        self.notes.append(f"{title}: nodes of the end move as the other rod does where they are, by *EQUATION")
 
     def equations(self, number: Index, taken: NDArray[np.bool_]) -> Iterator[str]:
         """Yield the equations of ends within other rods, by the numbers of nodes, of which some are held otherwise."""
@@ -135,7 +135,7 @@ class Pairs:
             if alone and not pairs:
                 raise InputError(f"contact {k}: contact of a rod with itself is nothing that CalculiX has")
             if alone:
-                self.said.append(f"{title}: rods do not touch themselves, which CalculiX has not")
+                self.notes.append(f"{title}: rods do not touch themselves, which CalculiX has not")
             yield from deck_pairs.interaction(contact, self.model, abaqus.name_of(title))
             other = ""
             if contact.facets is not None:

@@ -27,7 +27,7 @@ _SAID = (
 
 
 def elastic(law: Material) -> tuple[list[str], str]:
-    """Return the lines of a law at rest, or of one linear in Green's strain, and what is said; `InputError` if none.
+    """Return the lines of a law at rest, or of one linear in Green's strain, and a note; `InputError` if none.
 
     Young's modulus and Poisson's ratio of laws that do not have these follow from the moduli of plane waves.
     """
@@ -44,7 +44,7 @@ def elastic(law: Material) -> tuple[list[str], str]:
 
 
 def _moduli(law: Material) -> tuple[tuple[float, float], str]:
-    """Return shear and bulk modulus at rest, a finite one in the place of an infinite one, and what is said of that."""
+    """Return shear and bulk modulus at rest, a finite one in the place of an infinite one, and a note on that."""
     if np.isfinite(law.lame):
         waves = plane_waves(law)
         return (waves.min(), waves.max() - 4.0 / 3.0 * waves.min()), ""

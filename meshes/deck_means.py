@@ -46,7 +46,7 @@ class Means:
     ----------
     nodes
         Of the mesh, that take part in each support.
-    titles, said
+    titles, notes
         The sets of reference nodes, and what there is to say of these, a line each.
     """
 
@@ -54,7 +54,7 @@ class Means:
         self.model, self.mesh = model, mesh
         self._references: list[_Reference] = []
         self.nodes: dict[int, Index] = {}
-        self.said: list[str] = []
+        self.notes: list[str] = []
         rows: list[csr_array] = []
         tied = _tied(model, mesh)
         for k, support in model.means.items():
@@ -82,7 +82,7 @@ class Means:
                 directions = "; ".join(
                     "(" + ", ".join(f"{one:.6g}" for one in np.round(row, 9) + 0.0) + ")" for row in vectors
                 )
-                self.said.append(f"{abaqus.name_of(title)}: its components are along {directions}")
+                self.notes.append(f"{abaqus.name_of(title)}: its components are along {directions}")
                 signs = np.ones(len(vectors))
             else:
                 signs = np.sign(vectors[np.arange(len(vectors)), components])

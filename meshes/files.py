@@ -85,7 +85,7 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     else:
         done = deck.write(scene, model, mesh, element, sets)
     write_whole(path, (done.text + "\n").encode())
-    return done.said
+    return done.notes
 
 
 def _rings(where: dict[str, Index], names: deck_names.Names) -> dict[str, Index]:
