@@ -39,7 +39,7 @@ class RodPart:
     """A rod: its region, what it is called, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
 
     name: str
-    said: str
+    label: str
     rod: Rod
     radii: Sequence[float] = (0.0, 1.0)
     cuts: Sequence[float] = ()
@@ -50,7 +50,7 @@ class BodyPart:
     """A body: its region, what it and its STEP file are called, box ``(2, 3)`` and volume of its own mesh."""
 
     name: str
-    said: str
+    label: str
     file: str
     step: bytes = field(repr=False)
     box: Array
@@ -168,12 +168,12 @@ class Solid:
             volume = sum(occ.getMass(3, one.tag) for one in self.fragments if one.part == number)
             if abs(volume - self._sizes[number]) > _SAME_VOLUME * self._sizes[number]:
                 raise InputError(
-                    f"{part.said}: gmsh does not cut it by the others rightly: of a volume of "
+                    f"{part.label}: gmsh does not cut it by the others rightly: of a volume of "
                     f"{self._sizes[number]:.5g} {volume:.5g} are left; take a simpler geometry"
                 )
             if isinstance(part, BodyPart) and abs(volume - part.volume) > _SAME_AREA * part.volume:
                 raise InputError(
-                    f"{part.said}: geometry {part.file}: its volume without the rods is {volume:.5g}, that of the mesh "
+                    f"{part.label}: geometry {part.file}: its volume without the rods is {volume:.5g}, that of the mesh "
                     f"{part.volume:.5g}; need the body that is meshed"
                 )
 
@@ -181,7 +181,7 @@ class Solid:
         """Note which ties the faces are of that two parts share; raises `InputError` unless all of them are tied."""
         ties = {k: one for k, one in enumerate(self.joins) if {one.slave, one.master} == {*pair}}
         area = sum(self._gmsh.model.occ.getMass(2, face) for face in faces)
-        first, second = (self.parts[k].said for k in pair)
+        first, second = (self.parts[k].label for k in pair)
         if not ties:
             if area > 0.0:
                 raise InputError(f"{first} and {second} touch, on an area of {area:.4g}, and nothing ties them there")
@@ -288,7 +288,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
         try:
             return occ_rods.volumes(gmsh, part.rod, part.radii, part.cuts)
         except InputError as problem:
-            raise InputError(f"{part.said}: {problem}") from None
+            raise InputError(f"{part.label}: {problem}") from None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "body.step"
         file.write_bytes(part.step)
@@ -298,7 +298,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
             # gmsh raises nothing else.
             tags = []
     if not tags:
-        raise InputError(f"{part.said}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
+        raise InputError(f"{part.label}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
     gmsh.model.occ.synchronize()
     boxes = np.array([gmsh.model.occ.getBoundingBox(3, tag) for tag in tags]).reshape(-1, 2, 3)
     box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
@@ -306,7 +306,7 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
     if np.abs(box - part.box).max() > _SAME_AREA * size:
         extents = ["; ".join(" to ".join(f"{one:.4g}" for one in axis) for axis in both.T) for both in (box, part.box)]
         raise InputError(
-            f"{part.said}: geometry {part.file} reaches from {extents[0]}, its mesh from {extents[1]}; need the same "
+            f"{part.label}: geometry {part.file} reaches from {extents[0]}, its mesh from {extents[1]}; need the same "
             "place and unit (STEP is read in mm)"
         )
     return [occ_rods.Volume(tag, 1) for tag in tags]

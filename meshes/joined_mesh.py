@@ -118,7 +118,7 @@ def build(
         faces_of_groups = _of_body(part, groups[number], own, points)
         lost = next((name for name in groups[number].needed if name not in faces_of_groups), None)
         if lost is not None:
-            raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
+            raise InputError(f"{part.label}: group {lost} is on no face of the geometry's surface")
         faces |= {f"{part.name} {name}": faces_of_groups[name] for name in groups[number].needed}
         every = _of_body(part, groups[number], [made.faces[face] for face in solid.faces(number)], points)
         bodies.append(_alone(points, made, part.name, every))
@@ -230,7 +230,7 @@ def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) 
                 faces_of_groups[group].append(nodes)
             elif fraction > _NONE and group in groups.needed:
                 raise InputError(
-                    f"{part.said}: group {group} is {100 * fraction:.0f} % of a face of the geometry; need all of it "
+                    f"{part.label}: group {group} is {100 * fraction:.0f} % of a face of the geometry; need all of it "
                     "or none: split the face there"
                 )
     return {group: np.concatenate(several) for group, several in faces_of_groups.items() if several}
