@@ -22,7 +22,7 @@ from isorod.statics import Equilibrium
 QUANTITIES = {"end_force": 0.02, "belly_bulge": 0.02, "contact_force": 0.05}
 
 # Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in
-# shares of the work done.
+# fractions of the work done.
 AT_REST, BALANCE = 5e-3, 1e-3
 END_TIME = 0.25
 

@@ -1,4 +1,4 @@
-"""Study ``compare``: a scene of anyone's, solved both ways: errors against run time, fields, pictures.
+"""Study ``compare``: any scene, solved by both methods: errors against run time, fields, pictures.
 
 What is compared with is the finite elements' own limit: of each number that the scene measures three meshes are
 extrapolated.  Fields are compared with those of the finest mesh, at its nodes, and stresses that nothing measures at
@@ -41,7 +41,7 @@ _UNFIT = re.compile(r"[^\w.-]+")
 
 
 class Most(NamedTuple):
-    """How large a mesh may be, and how long its solution may take, as told by the mesh before."""
+    """How large a mesh may be, and how long its solution may take, extrapolated from the mesh before."""
 
     dofs: int
     seconds: float

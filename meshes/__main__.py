@@ -59,8 +59,8 @@ def _model(scene: Any, paths: Sequence[Path], mesh_only: bool) -> Model | None:
     return model
 
 
-# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods, a
-# share of it; of cells of order 1, which have no curved edges, the first is taken.
+# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods,
+# relative; of cells of order 1, which have no curved edges, the first is taken.
 LEVEL, VOLUME = 2, 1e-3
 
 _SAID = (
@@ -76,7 +76,7 @@ def _more(parser: Parser, scene: Any) -> None:
         "--level",
         type=int,
         metavar="int",
-        help=f"so many times as many cells each way ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
+        help=f"factor of the cells in each direction ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
     )
     parser.add_argument(
         "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"

@@ -1,4 +1,4 @@
-"""Meshes of the biceps (Lu & Zhou 2011, section 5): two branches, each a tendon, a muscle and a tendon in one piece."""
+"""Meshes of the biceps (Lu & Zhou 2011, section 5): two branches of tendon, muscle and tendon each."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ def build(
     cuts: int = 1,
     branches: Sequence[Rod] | None = None,
 ) -> Mesh:
-    """Return a mesh of both branches, which share no node.
+    """Return a mesh of both branches, which have no node in common.
 
     Faces are named ``first start``, ``first end``, ``first belly`` (the muscle's lateral surface) and ``first tendons``
     (the tendons'), likewise ``second``; regions ``first muscle``, all axis elements but the outer two, and

@@ -37,7 +37,7 @@ _MORE = 4
 # A step begins with a quarter of itself: rubber that is twisted by half a turn takes no more at once.
 _STATIC = "*STATIC\n0.25,1.,1e-6,1."
 
-# Forces and differences of displacements below this share of the largest are rounding.
+# Forces and differences of displacements below this fraction of the largest are rounding.
 _ROUNDING = 1e-12
 
 # Of load factors; CalculiX' own is a hundredth.
@@ -47,7 +47,7 @@ _LATER = "--mesh-only writes the mesh alone"
 
 
 class Deck(NamedTuple):
-    """An input file's text, and what there is to say of it, a line each."""
+    """An input file's text, and notes on it, a line each."""
 
     text: str
     notes: list[str]
@@ -345,7 +345,7 @@ class _Problem:
         return [self.loads[k] for k, load in enumerate(self.pulled.loads) if isinstance(load, SectionLoad)]
 
     def _share(self) -> float:
-        """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
+        """Return the fraction of the loads, of one digit, whose lowest load factor is about 2."""
         from isorod import buckling
 
         lowest = float(buckling.solve(self.model, 1, linear_at=0.0).factors[0])

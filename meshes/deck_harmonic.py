@@ -20,13 +20,13 @@ from isorod.model.model import Model
 from meshes import abaqus
 from meshes.mesh import Index, Mesh
 
-# Frequencies between two natural ones, and how much closer they are to these.
+# Frequencies between two natural ones, and by what factor they concentrate at these.
 _BETWEEN = "20,3."
 
-# A node is at a place that is measured within this share of the mesh's size.
+# A node is at a place that is measured within this fraction of the mesh's size.
 _SAME = 1e-9
 
-# What modes leave out of the largest amplitude is told from here on.
+# From this fraction of the largest amplitude on there is a note on what modes leave out.
 _TOLD = 1e-3
 
 
@@ -40,7 +40,7 @@ class Swing:
     modes
         How many modes CalculiX is to find.
     notes
-        What there is to say, a line each.
+        A line each.
     """
 
     def __init__(self, scene: Any, model: Model, settings: dict[str, Any]) -> None:
@@ -69,7 +69,7 @@ class Swing:
         alone = response.coordinates.copy()
         alone[:, self.modes :] = 0.0
         with warnings.catch_warnings():
-            # Of stresses, which `isorod run` tells.
+            # Of stresses, which `isorod run` prints.
             warnings.simplefilter("ignore")
             measured, measured_alone = (
                 self.scene.measure(one)["response"] for one in (response, replace(response, coordinates=alone))

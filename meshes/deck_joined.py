@@ -39,7 +39,7 @@ class Pairs:
     obstacles
         Their names, and the numbers of their contacts.
     printed, notes
-        Lines that ask for what ties and contacts carry, and what there is to say, lines too.
+        Lines that ask for what ties and contacts carry, and notes, lines too.
     """
 
     def __init__(self, scene: Any, model: Model, mesh: Mesh, meshes: list[Mesh], names: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Laws in the words of Abaqus and CalculiX: ``*ELASTIC``, ``*HYPERELASTIC``, and what of a law these do not say."""
+"""Laws in the words of Abaqus and CalculiX: ``*ELASTIC``, ``*HYPERELASTIC``, and notes on what these cannot express."""
 
 import numpy as np
 

@@ -9,7 +9,7 @@ from isorod.model.model import Model
 from meshes import abaqus, deck_heat, nodal
 from meshes.mesh import Array, Index, Mesh
 
-# Forces below this share of the largest are rounding.
+# Forces below this fraction of the largest are rounding.
 _ROUNDING = 1e-12
 
 
@@ -34,7 +34,7 @@ class Loads:
     def steps(self, stops: Sequence[float]) -> Iterator[Iterator[str]]:
         """Yield the lines of each of several steps that end at these load factors.
 
-        A force that is in one of the steps is in all: CalculiX keeps what a step does not say.
+        A force that is in one of the steps is in all: CalculiX keeps loads that a step does not mention.
         """
         rods = [nodal.dead(self.mesh, self.model, factor) for factor in stops]
         most = [np.max(np.abs(rods), axis=0), *(np.abs(forces) for _, forces in self.blocks[1:])]

@@ -23,7 +23,7 @@ from isorod.space.trace import Trace
 from meshes import abaqus, deck_pairs, nodal
 from meshes.mesh import Array, Index, Mesh
 
-# Coefficients of an equation below this are rounding; a mean that is others' to this share is one of theirs.
+# Coefficients of an equation below this are rounding; a mean that depends on others to this fraction is one of theirs.
 _ROUNDING, _DEPENDENT = 1e-12, 1e-9
 
 
@@ -47,7 +47,7 @@ class Means:
     nodes
         Of the mesh, that take part in each support.
     titles, notes
-        The sets of reference nodes, and what there is to say of these, a line each.
+        The sets of reference nodes, and notes on these, a line each.
     """
 
     def __init__(self, scene: Any, model: Model, mesh: Mesh) -> None:

@@ -23,7 +23,7 @@ _WIDE, _HIGH = 2.0, 0.2
 # Bricks of the second degree round a cylinder.
 _ROUND = 72
 
-# Points that are nearer to a cylinder, a share of its radius, touch it; and what is an arc, radians.  Of a rope round
+# Points nearer to a cylinder, a fraction of its radius, touch it; and the smallest arc, radians.  Of a rope round
 # half a drum (the example drum) the first increments diverge, or become 1/400 of the whole: with surface to surface,
 # node to surface and mortar contact, penalties down to a hundredth, overlaps and gaps at rest, increments of 1 %.
 _TOUCHES, _ARC = 1e-3, 0.5

@@ -27,7 +27,7 @@ ELEMENTS = {
     ("hexahedron", 2): "C3D20R",
 }
 
-# Nodes are the same that are as near as this, a share of the body's size.
+# Nodes nearer to each other than this fraction of the body's size are the same.
 _SAME = 1e-9
 
 

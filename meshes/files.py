@@ -40,7 +40,7 @@ def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
 
 
 def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model: Model | None = None) -> list[str]:
-    """Write a mesh of a scene's rods (`meshes.rods.build`), all of it or nothing; return what there is to say of it.
+    """Write a mesh of a scene's rods (`meshes.rods.build`), completely or not at all; return notes on it.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     element
         Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
     model
-        The scene's, where the whole problem is wanted, not the mesh alone.
+        The scene's, where the complete problem is written, not the mesh alone.
 
     Raises
     ------

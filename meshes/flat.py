@@ -21,16 +21,16 @@ Plane = Callable[[Array], tuple[Array, Array]]
 # Points of the outline that are looked at.
 _AROUND = 2880
 
-# A tip is in the middle of what is less than this share of the section's length short of its end.
+# A tip is in the middle of the points less than this fraction of the section's length from its end.
 _TIP = 2e-3
 
-# The most curved point is looked for in this share of its length.
+# The most curved point is searched in this fraction of its length.
 _NOSE = 0.1
 
 # Angles this near to each other are the same, radians.
 _SAME = 0.01
 
-# How near to its place a node is found, as a share of the section's length; steps to find it, and halvings of a step.
+# Accuracy of a node's place, a fraction of the section's length; steps of the search, and halvings of a step.
 _NEAR = 1e-12
 _STEPS = 25
 _HALVINGS = 8
@@ -46,7 +46,7 @@ def plane(rod: Rod, u: float, radius: float = 1.0) -> Plane:
     rim, _ = rod.grid(radius * circle(2.0 * np.pi * np.arange(_AROUND) / _AROUND), [u])
     middle = rim[0].mean(axis=0)
     directions = np.linalg.svd(rim[0] - middle, full_matrices=False)[2][:2]
-    # The disk's way round, as it is seen along the rod, is kept.
+    # The sense of rotation of the disk, as seen along the rod, is kept.
     if np.dot(np.cross(*directions), rod.tangents([u])[0]) < 0.0:
         directions[1] *= -1.0
 
@@ -106,7 +106,7 @@ def laid_out(
     Raises
     ------
     InputError
-        If a node's place is not found: the section is one that straight lines do not cross.
+        If the search of a node's place fails: the section is one that straight lines do not cross.
     """
     (first, second), (a, b) = ends, np.radians(corners)
     s, t = (np.arange(order * count + 1) / (order * count) for count in (along, across))

@@ -99,7 +99,7 @@ class Held:
         return nodal
 
     def centre(self, displacement: Array, moved: bool) -> Array:
-        """Return the mean of the held control points' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
+        """Return the mean of the held control points at rest, or with the mesh's nodes displaced by ``(nodes, 3)``."""
         control_points = self.functions & self.space.is_control_point
         if not moved:
             return np.asarray(self.space.positions[control_points].mean(axis=0))

@@ -12,7 +12,7 @@ _AROUND, _RADII, _SECTIONS = 12, (0.4, 0.9), 12
 
 _STEPS = 40
 
-# A step that changes parameters by less, of the disk and shares of an element, is the last.
+# A step that changes parameters, of the disk and relative to an element, by less is the last.
 _SMALL = 1e-13
 
 

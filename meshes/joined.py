@@ -20,14 +20,14 @@ from meshes import occ_rods
 from meshes.mesh import Array
 
 # Sizes of cells on level 1: in rods and bodies as multiples of their thickness (for circles the radius), at the edges
-# of joints as a share of that of the thinner side; what they grow by with the distance from there.
+# of joints as a fraction of that of the thinner side; what they grow by with the distance from there.
 ROD, BODY, NEAR, GROWTH = 1.5, 1.0, 0.5, 0.5
 
-# Shares by which volumes and areas that are to be the same may differ: gmsh tells volumes to 1e-3, areas of facets are
+# Fractions by which equal volumes and areas may differ: gmsh computes volumes to 1e-3, areas of facets are
 # those of polygons.
 _SAME_VOLUME, _SAME_AREA = 0.01, 0.03
 
-# What overlaps, as a share of the smaller one, is more than rounding.
+# Larger overlaps, as a fraction of the smaller volume, are more than rounding.
 _OVERLAP = 1e-4
 
 # Spacing of the points at which joints' edges are looked for, in sizes of cells there.
@@ -83,12 +83,12 @@ class Solid:
 
     Attributes
     ----------
-    pieces
+    fragments
         Volumes, each with the number of its part.
     outer, inner
-        Faces of the surface, and between pieces of a part, by part.
+        Faces of the surface, and between fragments of a part, by part.
     joints
-        Faces that two parts share, by tie.
+        Common faces of two parts, by tie.
     curves
         Round these faces, and those of bodies.
 
@@ -120,7 +120,7 @@ class Solid:
     def _fragments(
         self, tools: Sequence[tuple[int, occ_rods.Volume]]
     ) -> tuple[list[_Fragment], dict[tuple[int, int], float]]:
-        """Cut all by all; return the pieces, and how much of each pair of parts was in both, as a share."""
+        """Cut all by all; return the fragments, and the overlap of each pair of parts, as a fraction."""
         occ = self._gmsh.model.occ
         given = [(3, one.tag) for _, one in tools]
         self._sizes = {number: 0.0 for number, _ in tools}
@@ -173,12 +173,12 @@ class Solid:
                 )
             if isinstance(part, BodyPart) and abs(volume - part.volume) > _SAME_AREA * part.volume:
                 raise InputError(
-                    f"{part.label}: geometry {part.file}: its volume without the rods is {volume:.5g}, that of the mesh "
-                    f"{part.volume:.5g}; need the body that is meshed"
+                    f"{part.label}: geometry {part.file}: its volume without the rods is {volume:.5g}, that of the "
+                    f"mesh {part.volume:.5g}; need the body that is meshed"
                 )
 
     def _join(self, pair: tuple[int, int], faces: Sequence[int], overlap: float) -> None:
-        """Note which ties the faces are of that two parts share; raises `InputError` unless all of them are tied."""
+        """Record the ties of the common faces of two parts; raises `InputError` unless all of them are tied."""
         ties = {k: one for k, one in enumerate(self.joins) if {one.slave, one.master} == {*pair}}
         area = sum(self._gmsh.model.occ.getMass(2, face) for face in faces)
         first, second = (self.parts[k].label for k in pair)
@@ -208,7 +208,7 @@ class Solid:
             self.joints[min(trees, key=lambda k: trees[k].query(middle)[0])].append(face)
 
     def faces(self, number: int) -> list[int]:
-        """Return the faces round a part, those that it shares with others too."""
+        """Return the faces round a part, those common with others too."""
         tied = [k for k, one in enumerate(self.joins) if number in (one.slave, one.master)]
         return [*self.outer[number], *(face for k in tied for face in self.joints[k])]
 

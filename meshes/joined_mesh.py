@@ -15,7 +15,7 @@ from meshes.inverse import parameters
 from meshes.joined import Join, Part, RodPart, Solid
 from meshes.mesh import Array, Index, Mesh
 
-# A face of a rod is where all of its nodes have the parameters of a surface to this share.
+# A face is on a surface of a rod if all of its nodes have the parameters of that to this fraction.
 _ON = 1e-3
 
 # Of a face of the geometry so much, at least or at most, must be of a group.

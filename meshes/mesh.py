@@ -81,9 +81,9 @@ class Mesh:
         return float(self._cell_volumes().sum())
 
     def node_volumes(self) -> Array:
-        """Return each node's share of the volume, shape ``(nodes,)``.
+        """Return each node's part of the volume, shape ``(nodes,)``.
 
-        A cell's is shared out equally among its nodes.
+        A cell's is divided equally among its nodes.
         """
         volumes = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
         return np.asarray(np.bincount(self.cells.ravel(), volumes, len(self.points)), dtype=float)
@@ -145,7 +145,7 @@ def lexicographic(order: int, dimension: int) -> Array:
 
 
 def match(given: Array, target: Array) -> Index:
-    """Return ``p`` with ``given[p] == wanted`` up to rounding: the same reference nodes in another program's order."""
+    """Return ``p`` with ``given[p] == target`` up to rounding: the same reference nodes in another program's order."""
     distance = np.linalg.norm(target[:, None, :] - given[None, :, :], axis=2)
     order = distance.argmin(axis=1)
     if given.shape != target.shape or distance[np.arange(len(order)), order].max() > 1e-6:
@@ -164,7 +164,7 @@ def gradients(shape: CellShape, order: int, nodes: Array, where: Array) -> Array
     # Centred coordinates keep the monomials' Vandermonde matrix well conditioned at the orders in use (1 to 4).
     nodes, where = 2.0 * nodes - 1.0, 2.0 * where - 1.0
     inverse = np.linalg.inv(np.prod(nodes[:, None, :] ** powers, axis=2))
-    # Each coordinate's own powers once: those of every monomial took most of the time that points are found in.
+    # Each coordinate's own powers once: those of every monomial took most of the time of searching points.
     own = where[:, :, None] ** np.arange(order + 1)
     slopes = np.empty((len(where), 3, len(powers)))
     for a in range(3):

@@ -9,7 +9,7 @@ from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionL
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, Mesh, gauss
 
-# Gauss points in each direction, and how far from an end a section may be by rounding, a share of the axis.
+# Gauss points in each direction, and how far from an end a section may be by rounding, a fraction of the axis.
 _POINTS = 4
 _SAME = 1e-9
 
@@ -163,7 +163,7 @@ def _weight(k: int, load: Weight) -> Array:
 
 
 def _tractions(load: SectionLoad, places: Array, fractions: Array) -> Array:
-    """Return what a load does at places of its section, shape ``(f, q, 3)``, per share ``(f, q)`` of its area."""
+    """Return the tractions of a load at places of its section, ``(f, q, 3)``, per fraction ``(f, q)`` of its area."""
     tractions = np.broadcast_to(np.array(load.force or (0.0, 0.0, 0.0)), places.shape)
     if not load.turns:
         return tractions

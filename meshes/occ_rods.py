@@ -19,7 +19,7 @@ from meshes.mesh import Array
 # How far a section may be from a plane, and rings from those of an ellipse, in radii.
 _PLANE = 1e-5
 
-# Knots so near, as a share of the axis, are the same.
+# Knots so near, as a fraction of the axis, are the same.
 _ROUNDING = 1e-9
 
 # Places in each element of a rod, and points round it, where that is looked at.
@@ -96,7 +96,7 @@ def _check_rings(rod: Rod, radii: Sequence[float]) -> None:
 
 
 def _cut(rod: Rod, places: Sequence[float]) -> list[Rod]:
-    """Return the rod in pieces, each open."""
+    """Return the segments of the rod, each open."""
     for u in places:
         if not _is_plane(rod, u):
             raise InputError(f"its section at u = {u:g} is not plane, where laws change or it is kinked")

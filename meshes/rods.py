@@ -37,13 +37,13 @@ MOST = 16
 TURN = 45.0
 
 # Cells of order 3 are so many times as short: of torsion and clock springs stresses are 17 and 8 % too high with layers
-# of the others' length, beside held ends and on curved surfaces, which their rates, right to 0.6 %, do not tell.
+# of the others' length, beside held ends and on curved surfaces, which their rates, right to 0.6 %, do not include.
 _CUBIC = 2
 
 # A little more than that, in layers, is no reason for one more: helices turn by a little more than circles.
 _ROUNDING = 0.1
 
-# Where an element turns unevenly, this share of it is taken to turn as where it turns most.
+# Where an element turns unevenly, this fraction of it is taken to turn as where it turns most.
 _UNEVEN = 0.6
 
 # Lengths of cells that are tried in turn, as multiples of their width; the longest in these, and in extents of the
@@ -71,7 +71,7 @@ class Cells(NamedTuple):
 
 
 def build(rods: Sequence[Rod], level: int = 1, order: int = 2, cells: Cells | None = None) -> Mesh:
-    """Return one mesh of hexahedra of all rods, which share no node.
+    """Return one mesh of hexahedra of all rods, which have no node in common.
 
     Regions are named ``rod 0``, ``rod 1`` ...; faces ``rod 0 start`` and ``rod 0 end`` of a rod that is not closed,
     ``rod 0 lateral``, and ``rod 0 inner`` of one with a hole.  Circles between the rings of a section are mesh lines,

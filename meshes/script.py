@@ -21,7 +21,7 @@ _TEMPLATE = Path(__file__).with_name("script.txt")
 # Load steps of laws for large displacements, at least.
 _STEPS = 4
 
-# A place is that of a node if it is as near, a share of the mesh's size.
+# A place is that of a node if it is as near, a fraction of the mesh's size.
 _SAME = 1e-9
 
 _FUNCTIONS = {"log": "ln"}
@@ -72,7 +72,7 @@ def _missing(scene: Any, model: Model) -> Any:
 
 
 def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[str]]:
-    """Return the program of a scene, whose mesh ``path`` with ``.msh`` is, and what there is to say of it."""
+    """Return the program of a scene, whose mesh ``path`` with ``.msh`` is, and notes on it."""
     check(scene, model)
     names = deck_names.names_of(scene, mesh)
     kinds = list(groups.kinds(mesh, model, names))
@@ -175,7 +175,7 @@ def _support(scene: Any, model: Model, mesh: Mesh, k: int) -> str:
 
 
 def _measures(scene: Any, model: Model, mesh: Mesh) -> tuple[list[str], list[str]]:
-    """Return the lines that print what the scene measures, and those that say what they leave out."""
+    """Return the lines that print what the scene measures, and notes on what they leave out."""
     lines, notes = [], []
     for what, asked in scene.content.get("measure", {}).items():
         component = f'["xyz".index("{asked["component"]}")]' if "component" in asked else ""

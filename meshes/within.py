@@ -10,7 +10,7 @@ from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 # A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial; that
 # of a coarse tetrahedron may be straight.
 _OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
-# How far the rim of a section may be from the cells', as a share of half of its height.
+# How far the rim of a section may be from the cells', as a fraction of half of its height.
 _OFF = 0.2
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
@@ -122,7 +122,7 @@ class Places:
 class Layers:
     """Bricks of a rod, the same quadrilaterals in layer after layer, in which points are looked for by its parameters.
 
-    Where a point is in its section is told in space: between nodes a cell is nearer to the rod there than by
+    The place of a point in its section is searched in space: between nodes a cell is nearer to the rod there than by
     parameters, which are uneven round flat outlines.
 
     Parameters

@@ -40,7 +40,7 @@ HEAD = (
 
 _NOTES = (
     "Times in brackets are without what only proves a result: checks, and the estimate of the error that "
-    f"`isorod run` makes. *Chosen by hand* is the fastest preset that was found for the error; *{AS_RUN.label}* has "
+    f"`isorod run` makes. *Chosen by hand* is the fastest preset known for the error; *{AS_RUN.label}* has "
     "nothing chosen, and the same space whatever the target error. *In all runs* are the smallest and the largest "
     "share, and of how many runs; a run beside which the machine was busy counts where there is no other."
 )

@@ -43,7 +43,7 @@ class Capstan:
     radius
         Of the rod's axis where it lies on the cylinder: cylinder and rod, length.
     wrap
-        Angle from one pull's line to the other's [rad], less than 2 pi: pi where both pull the same way.
+        Angle from one pull's line to the other's [rad], less than 2 pi: pi where both pull in the same direction.
     force
         Of each pull.
     half_length

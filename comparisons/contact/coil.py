@@ -1,6 +1,6 @@
 """Compression spring of round wire: Love's helix under large deflections, to where its coils touch.
 
-An inextensible, unshearable wire stays a helix of its own length, so that two numbers tell its shape.  Kept from
+An inextensible, unshearable wire stays a helix of its own length, so that two numbers define its shape.  Kept from
 turning about the axis, one is left: the lead.  Of a solid wire this leaves out what is of the order of (d/D)^2: the
 wire's own curvature in bending and twist, shear and extension, and the ends.  Source: A. E. H. Love, A Treatise on the
 Mathematical Theory of Elasticity (1927), articles 270-271.

@@ -10,9 +10,9 @@ the area in contact and by the second moment of the pressure, which is a fifth o
 force per reference area.
 
 Hertz' approach is that of points of half spaces infinitely far from the patch.  Backs are two radii away, on cylinders:
-what the bodies give way there besides is, far from the patch, linear in the force, whatever the patch.  So the approach
-of backs is ``K F^(2/3) + C F`` with Hertz' ``K``, as long as the patch is small beside the radius, and two pushes tell
-both; told is the force at Hertz' approach without ``C F``.
+what the bodies deform there besides is, far from the patch, linear in the force, whatever the patch.  So the approach
+of backs is ``K F^(2/3) + C F`` with Hertz' ``K``, as long as the patch is small beside the radius, and two pushes give
+both; compared is the force at Hertz' approach without ``C F``.
 """
 
 import argparse
@@ -56,7 +56,7 @@ class Cylinders:
     across: float
 
     def exact(self, force: float = FORCE) -> hertz.PointContact:
-        """Return what Hertz says of a force."""
+        """Return Hertz' solution of a force."""
         return hertz.crossed_cylinders(force, hertz.modulus(E, self.nu, E, self.nu), (RADIUS, RADIUS))
 
     def bars(self, force: float = FORCE) -> list[Space]:
@@ -157,14 +157,14 @@ def main(arguments: Sequence[str]) -> None:
             result = solve(model, begin)
             differences = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
             print(
-                f"{model.bodies[0].formulation}, {across:g} wanted across, {name} ({result.cells_across:.2g} seen, "
+                f"{model.bodies[0].formulation}, {across:g} asked across, {name} ({result.cells_across:.2g} seen, "
                 f"{model.dofs} degrees of freedom): force {result.force:.4f}, {differences}; "
                 f"{process_time() - start:.0f} s",
                 flush=True,
             )
             pushes.append(result.force)
         force = pair.hertzian((1.0, 0.25), pushes[:2])
-        print(f"{across:g} wanted across, both pushes: force at Hertz' approach {force:.4f}", flush=True)
+        print(f"{across:g} asked across, both pushes: force at Hertz' approach {force:.4f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -154,7 +154,7 @@ def study(folder: Path, chosen: Sequence[int]) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Do what the module says."""
+    """Run the study, or one of its measurements."""
     if arguments[:1] == ["--one"]:
         layers, points, parts = map(int, arguments[1:])
         print(results.line(measure(layers, points, parts)))

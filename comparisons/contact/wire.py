@@ -1,7 +1,7 @@
 """Pressure between core and wire of a strand, against Hertz' line contact: ``python -m comparisons.contact.wire``.
 
-The strand is the scene's, of 1 + 6 wires, pulled by 0.002; it says how much each length of its lines of contact
-carries.  No mesh of a whole wire sees the patch, a hundredth of the radius wide.  A segment of the core and of one wire,
+The strand is the scene's, of 1 + 6 wires, pulled by 0.002; it gives how much each length of its lines of contact
+carries.  No mesh of a full wire resolves the patch, a hundredth of the radius wide.  A segment of core and one wire,
 of the scene's shape, does: its section functions are short at the line of contact alone, which is at the same angle
 all along.  Backs are drawn together until the middle of the segment carries as much; its ends are free, and many widths
 of the patch away.  Pressures are force per reference area, which the pressure itself shortens by 0.3 per cent.
@@ -125,7 +125,7 @@ def measure(contact: ContactResult) -> Line:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Do what the module says."""
+    """Print the comparison."""
     if arguments:
         raise InputError(f"comparisons.contact.wire: got {arguments[0]}, takes nothing")
     target = line_load()

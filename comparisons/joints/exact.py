@@ -348,7 +348,7 @@ def in_sleeve(
 
 
 def roots(function: Callable[[float], float], step: float, count: int) -> list[float]:
-    """Return the lowest positive roots of a function, none of which are closer than a step."""
+    """Return the lowest positive roots of a function, at least a step apart."""
     roots: list[float] = []
     low = 1e-3 * step
     while len(roots) < count:

@@ -1,7 +1,7 @@
 """A strut welded to the flank of a column: compliances at the strut's end, coupled and meshed as one solid.
 
 ``python -m comparisons.joints.flank [RADIUS ...]`` prints them for struts of some radii (0.3, 0.6), whose ends are on
-the column's axis, half way, and where their rims are on its surface; the column's radius is 1.
+the column's axis, halfway, and where their rims are on its surface; the column's radius is 1.
 """
 
 import sys

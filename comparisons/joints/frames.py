@@ -84,7 +84,7 @@ def frequencies_of_bricks(count: int, level: int) -> tuple[Array, int]:
 def lattice(cells: int, **space: Any) -> Frame:
     """Return a block of cells: columns along z at all corners, struts along x and y between them on all levels.
 
-    Columns have short elements where struts are tied, as those of files, if nothing is said of spaces.
+    Columns have short elements where struts are tied, as those of files, unless spaces are given.
     """
     every, high = range(cells + 1), CELL * cells + 2.0 * COLUMN
     levels = [(COLUMN + CELL * level) / high for level in every]

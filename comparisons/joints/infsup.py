@@ -37,7 +37,7 @@ CONTRASTS = (1.0, 10.0, 0.1)
 # How far coarse facets may be from the rod's surface.
 _GAP = 0.9
 
-# Springs to the ground of a rod that nothing holds, in shares of its stiffness.
+# Springs to the ground of a free rod, in fractions of its stiffness.
 _SOFT = 1e-3
 
 
@@ -139,7 +139,7 @@ def ends() -> Iterator[tuple[float, Pair]]:
         side = of_solid(solid, facets)
         for degree in (1, 2, 4, 8):
             space = Space(rod, section_degree=degree, elements=3, degree=3)
-            # Quadratic cells are half as wide as they are; polynomials share the diameter.
+            # Spacing of functions: half a quadratic cell; for polynomials the diameter over their number.
             sides = of_rod(space, ("end",)), side, fine
             yield near * degree / 4.0, Pair(space, solid, facets, sides, EndFace(0, "start"))
 

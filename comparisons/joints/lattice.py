@@ -62,7 +62,7 @@ def ring(
     Parameters
     ----------
     cells
-        Bricks in radius, angle and length; each is six tetrahedra where ``shape`` says so.
+        Bricks in radius, angle and length; each is six tetrahedra if that is ``shape``.
     order
         Degree of the geometry, 1 or 2.
     """

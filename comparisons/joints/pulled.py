@@ -62,7 +62,7 @@ def forces(z: Array) -> Array:
         k = (2 * n + 1) * np.pi / (2.0 * LENGTH)
         smooth = np.sinc((2 * n + 1) / (2.0 * _TERMS))
         total += smooth * 2.0 * np.pi * RADIUS * _shear(k) / k * np.sin(k * z)
-    # The force of half the load is spent by the shear on the way.
+    # The shear carries the force of half the load.
     return -0.5 - total
 
 

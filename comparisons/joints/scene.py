@@ -134,7 +134,7 @@ class Scene(ABC):
 def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
     """Return the mesh of tetrahedra of what is made in gmsh's own kernel, and tags of its cells.
 
-    What is made has physical groups of volumes, and says the size of cells by position.
+    ``make`` makes physical groups of volumes, and returns the size of cells by position.
     """
     gmsh.initialize()
     try:
@@ -172,6 +172,6 @@ def fragments(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[in
 
 
 def fixed(space: Any, on: Callable[[Array], Any], displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-    """Return dolfinx's condition that moves the facets where a function says."""
+    """Return dolfinx's condition that moves the facets that fulfil a condition."""
     nodes = fem.locate_dofs_topological(space, 2, whole.facets(space.mesh, on))
     return fem.dirichletbc(np.array(displacement), nodes, space)

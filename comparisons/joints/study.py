@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """One way to solve a scene.
+    """A method to solve a scene.
 
     Attributes
     ----------

@@ -150,7 +150,7 @@ class Result:
     seconds
         Of one load.
     balance
-        Largest relative difference of the tie's force and moment to what the load says, over all loads.
+        Largest relative difference of the tie's force and moment from those of the load, over all loads.
     """
 
     compliances: dict[str, float]

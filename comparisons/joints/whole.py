@@ -188,7 +188,7 @@ def bricks(cut: Section, layers: Sequence[Layers], place: Callable[[float, Array
 
 
 def facets(mesh: Any, on: Callable[[Array], Any]) -> NDArray[np.int32]:
-    """Return the exterior facets all of whose corners ``(3, m)`` are where a function says."""
+    """Return the exterior facets all of whose corners ``(3, m)`` fulfil a condition."""
     mesh.topology.create_connectivity(2, 3)
     return np.asarray(dolfinx.mesh.locate_entities_boundary(mesh, 2, on), dtype=np.int32)
 

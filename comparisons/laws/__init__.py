@@ -21,7 +21,7 @@ TABLE = "laws.md"
 
 
 def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
-    """Solve scenes with laws (all where none is named) both ways; record each pair, and write the table too.
+    """Solve scenes with laws (all where none is named) by both methods; record each pair, and write the table too.
 
     Raises
     ------

@@ -136,7 +136,7 @@ class Scene:
     layers
         Of finite elements along the rod on level 1: a multiple of the axis elements.
     motion
-        Displacement of its end [length] and rotation vector [rad] by the share of what happens, and by how many times
+        Displacement of its end [length] and rotation vector [rad] by the fraction of the motion, and by how many times
         as long as at rest the centre line is of a scene whose length is free.
     measured
         Names of what is compared, and where it is among `Scene.measure`'s.

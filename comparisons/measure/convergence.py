@@ -15,7 +15,7 @@ from isorod.errors import SolveError
 class Limit:
     """Richardson's limit, the observed order, and how far the finest value is from the limit.
 
-    Where none can be told (`extrapolate`), the finest value, None, and how far it is from the one before.
+    Without one (`extrapolate`), the finest value, None, and how far it is from the one before.
     """
 
     value: float
@@ -36,7 +36,7 @@ def richardson(sizes: Sequence[float], values: Sequence[float]) -> Limit:
     Raises
     ------
     SolveError
-        If the values do not approach a limit monotonically, so that an order cannot be told.
+        If the values do not approach a limit monotonically, so that they have no order.
     """
     (a, b, c), (f, g, h) = sizes[-3:], values[-3:]
     if not a > b > c > 0.0:

@@ -100,7 +100,7 @@ class Judge:
         stresses = [error for name, error in errors.items() if name in self.stresses]
         error = max((one for name, one in errors.items() if name not in self.stresses), default=0.0)
         if all(one.given for one in self.reference if one.name in {*errors} - {*self.stresses}):
-            # Nothing measured tells of the discretisation.
+            # No measured quantity depends on the discretisation.
             error = max(error, field.get("displacement", 0.0))
         own = {"values": values, "errors": errors, "error": error, "field": field}
         stress = max(stresses, default=field.get("stress"))
@@ -108,7 +108,7 @@ class Judge:
 
 
 def apart(values: Array, reference: Array) -> float:
-    """Return the largest difference of von Mises stresses ``(m,)``, relative to the largest of those wanted."""
+    """Return the largest difference of von Mises stresses ``(m,)``, relative to the largest reference."""
     return float(np.abs(values - reference).max() / reference.max()) if reference.max() > 0.0 else 0.0
 
 

@@ -22,7 +22,7 @@ GIVEN = 1e-7
 
 @dataclass(frozen=True)
 class Converged:
-    """A quantity as finite elements tell it: each of its numbers extrapolated, where the meshes say whereto.
+    """A quantity by finite elements: each of its numbers extrapolated, where the meshes converge regularly.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Converged:
 
     @property
     def given(self) -> bool:
-        """Whether all meshes agree: what follows from equilibrium tells nothing of a discretisation."""
+        """Whether all meshes agree: what follows from equilibrium does not depend on the discretisation."""
         return self.spread < GIVEN
 
     @property
@@ -56,7 +56,7 @@ class Converged:
 
     @property
     def vanishes(self) -> bool:
-        """Whether it is zero as far as the meshes tell."""
+        """Whether it is zero within its uncertainty."""
         return not np.linalg.norm(self.values) > np.linalg.norm(self.uncertainties)
 
     def error(self, values: Sequence[float]) -> float:

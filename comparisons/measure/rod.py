@@ -100,7 +100,7 @@ def _main(arguments: Sequence[str]) -> int:
     parser.add_argument("--spaces", type=json.loads, help="of a file, what the spaces of its rods are, as JSON")
     parser.add_argument("--estimate", action="store_true", help="estimate the error too, apart from the time")
     parser.add_argument(WHOLE, action="store_true", help="the estimate is a part of the time, as in isorod run")
-    parser.add_argument("--at", metavar="NPZ", help="where fields are wanted (comparisons.measure.sampled.Places)")
+    parser.add_argument("--at", metavar="NPZ", help="where fields are evaluated (comparisons.measure.sampled.Places)")
     parser.add_argument("--fields", metavar="NPZ", help="write them to this file")
     given = parser.known(ours[1:])
     scene = find(name, field_values(given, known) | {"spaces": given.spaces})

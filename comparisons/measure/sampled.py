@@ -24,7 +24,7 @@ GAUSS, _ = gauss("hexahedron", 3)
 # Points that are evaluated at a time.
 _AT_ONCE = 5_000
 
-# Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
+# Modes whose frequencies differ by a smaller fraction are not distinguished by either side's shapes alone.
 CLOSE = 0.02
 
 
@@ -68,7 +68,7 @@ class Sample:
     places
         Those points.
     weights
-        The nodes' shares of the volume ``(n,)``.
+        The nodes' fractions of the volume ``(n,)``.
     points, cells, order
         The mesh, as in `meshes.mesh.Mesh`.
     displacement
@@ -205,7 +205,7 @@ def common(coarse: Places, fine: Places) -> tuple[Index, Index]:
 
 
 def relative(values: Array, reference: Array, weights: Array) -> float:
-    """Return ``sqrt(sum w |found - wanted|^2 / sum w |wanted|^2)`` of fields ``(n,)`` or ``(n, 3)``."""
+    """Return ``sqrt(sum w |values - reference|^2 / sum w |reference|^2)`` of fields ``(n,)`` or ``(n, 3)``."""
     size = weights @ _squares(reference)
     return float(np.sqrt(weights @ _squares(values - reference) / size)) if size > 0.0 else 0.0
 
@@ -225,7 +225,7 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     ours, theirs
         Shapes ``(modes, n, 3)`` at the same points.
     weights
-        The points' shares of the volume ``(n,)``.
+        The points' fractions of the volume ``(n,)``.
     frequencies
         Of ours and of theirs, ascending.
     """
@@ -236,7 +236,7 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     root = np.sqrt(weights)[:, None]
     first, second = ours * root, theirs * root
     apart = np.abs(frequencies[0][:, None] / frequencies[1] - 1.0)
-    # Shapes decide among what is near, frequencies among shapes that say nothing.
+    # Shapes decide among near frequencies, frequencies among shapes that do not distinguish.
     cost = np.where(apart < 10.0 * CLOSE, -mac.matrix(first, second), 1.0) + 1e-3 * apart
     rows, columns = linear_sum_assignment(cost)
     partner = np.full(len(theirs), -1, dtype=np.int64)

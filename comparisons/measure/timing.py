@@ -20,7 +20,7 @@ _CHECKOUT = Path(__file__).parents[2]
 
 
 class Timed(Protocol):
-    """What was found, and the wall time of the parts of finding it."""
+    """A result, and the wall time of the parts of its computation."""
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -75,7 +75,7 @@ def find_dolfinx(program: str) -> tuple[str, str]:
         [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
     )
     if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
+        last = (done.stderr.strip().splitlines() or ["no output"])[-1]
         raise InputError(f"--dolfinx {program}: finite elements do not run there ({last}); it needs dolfinx and numba")
     return interpreter, done.stdout.strip().splitlines()[-1]
 
@@ -92,7 +92,7 @@ def run(
     Raises
     ------
     Failed
-        With the last line of what it said, if it fails, or when it takes too long.
+        With the last line of its output, if it fails, or when it takes too long.
     """
     command = [interpreter, "-m", module, *arguments]
     if ranks > 1:
@@ -105,7 +105,7 @@ def run(
         late = f"not done after {timeout:g} s"
         raise Failed(f"{asked}: {late}", late) from None
     if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
+        last = (done.stderr.strip().splitlines() or ["no output"])[-1]
         raise Failed(f"{asked}: exit code {done.returncode}: {last}", last.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
@@ -116,7 +116,7 @@ def repeated(
 ) -> tuple[Result, list[dict[str, float]]]:
     """Solve ``repeat`` times in this process.
 
-    Returns what the last run found, and the seconds of each run by part.  ``total`` is all of a run, checks of its
+    Returns the result of the last run, and the seconds of each run by part.  ``total`` is all of a run, checks of its
     result included, ``processor`` its processor time; what comes before it, ``begin``, does not count.
     """
     runs: list[dict[str, float]] = []
@@ -140,7 +140,7 @@ def median(runs: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def least(works: Sequence[Callable[[], object]], turns: int) -> list[float]:
-    """Return the least processor time of each piece of work, done in turn so many times."""
+    """Return the least processor time of each function, called in turn so many times."""
     times: list[list[float]] = [[] for _ in works]
     for _ in range(turns):
         for work, own in zip(works, times, strict=True):

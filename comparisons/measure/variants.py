@@ -14,7 +14,7 @@ DEFAULT = "default"
 # The curve of runs whose bodies have meshes as fine as finite elements' of one solid.
 BODIES = "isorod, bodies refined"
 
-# What of a discretisation is told again where something else of it is changed.
+# Options of a discretisation that are repeated where another one is changed.
 _KEPT = ("section_degree", "order", "section_points", "elements", "degree", "continuity")
 
 
@@ -22,7 +22,7 @@ _KEPT = ("section_degree", "order", "section_points", "elements", "degree", "con
 class Variant:
     """A discretisation: what it is called, in few letters, and the options that make it.
 
-    ``sequence`` says that it is one of those refined in all directions together, coarse to fine.
+    ``sequence``: one of those refined in all directions together, coarse to fine.
     """
 
     label: str
@@ -38,7 +38,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     scene, model
         The scene, and its model as it is by default.
     known
-        Of each body what was chosen, as records tell it (`isorod.model.body.Body.discretisation`).
+        Of each body what was chosen, as in records (`isorod.model.body.Body.discretisation`).
     """
     base = _common(known)
     axes = [body.space.rod.axis for body in model.bodies]
@@ -70,7 +70,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
-    """Return the options of a scene that say what was chosen, but for short elements near ends."""
+    """Return the options of a scene for the chosen discretisation, except short elements near ends."""
     return " ".join(_words(scene, None, _common(known), {}))
 
 

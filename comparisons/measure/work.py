@@ -89,7 +89,7 @@ class WorkPrecision:
     file
         The scene's file, where it is none of the package.
     kept
-        Runs by program, interpreter, arguments and repetitions: scenes that ask something else of the same rods share
+        Runs by program, interpreter, arguments and repetitions: scenes with other quantities of the same rods share
         them.  What is measured side by side is measured anew.
     """
 

@@ -51,7 +51,7 @@ def _deformation(straight: ngsolve.Mesh, mesh: Mesh) -> ngsolve.GridFunction:
     scalar = ngsolve.H1(straight, order=mesh.order)
     where = mesh.reference
     if mesh.shape == "tetrahedron":
-        # NGSolve's coordinates are the shares of the first three corners.
+        # NGSolve's coordinates are the weights of the first three corners.
         where = np.stack([1.0 - where.sum(axis=1), where[:, 1], where[:, 0]], axis=1)
     positions = np.zeros((scalar.ndof, 3))
     for cell in straight.Elements(ngsolve.VOL):

@@ -59,7 +59,7 @@ def _check_clamp(placed: Placed, which: str) -> None:
 def _detour(moved: Array, gravity: Any) -> tuple[Array | None, Array]:
     """Return arm and rotation vector that take a pin to its place by half a circle, in the plane of gravity.
 
-    The ends of a straight rod then come closer with the square of the load factor, while its weight grows with the
+    The ends of a straight rod then approach with the square of the load factor, while its weight grows with the
     factor: it sags before it is pushed, and does not buckle upwards.
     """
     axis = np.cross(moved, gravity)

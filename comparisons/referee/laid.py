@@ -38,7 +38,7 @@ def takes(scenario: Any, elements: int) -> bool:
 def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
     """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rope, in equilibrium.
 
-    A pin holds two points of a section's outline, which gives way round them; so it is solved twice, the second time
+    A pin holds two points of a section's outline, which deforms round them; so it is solved twice, the second time
     with these where the section's mean is right.
     """
     up = -np.sign(np.asarray(scenario.gravity, dtype=float))

@@ -29,7 +29,7 @@ ORDER, POINTS = 1, 8
 # without contact takes 0.5 itself.
 NEARLY = 0.49
 
-# A direction is along another one, and a rod straight, to this share.
+# A direction is along another one, and a rod straight, to this relative tolerance.
 _ALONG = 1e-6
 
 CLAMPED, PINNED = "clamped", "pinned"
@@ -89,7 +89,7 @@ def place(
 ) -> Placed:
     """Return a scenario's rod as a body of so many elements along the axis; ``touching`` ones have surface points.
 
-    It begins, at rest, where the scenario has its start, or as far off that as ``rest`` says, ``(3,)``.
+    It begins, at rest, at the scenario's start, or moved from there by ``rest``, ``(3,)``.
     """
     start, end = (np.asarray(given.centerline[k], dtype=float) for k in (0, -1))
     chord, start = end - start, start + np.asarray(rest)
@@ -120,7 +120,7 @@ def arms(space: isorod.Space) -> Array:
 
 
 def interpolation(space: isorod.Space) -> tuple[Array, Array]:
-    """Return lengths along the rod, as shares of it, and the matrix of the axis functions there, both of the layers."""
+    """Return relative lengths along the rod, one a layer, and the matrix of the axis functions there."""
     axis = space.axis
     places = bspline.greville(axis.knots, axis.degree)
     first, values, _ = axis.local(places)

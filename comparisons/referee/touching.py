@@ -14,7 +14,7 @@ from isorod.arrays import Index
 PENALTY = 0.02
 
 # Elements that start no farther from the other rod than so many diameters take part, at points no farther apart than
-# this share of a radius.
+# this fraction of a radius.
 NEAR, SPACING = 4.0, 0.3
 
 _MOST_POINTS = 64

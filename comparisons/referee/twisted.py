@@ -111,7 +111,7 @@ def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
 
 
 def _evenly(placed: Placed, turned: isorod.Equilibrium, time: float, elements: int) -> tuple[Array, Array]:
-    """Return nodes and directors on the way to the turned state."""
+    """Return nodes and directors between rest and the turned state."""
     given, motion = placed.given, placed.given.end_motion
     total = np.linalg.norm(motion.rotation[-1])
     angle = float(np.interp(time, motion.times, np.asarray(motion.rotation) @ placed.direction))

@@ -108,7 +108,7 @@ def rows(records: list[Record]) -> Rows:
     ]
 
     def of(time: Callable[[Record], float], which: str = BY_HAND) -> Callable[[Any], str]:
-        """Return the function that gives the share of isorod's time in that of another program."""
+        """Return the function that gives isorod's time over that of another program."""
 
         def share(row: Any) -> str:
             _, one, mine = row

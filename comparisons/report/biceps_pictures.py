@@ -38,7 +38,7 @@ class _Ours:
     equilibrium: Any
 
     def mesh(self, displacement: Any, activation: float = 1.0) -> Any:
-        """Return both branches, one after the other; ``activation`` is a share of the final one."""
+        """Return both branches, one after the other; ``activation`` is a fraction of the final one."""
         grids = []
         for b, body in enumerate(self.model.bodies):
             fields = {"displacement": self.model.nodal(displacement, b)}
@@ -163,7 +163,7 @@ def _scale(plotter: Any, described: dict[str, Any]) -> None:
 
 
 def _look(plotter: Any) -> None:
-    """Look at both branches, their tendons upright, in the same way in every panel."""
+    """Look at both branches, their tendons upright, from the same direction in every panel."""
     plotter.camera_position = [tuple(np.array(_MIDDLE) + 60.0 * _EYE), _MIDDLE, (0.0, 1.0, 0.0)]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = _HALF_HEIGHT

@@ -1,4 +1,4 @@
-"""The part of the report page of a scene solved both ways."""
+"""The part of the report page of a scene solved by both methods."""
 
 import html
 import shlex
@@ -47,7 +47,8 @@ def answer(records: list[Record]) -> list[str]:
     name, default = _scene(records)["name"], _default(records)
     lines = [
         f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod ({family(default)}) is "
-        f"{_percent(default['error'])} off: within {100 * TARGET_ERRORS[ERROR]:g} %: <strong>{verdict(records)}</strong>"
+        f"{_percent(default['error'])} off: "
+        f"within {100 * TARGET_ERRORS[ERROR]:g} %: <strong>{verdict(records)}</strong>"
         f"{_stress_verdict(records, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
         f"<p>{_sentence(_of_default(records))} {_sentence(_stress_sentence(records))} "
@@ -92,7 +93,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
 
 
 def verdict(records: list[Record], what: str = ERROR) -> str:
-    """Return whether isorod's default is within the error that is wanted, as far as finite elements tell.
+    """Return whether isorod's default is within the target error, as far as finite elements resolve it.
 
     That of stress is the larger one of those against finite elements and against isorod's own finest space.
     """
@@ -162,7 +163,7 @@ def _measured_stresses(records: list[Record]) -> list[str]:
 
 
 def _pairs(records: list[Record], what: str = ERROR) -> list[tuple[float, Record, Record]]:
-    """Return errors that finite elements can tell and both sides reach, each with the fastest runs within."""
+    """Return errors that finite elements resolve and both sides reach, each with the fastest runs within."""
     pairs = []
     for target in TARGETS[what]:
         within = [one for one in part(records, "work") if one.get(what, np.inf) <= target]
@@ -188,7 +189,7 @@ def _of_default(records: list[Record]) -> str:
 
 
 def _by(default: Record) -> str:
-    # What a file does not say, some scenes choose in its place: rods that touch want control points.
+    # Some scenes choose what a file leaves open: rods in contact need control points.
     rods = default["options"].get("rod")
     silent = bool(rods) and not any(one.get("space") for one in rods.values())
     chosen = silent or all({"elements", "degree"} <= {*one["chosen"]} for one in default["discretisation"])
@@ -394,7 +395,7 @@ def _label(record: Record) -> str:
 
 
 def _percent(value: Any) -> str:
-    """Return a share in percent; nothing for none, and what is rounding as such."""
+    """Return a fraction in percent; nothing for none, and rounding as such."""
     if value is None:
         return ""
     return percent(value) if value > 1e-7 else "0 %"

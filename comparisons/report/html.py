@@ -79,7 +79,7 @@ def contents(body: str) -> str:
 
 
 def figure(file: str, alt: str, caption: str, fits: bool = False) -> str:
-    """Return a picture with a caption that says what to see.
+    """Return a picture with a caption.
 
     On narrow screens it scrolls in a box of its own, or ``fits`` them, shrunk.
     """
@@ -99,7 +99,7 @@ def commands(lines: Iterable[str]) -> str:
 
 
 def percent(value: float) -> str:
-    """Return a share in percent, two digits."""
+    """Return a fraction in percent, two digits."""
     return f"{100 * value:.2g} %"
 
 

@@ -21,7 +21,7 @@ def best(records: list[Record], scene: str) -> dict[float, dict[str, Record]]:
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
-    """Return the table of times and unknowns at equal error, without its head: the coupled model's share of others'."""
+    """Return the table of times and unknowns at equal error, without its head, the coupled model's relative too."""
     lines: list[tuple[str, ...]] = []
     for converged in part(records, "converged"):
         for target, sides in best(records, converged["scene"]).items():

@@ -28,6 +28,6 @@ def summary(records: list[Record]) -> list[str]:
     failed = [row["name"] for row in rows if "failure" in row]
     more = f"; not compared: {', '.join(failed)}" if failed else ""
     return [
-        f"newcomer: {good} of {len(rows)} scenes within {100 * TARGET_ERRORS[ERROR]:g} % with nothing chosen, as far as "
-        f"finite elements tell{more}"
+        f"newcomer: {good} of {len(rows)} scenes within {100 * TARGET_ERRORS[ERROR]:g} % with nothing chosen, as far "
+        f"as finite elements tell{more}"
     ]

@@ -71,12 +71,12 @@ def pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
 
 
 def ratio(ours: float, theirs: float) -> str:
-    """Return our time as a share of theirs, in words."""
+    """Return our time relative to theirs, in words."""
     return f"1/{theirs / ours:.0f} of" if theirs > 1.5 * ours else f"{ours / theirs:.1f} times"
 
 
 def ratio_range(records: list[Record], what: str) -> str:
-    """Return our share of their ``"time"`` or ``"unknowns"``, smallest to largest over the targets, in words."""
+    """Return our ``"time"`` or ``"unknowns"`` relative to theirs, smallest to largest over the targets, in words."""
     values = [
         (a["seconds"]["total"], b["seconds"]["total"]) if what == "time" else (a["dofs"], b["dofs"])
         for _, a, b in pairs(records)
@@ -98,7 +98,7 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
     ]
     return [
         f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
-        f"{ratio_range(records, 'time')} and {ratio_range(records, 'unknowns')} of the fastest finite elements found.</p>",
+        f"{ratio_range(records, 'time')} and {ratio_range(records, 'unknowns')} of the fastest finite elements.</p>",
         side_by_side(rows, known, lambda one: family(one) if is_ours(one) else ""),
     ]
 
@@ -117,7 +117,7 @@ def side_by_side(
     known
         The versions.
     named
-        What is told of a run beside its time and its unknowns; may be empty.
+        Further entries of a run beside its time and its unknowns; may be empty.
     """
 
     def cost(record: Record | None) -> str:
@@ -131,12 +131,12 @@ def side_by_side(
 
 
 def faster(ours: Record, theirs: Record) -> str:
-    """Return our time as a share of theirs, ``1/7`` or ``1.2``."""
+    """Return our time relative to theirs, ``1/7`` or ``1.2``."""
     return plain_ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
 
 
 def plain_ratio(ours: float, theirs: float) -> str:
-    """Return a share as `ratio` has it, without words."""
+    """Return the number of `ratio`, without words."""
     return ratio(ours, theirs).removesuffix(" of").removesuffix(" times")
 
 
@@ -239,7 +239,7 @@ def rerun(study: str, records: list[Record]) -> str:
 
 
 def refused(records: list[Record]) -> list[str]:
-    """Return what was refused on the way, with its one line, as a list; nothing if all ran."""
+    """Return the refused runs with their messages, as a list; nothing if all ran."""
     refused = part(records, "refused")
     lines = [
         f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in refused

@@ -44,7 +44,7 @@ _MODES = (
 # Nodes at which shapes are brought into line.
 _PLACES = 400
 
-# The largest displacement of a mode is drawn as this share of the rods' size.
+# The largest displacement of a mode is drawn as this fraction of the rods' size.
 EXAGGERATION = 0.12
 
 

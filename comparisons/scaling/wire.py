@@ -22,7 +22,7 @@ from isorod.output import results
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 
-# Section functions, and what the spring's fields say of them.
+# Section functions, by the spring's fields.
 FAMILIES: dict[str, dict[str, int]] = {
     "order-1": {"section_points": 6, "order": 1},
     "order-2": {"section_points": 6, "order": 2},

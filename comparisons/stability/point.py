@@ -26,7 +26,7 @@ class Sweep(NamedTuple):
         value
             The swept number.
         solve
-            Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else
+            Computes the point and returns its results: ``error`` (relative, against the reference) and whatever else
             the case reports. An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a
             defect and passes through.
         more
@@ -34,7 +34,7 @@ class Sweep(NamedTuple):
         """
         start = perf_counter()
         try:
-            # What overflows is refused by the solvers; numpy need not say it too.
+            # What overflows is refused by the solvers; numpy need not warn too.
             with np.errstate(all="ignore"):
                 result = dict(solve())
         except (InputError, SolveError) as problem:

@@ -1,4 +1,4 @@
-"""What `isorod run` says of random scene files, by default, against much finer spaces.
+"""Results of `isorod run` of random scene files, by default, against much finer spaces.
 
 ``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on; ``100 200 60``
 leaves out those that take more than a minute with what they are compared with.  ``coarse`` after these takes random
@@ -7,7 +7,7 @@ twists, holes and layers, laws, supports, loads, rotations, spin and contact; st
 is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of (works, forces and
 moments of supports, frequencies), the answers (reactions, moments and displacements, or frequencies) and stresses at
 20 places farther from ends than the section is wide.  A file is silent if an answer is off by more than half a
-percent, or a stress by more than three, and neither its estimate nor a warning says so.
+percent, or a stress by more than three, without an estimate or a warning of that.
 """
 
 import signal
@@ -44,7 +44,7 @@ _ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.9, 0.0), (-1.0, 0.0), (0.0, 1.0))
 # Spaces of fewer functions take twice the elements: others would take minutes.
 _FEW = 1200
 
-# An answer that is a smaller share of the largest of its kind is none.
+# Results below this fraction of the largest of their kind are not compared.
 _NOTHING = 1e-6
 
 
@@ -198,7 +198,7 @@ def _burden(
         speed = 3.0 * np.sqrt(modulus / 2.0) * 0.5 * radius / length**2 * rng.uniform(0.1, 1.0)
         return [*support, "[spin]", f"velocity = {_numbers(speed * direction)}"]
     if kind == "pressed":
-        # Bent over a cylinder across it, half way.
+        # Bent over a cylinder across it, in the middle.
         around = radius * rng.uniform(1.0, 5.0)
         place = (
             f"point = [0.0, {-height - around:.6g}, {0.5 * length:.6g}], axis = [1.0, 0.0, 0.0], radius = {around:.6g}"
@@ -240,7 +240,7 @@ def _works(solution: Any) -> Array:
 
 
 def _answers(solution: Any) -> list[tuple[Array, float]]:
-    """Return what a person asks for, each kind by itself, and of what size an error of it is a share."""
+    """Return the quantities of interest, each kind by itself, and the size to which its error is relative."""
     if not hasattr(solution, "reactions"):
         return [(np.array([[one]]), one) for one in solution.frequencies]
     rod = solution.model.bodies[0].space.rod
@@ -312,7 +312,7 @@ def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
 
 
 def silent(record: Mapping[str, Any]) -> bool:
-    """Return whether a result is off by too much, for sure, and nothing says so."""
+    """Return whether a result is certainly off by too much, without an estimate or a warning of that."""
     if record["warned"] or (record["estimate"] or 0.0) > estimates.LARGE:
         return False
     if record["answers"] - record["answers apart"] > estimates.LARGE:
@@ -364,7 +364,7 @@ def main(arguments: Sequence[str]) -> int:
             print(results.line({"seed": seed, "kind": kind, "refused": str(problem)}), flush=True)
             continue
         except Exception as problem:
-            # One that fails in another way is a finding, and no reason to stop.
+            # Other failures are results too, and no reason to stop.
             print(results.line({"seed": seed, "kind": draw(seed)[0], "failed": repr(problem)}), flush=True)
             continue
         finally:

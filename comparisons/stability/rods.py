@@ -1,4 +1,4 @@
-"""What several cases share: the shallow arch, bars of Saint-Venant's stiffness, condition numbers."""
+"""Common to several cases: the shallow arch, bars of Saint-Venant's stiffness, condition numbers."""
 
 import numpy as np
 

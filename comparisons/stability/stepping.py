@@ -40,7 +40,7 @@ TOLERANCE = 1e-3
 # More steps are not tried for accuracy.
 MOST = 4096
 
-# Of the runs in different shares of the critical step, in critical steps.
+# Duration of the runs in different fractions of the critical step, in critical steps.
 DURATION = 400
 
 BALANCE = "energy at the start"

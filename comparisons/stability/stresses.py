@@ -6,7 +6,7 @@ the largest difference of Cauchy's stress, by its Frobenius norm, over the large
 the inner one, on both sides of an interface and in the middle, farther from ends than the section is wide.  Exact is a
 finer space: of degree 6, with three times the elements and twice the degree across up to 8; where that would be no more
 with twice the elements and, of round sections, two rings of degree 6; of rings one degree more and twice the elements.
-Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
+Closed forms agree for the bars that have one (`tests/test_boundary_layers.py`).
 """
 
 import sys
@@ -179,7 +179,7 @@ def off(values: Array, exact: Array) -> float:
 
 
 def compare(bar: Bar, folder: Path) -> dict[str, Any]:
-    """Return what a bar's default space is off by, what is said of that, and its size and processor time."""
+    """Return the error of a bar's default space, its estimate and warnings, its size and processor time."""
     made = scene(bar, folder)
     start = process_time()
     solution = statics.solve(made.model())

@@ -37,7 +37,7 @@ class End:
 
 
 class Branches(Numbered):
-    """Both branches as one dolfinx mesh whose parts share no node.
+    """Both branches as one dolfinx mesh whose parts have no node in common.
 
     Parameters
     ----------
