@@ -53,7 +53,7 @@ def table(rows: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tupl
     def error(row: Mapping[str, Any]) -> str:
         if "failure" in row:
             return str(row["failure"])
-        uncertainty = f" (finite elements tell to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
+        uncertainty = f" (finite elements converged to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
         return f"{100 * row['error']:.2g} %{uncertainty}"
 
     shown: dict[str, Callable[[Any], object]] = {

@@ -140,7 +140,7 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     said = capsys.readouterr().out
     assert "my bar: default (polynomials) within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite" in said
     assert "my bar: von Mises stress at surfaces, a diameter and more from edges, 0.44 % from dolfinx' finest" in said
-    assert "which tells to 0.55 %, and" in said and "from isorod's finest space (N+1, 2e); isorod's own" in said
+    assert "which converged to 0.55 %, and" in said and "from isorod's finest space (N+1, 2e); isorod's own" in said
     assert "my bar stress within 1 %: isorod (" in said
     text = (folder / "report.html").read_text()
     for piece in (
@@ -260,8 +260,8 @@ def canned(error, doubt):
     ("error", "doubt", "said"),
     [
         (1e-3, 1e-4, "yes"),
-        (4.9e-3, 1e-3, "yes, but finite elements tell to 0.1 % only"),
-        (5.5e-3, 1e-3, "no, but finite elements tell to 0.1 % only"),
+        (4.9e-3, 1e-3, "yes, but finite elements converged to 0.1 % only"),
+        (5.5e-3, 1e-3, "no, but finite elements converged to 0.1 % only"),
         (2e-2, 1e-3, "no"),
     ],
 )
@@ -289,7 +289,7 @@ def canned_stress(error, finer, before, measured=()):
         (0.01, 0.004, 5e-3, "yes"),
         # Nearer to dolfinx than to what is finer here.
         (0.01, 0.06, 5e-3, "no"),
-        (0.02, 0.004, 0.025, "yes, but finite elements tell to 2.5 % only"),
+        (0.02, 0.004, 0.025, "yes, but finite elements converged to 2.5 % only"),
     ],
 )
 def test_the_verdict_on_stress_is_against_both_references(error, finer, before, said):
@@ -304,7 +304,7 @@ def test_the_verdict_on_stress_is_against_both_references(error, finer, before, 
 def test_run_times_to_an_error_of_stress_leave_the_reference_out():
     """The finest mesh is nought from itself."""
     said = report._beside(canned_stress(0.01, 0.004, 0.02), "stress")
-    assert said.endswith("the 10,000 ms of dolfinx to 2 % of stress, which is as far as finite elements tell")
+    assert said.endswith("the 10,000 ms of dolfinx to 2 % of stress, which is as far as finite elements converged")
 
 
 def test_stress_has_a_curve_of_its_own(tmp_path):

@@ -101,7 +101,7 @@ def table(records: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[t
         "": lambda row: row.get("failure") or row["name"],
         "isorod": _if_solved(lambda row: f"{row['isorod']:.6g}"),
         "finite elements": _if_solved(lambda row: f"{row['limit']:.6g}"),
-        "they tell to": _if_solved(lambda row: f"{100.0 * row['uncertainty']:.2g} %"),
+        "converged to": _if_solved(lambda row: f"{100.0 * row['uncertainty']:.2g} %"),
         "difference": _if_solved(lambda row: f"{100.0 * row['difference']:.2g} %"),
         "orders of Newton's method": _if_solved(lambda row: " ".join(f"{one:.1f}" for one in row["newton_orders"])),
         "s": _if_solved(lambda row: f"{row['seconds']['isorod']:.2g}"),

@@ -101,7 +101,7 @@ def verdict(records: list[Record], what: str = ERROR) -> str:
     error, target, doubt = max([_default(records)[what], *finer]), TARGET_ERRORS[what], uncertainty(records, what)
     word = "yes" if error <= target else "no"
     if abs(error - target) < doubt:
-        word += f", but finite elements tell to {_percent(doubt)} only"
+        word += f", but finite elements converged to {_percent(doubt)} only"
     return word
 
 
@@ -185,7 +185,7 @@ def _of_default(records: list[Record]) -> str:
     default, doubt = _default(records), uncertainty(records)
     errors = ", ".join(f"{name.replace('_', ' ')} {_percent(error)}" for name, error in default["errors"].items())
     own = f"; isorod's own estimate {_percent(default['error_estimate'])}" if "error_estimate" in default else ""
-    return f"error of {errors or 'nothing measured'}; finite elements tell to {_percent(doubt)}{own}"
+    return f"error of {errors or 'nothing measured'}; finite elements converged to {_percent(doubt)}{own}"
 
 
 def _by(default: Record) -> str:
@@ -206,7 +206,7 @@ def _beside(records: list[Record], what: str = ERROR) -> str:
         return ""
     fast, (slow, how) = default["seconds"]["total"], theirs
     of = " of stress" if what == STRESS else ""
-    near = f"{_percent(doubt)}{of}, which is as far as finite elements tell"
+    near = f"{_percent(doubt)}{of}, which is as far as finite elements converged"
     to = f"the same error{of}" if default[what] >= doubt else near
     ratio = precision.ratio(fast, slow)
     least = {"more than": "less than ", "at most": "at least ", "": ""}[how] if fast < slow else ""
@@ -229,9 +229,7 @@ def _stress_sentence(records: list[Record]) -> str:
     names = ", ".join(name.replace("_", " ") for name in measured)
     what = f"stress ({names})" if measured else "von Mises stress at surfaces, a diameter and more from edges,"
     against = "the limit of dolfinx' meshes" if measured else "dolfinx' finest mesh"
-    words = (
-        f"{what} {_percent(default[STRESS])} from {against}, which tells to {_percent(uncertainty(records, STRESS))}"
-    )
+    words = f"{what} {_percent(default[STRESS])} from {against}, which converged to {_percent(uncertainty(records, STRESS))}"
     for one in part(records, "finer"):
         words += f", and {_percent(one['stress'])} from isorod's finest space ({one['label']})"
     if "stress_error_estimate" in default:
@@ -304,7 +302,7 @@ def _measured(records: list[Record]) -> str:
                 )
             )
         if one.vanishes:
-            rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
+            rows.append((f"{label}: zero, as far as the meshes converged", "", "", "", "", ""))
     unit_text = "; ".join(
         f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit
     )
@@ -332,13 +330,13 @@ def _field_words(records: list[Record]) -> str:
     if scene["analysis"] == "modal":
         return (
             "<p>Of each mode shape of dolfinx' finest mesh, the part that the best combination of a run's shapes with "
-            "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
+            "frequencies within 2 % does not have, in L2 over the volume; the largest is given, without modes as high "
             "as the last, which may be one of a pair.</p>"
         )
     own, doubt = [one["field"] for one in _meshes(records) if one["field"].get("displacement", 0.0) > plots.SHOWN], ""
     if own:
         doubt = f" dolfinx' own mesh before the finest is {_percent(own[-1]['displacement'])} from it"
-        doubt += f", of stress {_percent(own[-1]['stress'])}: less tells nothing." if "stress" in own[-1] else "."
+        doubt += f", of stress {_percent(own[-1]['stress'])}: less is not resolved." if "stress" in own[-1] else "."
     return (
         "<p>Against the finest mesh: the displacement in L2 over the volume, relative; von Mises stress at the same "
         "places of surfaces on both sides, as the displacement there makes it: the largest difference, relative to the "

@@ -29,5 +29,5 @@ def summary(records: list[Record]) -> list[str]:
     more = f"; not compared: {', '.join(failed)}" if failed else ""
     return [
         f"newcomer: {good} of {len(rows)} scenes within {100 * TARGET_ERRORS[ERROR]:g} % with nothing chosen, as far "
-        f"as finite elements tell{more}"
+        f"as finite elements converged{more}"
     ]

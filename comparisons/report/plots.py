@@ -160,7 +160,9 @@ def labelled(work: Sequence[Record], uncertainty: Mapping[str, float], path: Pat
         if uncertainty.get(name, 0.0) > 0.0:
             low, high = axis.get_ylim()
             low = min(low, 0.6 * uncertainty[name])
-            axis.axhspan(low, uncertainty[name], color="black", alpha=0.06, label="less than finite elements tell")
+            axis.axhspan(
+                low, uncertainty[name], color="black", alpha=0.06, label="less than finite elements converged to"
+            )
             axis.set_ylim(low, max(high, 1.5 * uncertainty[name]))
     handles = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     look: dict[str, Any] = {"frameon": False, "fontsize": 11}
