@@ -304,15 +304,14 @@ class _Problem:
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from [*self._boundary(factor), *loads, *self._printed()]
         if self.kind == "buckling":
-            fraction = self._share()
+            part = self._fraction()
             self.notes.append(
-                f"load factors are those of linear buckling, by the stress of the state of rest; loads are "
-                f"{fraction:g} of the scene's, since CalculiX sees factors above 1 alone: "
-                f"multiply what it finds by {fraction:g}"
+                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {part:g} "
+                f"of the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {part:g}"
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)
-            yield from next(self._loads([fraction]))
+            yield from next(self._loads([part]))
             yield from ["*NODE FILE", "U", "*END STEP"]
         if self.kind in ("modal", "harmonic"):
             from isorod.checks.rigid_motions import moved_freely
@@ -344,7 +343,7 @@ class _Problem:
         """Return the sets of nodes of ends and sections that are pulled."""
         return [self.loads[k] for k, load in enumerate(self.pulled.loads) if isinstance(load, SectionLoad)]
 
-    def _share(self) -> float:
+    def _fraction(self) -> float:
         """Return the fraction of the loads, of one digit, whose lowest load factor is about 2."""
         from isorod import buckling
 

@@ -20,14 +20,14 @@ from comparisons.report.html import section as section_of
 # Of what is measured, and of stress, which has an error of its own: what a default is to be within, and the errors at
 # which run times are compared.
 ERROR, STRESS = "error", "stress"
-TARGET_ERRORS = {ERROR: 5e-3, STRESS: 0.03}
+TOLERANCES = {ERROR: 5e-3, STRESS: 0.03}
 TARGETS = {ERROR: (1e-2, 5e-3, 1e-3, 1e-4), STRESS: (0.1, 0.03, 0.01, 3e-3)}
 
 
 def summary(records: list[Record]) -> list[str]:
     """Return the main findings, one line each."""
     name, default = _scene(records)["name"], _default(records)
-    within = f"{100 * TARGET_ERRORS[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
+    within = f"{100 * TOLERANCES[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
     lines = [f"{name}: default ({family(default)}) within {within}; {_of_default(records)}"]
     sentences = (_beside(records), _stress_sentence(records), _beside(records, STRESS), _field_sentence(default))
     lines += [f"{name}: {text}" for text in sentences if text]
@@ -47,8 +47,7 @@ def answer(records: list[Record]) -> list[str]:
     name, default = _scene(records)["name"], _default(records)
     lines = [
         f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod ({family(default)}) is "
-        f"{_percent(default['error'])} off: "
-        f"within {100 * TARGET_ERRORS[ERROR]:g} %: <strong>{verdict(records)}</strong>"
+        f"{_percent(default['error'])} off: within {100 * TOLERANCES[ERROR]:g} %: <strong>{verdict(records)}</strong>"
         f"{_stress_verdict(records, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
         f"<p>{_sentence(_of_default(records))} {_sentence(_stress_sentence(records))} "
@@ -98,7 +97,7 @@ def verdict(records: list[Record], what: str = ERROR) -> str:
     That of stress is the larger one of those against finite elements and against isorod's own finest space.
     """
     finer = [one["stress"] for one in part(records, "finer") if what == STRESS]
-    error, target, doubt = max([_default(records)[what], *finer]), TARGET_ERRORS[what], uncertainty(records, what)
+    error, target, doubt = max([_default(records)[what], *finer]), TOLERANCES[what], uncertainty(records, what)
     word = "yes" if error <= target else "no"
     if abs(error - target) < doubt:
         word += f", but finite elements converged to {_percent(doubt)} only"
@@ -109,7 +108,7 @@ def _stress_verdict(records: list[Record], style: str = "{}") -> str:
     """Return the verdict on stress; nothing where there is none."""
     if STRESS not in _default(records):
         return ""
-    return f", stress within {100 * TARGET_ERRORS[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
+    return f", stress within {100 * TOLERANCES[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
 
 
 def uncertainty(records: list[Record], what: str = ERROR) -> float:
@@ -223,13 +222,13 @@ def _field_sentence(default: Record) -> str:
 
 def _stress_sentence(records: list[Record]) -> str:
     """Return the default's error of stress: of which stress, against what, and isorod's own estimate."""
-    default, measured = _default(records), _measured_stresses(records)
+    default, names = _default(records), ", ".join(name.replace("_", " ") for name in _measured_stresses(records))
     if STRESS not in default:
         return ""
-    names = ", ".join(name.replace("_", " ") for name in measured)
-    what = f"stress ({names})" if measured else "von Mises stress at surfaces, a diameter and more from edges,"
-    against = "the limit of dolfinx' meshes" if measured else "dolfinx' finest mesh"
-    words = f"{what} {_percent(default[STRESS])} from {against}, which converged to {_percent(uncertainty(records, STRESS))}"
+    what = f"stress ({names})" if names else "von Mises stress at surfaces, a diameter and more from edges,"
+    against = "the limit of dolfinx' meshes" if names else "dolfinx' finest mesh"
+    doubt = _percent(uncertainty(records, STRESS))
+    words = f"{what} {_percent(default[STRESS])} from {against}, which converged to {doubt}"
     for one in part(records, "finer"):
         words += f", and {_percent(one['stress'])} from isorod's finest space ({one['label']})"
     if "stress_error_estimate" in default:
@@ -303,9 +302,7 @@ def _measured(records: list[Record]) -> str:
             )
         if one.vanishes:
             rows.append((f"{label}: zero, as far as the meshes converged", "", "", "", "", ""))
-    unit_text = "; ".join(
-        f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit
-    )
+    text = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
     two = len(_meshes(records)) < 3
     head = ("", "finest mesh" if two else "limit of the meshes", "±", "order", "isorod, default", "difference")
     note = (
@@ -316,7 +313,7 @@ def _measured(records: list[Record]) -> str:
         "were 1), and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far "
         "that is from the mesh before.</p>"
     )
-    return (f"<p>Units: {unit_text}.</p>" if unit_text else "") + table(head, rows) + note
+    return (f"<p>Units: {text}.</p>" if text else "") + table(head, rows) + note
 
 
 def _order(order: float | None, one: Converged) -> str:
