@@ -20,7 +20,6 @@ from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Model
 from isorod.model.tie import LateralSurface, SolidSurface
-from isorod.space.choice import boundary_layers
 
 # Of the wire and its coil; length of its legs, and of the bends between these and the coil.
 RADIUS, COIL, PITCH, TURNS, LEG, BEND = 1.0, 8.0, 4.0, 6.0, 8.0, 8.0
@@ -182,12 +181,7 @@ class Spring(Scene):
 
     def space(self, **chosen: Any) -> Space:
         """Return a space with joints of elements where the blocks begin."""
-        kinks = (self._ends[0][1], self._ends[1][0])
-        knots = tuple(sorted(2 * kinks))
-        if "elements" not in chosen:
-            layers = boundary_layers(self.rod, chosen.get("degree"), kinks)
-            knots = tuple(sorted([*{*layers}.difference(kinks), *knots]))
-        return Space(self.rod, **{"knots": knots} | chosen)
+        return self.jointed((self._ends[0][1], self._ends[1][0]), **chosen)
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
         """Return wire and blocks."""

@@ -18,7 +18,6 @@ from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface
-from isorod.space.choice import boundary_layers
 
 
 class Column(Scene):
@@ -183,11 +182,7 @@ class Screw(Column):
     def space(self, **chosen: Any) -> Space:
         """Return a space with joints of elements where the plate begins and ends."""
         low, high = (z / self.rise[1] for z in self.block)
-        kinks: tuple[float, ...] = (low, low, high, high)
-        if "elements" not in chosen:
-            layers = boundary_layers(self.rod, chosen.get("degree"), (low, high))
-            kinks = tuple(sorted([*{*layers}.difference(kinks), *kinks]))
-        return Space(self.rod, **{"knots": kinks} | chosen)
+        return self.jointed((low, high), **chosen)
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
         """Return screw and plate."""

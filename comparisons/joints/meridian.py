@@ -243,28 +243,25 @@ LOADS = {"axial": AXIAL, "torsion": TORSION, "transverse": TRANSVERSE, "moment":
 
 def weld(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod ``r < 1``, 8 long, on a block ``r < 4``, 4 high, held below; rod and block."""
-    body = Meridian(
-        [
-            Block((0.0, 1.0), (4.0, 12.0), E[0], nu[0]),
-            Block((0.0, 1.0), (0.0, 4.0), E[1], nu[1]),
-            Block((1.0, 4.0), (0.0, 4.0), E[1], nu[1]),
-        ],
-        [Held(lambda x: np.isclose(x[1], 0.0), "rtz")],
-        ((1.0, 4.0), (0.0, 4.0, 12.0)),
-        **accuracy,
-    )
-    return {name: body.compliance(load._replace(z=12.0)) for name, load in LOADS.items()}
+    return _compliances(E, nu, 1, Held(lambda x: np.isclose(x[1], 0.0), "rtz"), accuracy)
 
 
 def through(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod from 0 to 12, bonded below 4 in a sleeve to r = 4 held outside; rod, sleeve."""
+    return _compliances(E, nu, 0, Held(lambda x: np.isclose(x[0], 4.0), "rtz"), accuracy)
+
+
+def _compliances(
+    E: tuple[float, float], nu: tuple[float, float], lower: int, held: Held, accuracy: dict[str, int]
+) -> dict[str, float]:
+    """Return the compliances of a rod in or on a block; ``lower`` is the body on the axis below 4, rod 0 or block 1."""
     body = Meridian(
         [
             Block((0.0, 1.0), (4.0, 12.0), E[0], nu[0]),
-            Block((0.0, 1.0), (0.0, 4.0), E[0], nu[0]),
+            Block((0.0, 1.0), (0.0, 4.0), E[lower], nu[lower]),
             Block((1.0, 4.0), (0.0, 4.0), E[1], nu[1]),
         ],
-        [Held(lambda x: np.isclose(x[0], 4.0), "rtz")],
+        [held],
         ((1.0, 4.0), (0.0, 4.0, 12.0)),
         **accuracy,
     )

@@ -16,6 +16,7 @@ from isorod import Material, Rod, Space, statics
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.model import Model
+from isorod.space.choice import boundary_layers
 
 Array = NDArray[np.float64]
 
@@ -40,13 +41,13 @@ class Sizes(NamedTuple):
     rings: int = 1
 
 
-class Coupled(NamedTuple):
-    """What the coupled model gives: quantities, unknowns of rod and blocks, processor time, and the solution."""
+class Outcome(NamedTuple):
+    """Of a run: quantities, unknowns of rod and finite elements, processor time, and the solution where coupled."""
 
     values: Array
     unknowns: tuple[int, int]
     seconds: float
-    solution: Any
+    solution: Any = None
 
 
 class Scene(ABC):
@@ -67,6 +68,14 @@ class Scene(ABC):
     def space(self, **chosen: Any) -> Space:
         """Return a space on the rod; what is not given is chosen as scene files do."""
         return Space(self.rod, **chosen)
+
+    def jointed(self, kinks: tuple[float, float], **chosen: Any) -> Space:
+        """Return a space with joints of elements at two axis parameters, across which it is continuous alone."""
+        knots = tuple(sorted(2 * kinks))
+        if "elements" not in chosen:
+            layers = boundary_layers(self.rod, chosen.get("degree"), kinks)
+            knots = tuple(sorted([*{*layers}.difference(kinks), *knots]))
+        return Space(self.rod, **{"knots": knots} | chosen)
 
     @abstractmethod
     def section(self, sizes: Sizes) -> whole.Section:
@@ -117,7 +126,7 @@ class Scene(ABC):
     def held(self, block: int, space: Any) -> list[Any]:
         """Return what holds a block, conditions of dolfinx."""
 
-    def coupled(self, space: Space, meshes: Sequence[Any], petsc: Mapping[str, object] | None = None) -> Coupled:
+    def coupled(self, space: Space, meshes: Sequence[Any], petsc: Mapping[str, object] | None = None) -> Outcome:
         """Return the coupled model's solution; time is without meshes and compilation of forms."""
         start = process_time()
         spaces = [compat.function_space(mesh, compat.element(mesh, "Lagrange", 2, 3)) for mesh in meshes]
@@ -128,7 +137,7 @@ class Scene(ABC):
         solution = statics.solve(self.model(space, solids), petsc=petsc)
         seconds = process_time() - start - compiled
         unknowns = 3 * space.nodes, sum(3 * one.nodes for one in solids)
-        return Coupled(self.of_coupled(solution), unknowns, seconds, solution)
+        return Outcome(self.of_coupled(solution), unknowns, seconds, solution)
 
 
 def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:

@@ -14,6 +14,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 import isorod
+from comparisons.joints.scene import tetrahedra
 from comparisons.joints.traction import Traction
 from isorod import LinearElastic, Space, Tie, statics
 from isorod.fenics import compat
@@ -120,15 +121,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
         away = f"Abs(z-{HEIGHT})"
         height = f"Min({away},z)" if hole else away
         edge = f"Sqrt((Sqrt(x*x+y*y)-1)^2+({height})^2)"
-        size = gmsh.model.mesh.field
-        size.add("MathEval", 1)
-        size.setString(1, "F", f"Min({far},{near}+0.4*{edge})")
-        size.setAsBackgroundMesh(1)
-        for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
-            gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-        gmsh.model.mesh.generate(3)
-        if order > 1:
-            gmsh.model.mesh.setOrder(order)
+        tetrahedra(f"Min({far},{near}+0.4*{edge})", order)
         mesh, _, facets = compat.from_gmsh(gmsh.model)[:3]
     finally:
         gmsh.finalize()
