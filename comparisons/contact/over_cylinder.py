@@ -256,12 +256,12 @@ def released(ratio: float, fraction: float, size: float = 1.0, lasting: float = 
     return float((heights[-2] - heights[-1]) / ratio / (lasting / 3.0))
 
 
-def reserve(ratio: float, fraction: float, size: float = 1.0) -> float:
+def reserve(ratio: float, fraction: float) -> float:
     """Return the force that makes a heavy rope slide to its longer side, over the weight of the longest part held.
 
     A rope that slides by itself has to be held back: by less than nothing.
     """
-    return -float(heavy(ratio, fraction, HAUL, size).reactions[1, 1]) / (STRAIN * E * np.pi)
+    return -float(heavy(ratio, fraction, HAUL).reactions[1, 1]) / (STRAIN * E * np.pi)
 
 
 def around(ratio: float) -> Cylinder:

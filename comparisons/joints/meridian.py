@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 # Of the cells next to a singular edge, in those before.
 _RATIO = 0.15
 
+# Poisson's ratio of rods on blocks and in sleeves.
+_NU = 0.3
+
 
 class Block(NamedTuple):
     """A rectangle ``r, z`` of the meridian plane with its Young's modulus and Poisson's ratio."""
@@ -241,25 +244,23 @@ MOMENT = Load(1, 0.0, 1.0, lambda r: (0.0, 0.0, 4.0 * r / np.pi))
 LOADS = {"axial": AXIAL, "torsion": TORSION, "transverse": TRANSVERSE, "moment": MOMENT}
 
 
-def weld(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
+def weld(E: tuple[float, float], **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod ``r < 1``, 8 long, on a block ``r < 4``, 4 high, held below; rod and block."""
-    return _compliances(E, nu, 1, Held(lambda x: np.isclose(x[1], 0.0), "rtz"), accuracy)
+    return _compliances(E, 1, Held(lambda x: np.isclose(x[1], 0.0), "rtz"), accuracy)
 
 
-def through(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
+def through(E: tuple[float, float], **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod from 0 to 12, bonded below 4 in a sleeve to r = 4 held outside; rod, sleeve."""
-    return _compliances(E, nu, 0, Held(lambda x: np.isclose(x[0], 4.0), "rtz"), accuracy)
+    return _compliances(E, 0, Held(lambda x: np.isclose(x[0], 4.0), "rtz"), accuracy)
 
 
-def _compliances(
-    E: tuple[float, float], nu: tuple[float, float], lower: int, held: Held, accuracy: dict[str, int]
-) -> dict[str, float]:
+def _compliances(E: tuple[float, float], lower: int, held: Held, accuracy: dict[str, int]) -> dict[str, float]:
     """Return the compliances of a rod in or on a block; ``lower`` is the body on the axis below 4, rod 0 or block 1."""
     body = Meridian(
         [
-            Block((0.0, 1.0), (4.0, 12.0), E[0], nu[0]),
-            Block((0.0, 1.0), (0.0, 4.0), E[lower], nu[lower]),
-            Block((1.0, 4.0), (0.0, 4.0), E[1], nu[1]),
+            Block((0.0, 1.0), (4.0, 12.0), E[0], _NU),
+            Block((0.0, 1.0), (0.0, 4.0), E[lower], _NU),
+            Block((1.0, 4.0), (0.0, 4.0), E[1], _NU),
         ],
         [held],
         ((1.0, 4.0), (0.0, 4.0, 12.0)),

@@ -39,11 +39,11 @@ def welds(near: float, contrast: tuple[float, float], slave: str = "rod", degree
         yield Case(what, true, of_meshes(equilibrium))
 
 
-def sleeve_case(name: str, element: str, cells: tuple[int, int, int], slave: str = "rod") -> Case:
+def sleeve_case(name: str, element: str, cells: tuple[int, int, int]) -> Case:
     """Return what is known of a rod in a sleeve."""
     problem = sleeve.torsion() if name == "torsion" else sleeve.axial()
-    result = sleeve.solve(problem, sleeve.rod_space(problem.length), cells, element, slave)
-    return Case(f"{name}, {element} {cells}, {slave}", abs(result.energy), of_meshes(result.equilibrium))
+    result = sleeve.solve(problem, sleeve.rod_space(problem.length), cells, element)
+    return Case(f"{name}, {element} {cells}, rod", abs(result.energy), of_meshes(result.equilibrium))
 
 
 def cases(part: str) -> Iterator[Case]:

@@ -126,7 +126,7 @@ class Scene(ABC):
     def held(self, block: int, space: Any) -> list[Any]:
         """Return what holds a block, conditions of dolfinx."""
 
-    def coupled(self, space: Space, meshes: Sequence[Any], petsc: Mapping[str, object] | None = None) -> Outcome:
+    def coupled(self, space: Space, meshes: Sequence[Any]) -> Outcome:
         """Return the coupled model's solution; time is without meshes and compilation of forms."""
         start = process_time()
         spaces = [compat.function_space(mesh, compat.element(mesh, "Lagrange", 2, 3)) for mesh in meshes]
@@ -134,7 +134,7 @@ class Scene(ABC):
         begun = process_time()
         solids = [Solid(V, self.laws[BLOCK], conditions=c) for V, c in zip(spaces, conditions, strict=True)]
         compiled = process_time() - begun
-        solution = statics.solve(self.model(space, solids), petsc=petsc)
+        solution = statics.solve(self.model(space, solids))
         seconds = process_time() - start - compiled
         unknowns = 3 * space.nodes, sum(3 * one.nodes for one in solids)
         return Outcome(self.of_coupled(solution), unknowns, seconds, solution)

@@ -128,9 +128,9 @@ class Result:
     equilibrium: Any = field(repr=False)
 
 
-def rod_space(length: float, elements: int = 4, order: int = 2, points: int = POINTS, degree: int = 3) -> Space:
+def rod_space(length: float, elements: int = 4, order: int = 2, degree: int = 3) -> Space:
     """Return a space on the rod."""
-    rod = isorod.straight(length).sweep(isorod.circle(points, RADIUS))
+    rod = isorod.straight(length).sweep(isorod.circle(POINTS, RADIUS))
     return Space(rod, order=order, elements=elements, degree=degree)
 
 

@@ -72,17 +72,14 @@ def measure(
     name: str,
     values: dict[str, Any],
     repeat: int,
-    settings: dict[str, Any] | None = None,
     petsc: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return a record with the scene's quantities and the wall time of ``repeat`` runs, the first one cold.
 
-    ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis;
-    ``petsc`` must be what PETSc was started with.
+    ``seconds`` holds the median of the warm runs, or the only run.  ``petsc`` must be what PETSc was started with.
     """
     scene = find(name, values)
-    solution, runs = solve(scene, settings or {}, repeat)
-    return record(scene, solution, runs, settings or {}, petsc)
+    return record(scene, *solve(scene, {}, repeat), {}, petsc)
 
 
 def main(arguments: Sequence[str]) -> int:

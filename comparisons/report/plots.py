@@ -157,13 +157,12 @@ def labelled(work: Sequence[Record], uncertainty: Mapping[str, float], path: Pat
     axes, labels = grid.ravel(), []
     for axis, (name, what, errors) in zip(axes, panels, strict=False):
         labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
-        if uncertainty.get(name, 0.0) > 0.0:
+        floor = uncertainty.get(name, 0.0)
+        if floor > 0.0:
             low, high = axis.get_ylim()
-            low = min(low, 0.6 * uncertainty[name])
-            axis.axhspan(
-                low, uncertainty[name], color="black", alpha=0.06, label="less than finite elements converged to"
-            )
-            axis.set_ylim(low, max(high, 1.5 * uncertainty[name]))
+            low = min(low, 0.6 * floor)
+            axis.axhspan(low, floor, color="black", alpha=0.06, label="less than finite elements converged to")
+            axis.set_ylim(low, max(high, 1.5 * floor))
     handles = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     look: dict[str, Any] = {"frameon": False, "fontsize": 11}
     if len(axes) > len(panels):
