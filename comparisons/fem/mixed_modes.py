@@ -81,7 +81,7 @@ def modes(
     body = Body(
         state, ufl.split(state)[0], stored, density, None, free, degree, settings, whole=False, pressures=pressures
     )
-    return lowest(domain, body, count, 0 if held else RIGID, settings, begin)
+    return lowest(body, count, 0 if held else RIGID, settings, begin)
 
 
 def cylinder() -> Rod:

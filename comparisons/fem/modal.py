@@ -77,12 +77,10 @@ class Modes:
 
     Attributes
     ----------
-    domain
-        What was solved on: a `Domain`, or whatever the body was made from.
     shapes
         Mode shapes ``x^T M x = 1``, a PETSc vector each, on the degrees of freedom that are free.
-    displacement, carry
-        Displacement as a UFL expression, and the function that makes it that of such a vector.
+    carry
+        Sets the body's state from such a vector.
     frequencies
         ``omega / 2 pi``, cycles per time, shape ``(modes,)``.
     eigenvalues
@@ -107,9 +105,7 @@ class Modes:
         Largest resident set of a rank so far, bytes.
     """
 
-    domain: Any
     shapes: list[PETSc.Vec]
-    displacement: Any
     carry: Callable[[PETSc.Vec], None]
     frequencies: Array
     eigenvalues: Array
@@ -161,10 +157,10 @@ def solve(
     settings = settings or Settings()
     begin = perf_counter()
     body = _body(domain, solid, held, element or Element(), settings)
-    return lowest(domain, body, modes, 0 if held else RIGID, settings, begin)
+    return lowest(body, modes, 0 if held else RIGID, settings, begin)
 
 
-def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
+def lowest(body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
     """Return the lowest modes of a body with ``rigid`` rigid motions; ``begin`` is when its making started."""
     times = [begin]
     if modes < 1 or modes + rigid > body.unknowns:
@@ -181,9 +177,7 @@ def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings
         matrix.destroy()
     setup, assembly, solving = np.diff(times)
     return Modes(
-        domain=domain,
         shapes=result.vectors,
-        displacement=body.displacement,
         carry=body.carry,
         frequencies=np.sqrt(np.maximum(result.eigenvalues, 0.0)) / (2.0 * np.pi),
         eigenvalues=result.eigenvalues,

@@ -94,8 +94,6 @@ class Equilibrium:
     ----------
     displacement
         The dolfinx function.
-    domain, energy
-        What was solved.
     reactions
         Force of each support on the body, shape ``(supports, 3)``, the same on every rank.
     dofs
@@ -114,8 +112,6 @@ class Equilibrium:
     """
 
     displacement: Any
-    domain: Domain
-    energy: Energy
     reactions: Array
     dofs: int
     newton_iterations: int
@@ -180,8 +176,6 @@ def solve(
     solving = clock.seconds["solve"] - newton.seconds
     return Equilibrium(
         displacement=state.sub(0).collapse() if element.family == "enhanced" else state,
-        domain=domain,
-        energy=energy,
         reactions=reactions,
         dofs=dofmap.index_map.size_global * dofmap.index_map_bs,
         newton_iterations=iterations[0],

@@ -29,9 +29,8 @@ def solve(task: Task, modes: int) -> Solution:
     elements = task.elements(with_pressures(model))
     laws, supports = Laws(elements, model, task.rule), Supports(elements, model, task.bodies)
     settings = modal.Settings(modal.DIRECT if task.options is None else task.options, task.flags)
-    result = modal.lowest(
-        elements, _body(elements, model, laws, supports, settings), modes, len(free_motions(model)), settings, begin
-    )
+    body = _body(elements, model, laws, supports, settings)
+    result = modal.lowest(body, modes, len(free_motions(model)), settings, begin)
     return Solution(
         model=model,
         mesh=task.mesh,
