@@ -161,7 +161,7 @@ class _Ours(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One comparison: where its records go, what shows its progress, what is compared, a folder for its fields."""
+    """One comparison: the run with its records, its progress, the subject, and a folder for its fields."""
 
     study: Run
     steps: Steps
@@ -194,7 +194,7 @@ class Comparison:
         self._record("end", {})
 
     def _meshes(self) -> list[_Solved]:
-        """Return finite elements on nested meshes; those that are too large are left out, with a record of it."""
+        """Return finite elements on nested meshes; too large ones are left out and recorded as such."""
         solved: list[_Solved] = []
         for level in LEVELS:
             fitting, dofs = self._fitting(solved, level)
@@ -311,7 +311,7 @@ class Comparison:
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
-        # With those of bodies, which finite elements count too.
+        # With the unknowns of bodies, which finite elements count too.
         record["dofs"] += 3 * sum(each["nodes"] for each in record.get("solids", ()))
         named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
         own = judge.of_ours(record, fields)

@@ -20,7 +20,7 @@ from isorod.scenes.biceps import Biceps
 
 BICEPS = 0.4999
 
-# Displacements alone, then with pressures, coarse to fine: the last is what is chosen.
+# Displacements alone, then with pressures, coarse to fine: the last is the default.
 SPACES: tuple[dict[str, Any], ...] = (
     {"formulation": "displacement"},
     {"elements": 10, "section_points": 8},
@@ -34,7 +34,7 @@ Quantities = dict[str, float]
 
 
 def finite_elements(count: int) -> Iterator[tuple[str, Quantities]]:
-    """Yield what the biceps does on meshes of Taylor-Hood elements."""
+    """Yield quantities of the biceps on meshes of Taylor-Hood elements."""
     from comparisons.fem.biceps.run import Configuration, run
 
     scene = Biceps(nu=BICEPS, statics=True)
@@ -44,7 +44,7 @@ def finite_elements(count: int) -> Iterator[tuple[str, Quantities]]:
 
 
 def rods() -> Iterator[tuple[str, Quantities]]:
-    """Yield what isorod's biceps does."""
+    """Yield quantities of isorod's biceps."""
     for fields in SPACES:
         scene = Biceps(nu=BICEPS, statics=True, **fields)
         with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Ends of rods that are welded deep within others: their nodes move as the cells do that they are in."""
+"""Ends of rods that are welded deep within others: their nodes move with the cells round them."""
 
 from collections.abc import Iterator
 

@@ -42,7 +42,7 @@ def circle(angle: Array) -> Array:
 
 
 def plane(rod: Rod, u: float, radius: float = 1.0) -> Plane:
-    """Return the section at ``u``, of its disk what is inside of a radius, turned such that it is longest along x."""
+    """Return the section at ``u`` inside of a radius of its disk, turned such that it is longest along x."""
     rim, _ = rod.grid(radius * circle(2.0 * np.pi * np.arange(_AROUND) / _AROUND), [u])
     middle = rim[0].mean(axis=0)
     directions = np.linalg.svd(rim[0] - middle, full_matrices=False)[2][:2]

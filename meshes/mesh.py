@@ -103,7 +103,7 @@ class Mesh:
         inner, _ = gauss(self.shape, 2 * self.order + 1)
         corners = self.reference[np.isin(self.reference, (0.0, 1.0)).all(axis=1)]
         det = self.jacobians(np.concatenate([inner, corners]))
-        # A corner where two edges are tangent has determinant zero and hurts nobody: no quadrature point is there.
+        # A corner where two edges are tangent has determinant zero, which does not matter: it is no quadrature point.
         slack = 1e-9 * np.abs(det).max()
         bad = (det[:, : len(inner)] <= 0.0).any(axis=1) | (det < -slack).any(axis=1)
         if bad.any():

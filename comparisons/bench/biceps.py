@@ -18,7 +18,7 @@ from comparisons.measure.work import AS_RUN
 # Largest error of the end forces.
 TARGET = 1e-2
 
-# Meshes of explicit dynamics, coarse to fine: those of one curve.
+# Meshes of explicit dynamics by curve, coarse to fine.
 MESHES = {
     "quick": {
         "P1 tetrahedra": ("--degree 1 --size 0.5", "--degree 1 --size 0.3325"),

@@ -52,7 +52,7 @@ def kept() -> list[Record]:
 
 
 def short(records: list[Record]) -> Record:
-    """Return what is kept of the records of a run: each program's fastest within each error."""
+    """Return the entries that are kept of a run's records: each program's fastest within each error."""
     (setup,) = part(records, "opponents")
     rows = []
     for scene in report.scenes(records):
@@ -135,7 +135,7 @@ def _beyond(runs: Sequence[Record], title: str, key: tuple[str, float, str]) -> 
 
 
 def _sides(run: Record, scene: str, target: float, how: str) -> tuple[Record, list[Record]] | None:
-    """Return isorod's run, and those of the others, if dolfinx is among them."""
+    """Return isorod's run, and those of other programs, if dolfinx is among them."""
     for row in run["rows"]:
         if (row["scene"], row["target"]) == (scene, target):
             ours = [one for one in row["runs"] if one.get("how") == how]
@@ -179,7 +179,7 @@ def _reported(run: Record) -> str:
 
 
 def write(page: Path, runs: Sequence[Record]) -> None:
-    """Write the table of runs where the page has it.
+    """Write the table of runs into the page.
 
     Raises
     ------

@@ -18,7 +18,7 @@ FOLDER = Path(files.__file__).parent / "examples" / "catalogue"
 
 
 class Reference(NamedTuple):
-    """What a file measures, and a value of it that isorod has no part in; `by` is where it is from and how exact."""
+    """A measure of a file, and a value independent of isorod; `by` is its source and accuracy."""
 
     name: str
     measure: str

@@ -57,7 +57,7 @@ class Capstan:
     half_length: float = np.inf
 
     def __post_init__(self) -> None:
-        """Refuse what is no wrap."""
+        """Refuse wrap angles that are not between 0 and a whole turn."""
         if not 0.0 < self.wrap < 2.0 * np.pi:
             raise InputError(f"capstan: wrap {self.wrap:.4g} rad; the elastica takes one between 0 and a whole turn")
 

@@ -114,7 +114,7 @@ class Cylinders:
         }
 
     def hertzian(self, fractions: Sequence[float], forces: Sequence[float]) -> float:
-        """Return the force at Hertz' approach, of two pushes by fractions of it, less what is linear in the force."""
+        """Return the force at Hertz' approach, of two pushes by fractions of it, less the part linear in the force."""
         approach = self.exact().approach
         given, measured = np.array(fractions) * approach, np.array(forces)
         terms = np.stack([measured ** (2.0 / 3.0), measured], axis=1)
@@ -131,7 +131,7 @@ def _back(space: Space, sign: float) -> Index:
 
 
 def solve(model: Model, begin: Array | None = None) -> ContactResult:
-    """Return the contact of an equilibrium, without warnings of what is compared here."""
+    """Return the contact of an equilibrium, without warnings of the quantities compared here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         (result,) = statics.solve(model, start=begin).contacts

@@ -291,7 +291,7 @@ def main() -> int:
 
 
 def limits(rods: Sequence[Bent], ropes: Sequence[Hauled]) -> Iterator[tuple[str, float, float]]:
-    """Yield what is extrapolated, its value for a thin rod, and that of an elastica or a rope."""
+    """Yield the extrapolated quantities, their values for a thin rod, and those of an elastica or a rope."""
     thin = Capstan(1.0, 1.0, np.pi, PULL)
     touch = thin.touch()
     expected = Bent(touch.half_angle, touch.line_force / PULL, touch.end_force / PULL, np.sin(touch.half_angle))

@@ -39,7 +39,7 @@ class Wire(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """Equal wires wound round what is within."""
+    """Equal wires wound round the layers within."""
 
     wires: int
     wire: Wire
@@ -75,7 +75,7 @@ class Strand:
         Extension, curvature and torsion [1/length] of a wire of each layer, by axial strain and by turn per length.
         """
         strains = []
-        # Contraction of all that is within, by strain and turn: a layer's radius follows from the wires below it.
+        # Contraction of the layers within, by strain and turn: a layer's radius follows from the wires below it.
         within = np.array([self.core.nu * self.core.radius, 0.0])
         for layer, radius in zip(self.layers, self.helix_radii, strict=True):
             poisson, slopes = layer.wire.nu * layer.wire.radius, _slopes(radius, 2.0 * np.pi / layer.pitch)

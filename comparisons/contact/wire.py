@@ -106,7 +106,7 @@ def segment(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
 
 
 def measure(contact: ContactResult) -> Line:
-    """Return what the middle of the segment's line of contact carries; points of both sides have a part of it."""
+    """Return the load of the middle of the segment's line of contact, to which points of both sides contribute."""
     middle = np.abs(contact.parameters[:, 0] - 0.5) < MIDDLE
     scene, carried, moment, peak = SCENE, 0.0, 0.0, 0.0
     for body, radius, slope in ((0, scene.core_radius, 0.0), (1, scene.wire_radius, scene.lay_angle)):

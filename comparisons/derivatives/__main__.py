@@ -27,7 +27,7 @@ _CATALOGUE = Path(files.__file__).parent / "examples" / "catalogue"
 
 
 def scenes() -> dict[str, Any]:
-    """Return the scenes by what they are: those of nonlinear laws first."""
+    """Return the scenes by their titles, nonlinear laws first."""
     return {
         "hook, Mooney-Rivlin": files.find(str(_OWN / "hook.toml")),
         "bar bent far, Mooney-Rivlin": files.find(str(_OWN / "bar.toml")),

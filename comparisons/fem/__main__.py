@@ -27,7 +27,7 @@ ABOUT = {
     "rods": "any scene of isorod's: its name, or that of a .toml file",
 }
 
-# What configures each scene, in the module that has its run().
+# The configuration of each scene, in the module that has its run().
 RUNS = {
     "spring": "published.Spring",
     "blade": "published.Blade",

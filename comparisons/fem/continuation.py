@@ -1,4 +1,4 @@
-"""Continuation in a load: from rest to all of it, in steps that Newton's method can take."""
+"""Continuation in a load from rest to full load, in steps in which Newton's method converges."""
 
 from collections.abc import Callable
 

@@ -197,7 +197,7 @@ class _States:
             field.x.array[:] = part
 
     def warped(self, rate: Array, growth: State | None = None) -> State:
-        """Return the state in balance whose displacements change at a rate, and whose stresses as those of a state."""
+        """Return the state in equilibrium with a rate of displacements, and with the rate of stresses of ``growth``."""
         nothing = np.zeros_like(rate)
         self._set(State(nothing, rate), growth or State(nothing, nothing))
         force = self._matrix.createVecLeft()

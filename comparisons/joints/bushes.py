@@ -140,7 +140,7 @@ class Spring(Scene):
         return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh: the wire is a pipe along its centre line."""
+        """Return wire and blocks meshed as one solid, by gmsh: the wire is a pipe along its centre line."""
         axis = self.rod.axis
         knots, times = np.unique(axis.knots, return_counts=True)
         centers = self.rod.control_points.mean(axis=1)
@@ -194,5 +194,5 @@ class Spring(Scene):
         return Model([Body(space, self.laws[ROD])], [], ties=ties, solids=solids)
 
     def of_coupled(self, solution: statics.Equilibrium) -> Array:
-        """Return the force on the upper block, which balances what the tie passes on."""
+        """Return the force on the upper block, which balances the tie's."""
         return -solution.ties[1].force[2:]

@@ -57,7 +57,7 @@ class Column(Scene):
         return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh."""
+        """Return rod and block meshed as one solid, by gmsh."""
 
         def make() -> str:
             box, rod = self._box(), (3, self._cylinder(*self.rise))

@@ -49,7 +49,7 @@ class Side(NamedTuple):
     functions: Any
 
     def compliance(self, values: Array, weighted: Array, points: Array) -> Array:
-        """Return the work of multipliers ``(q, k)``, of each along each axis, on what others do, ``(3 k, 3 k)``."""
+        """Return the work of multipliers ``(q, k)`` along each axis on the displacements by others, ``(3 k, 3 k)``."""
         nodes, functions = self.functions(points)
         count = self.free.size // 3
         start = np.arange(len(points) + 1) * nodes.shape[1]

@@ -29,7 +29,7 @@ E, NU, RADIUS, OUTER, LENGTH = (10.0, 1.0), (0.3, 0.3), 1.0, 4.0, 8.0
 # Loads are times this, so that strains are small.
 SIZE = 1e-4
 
-# Terms of the series: their sums are of Lanczos, so that what is left oscillates little.
+# Terms of the series, summed with Lanczos' factors, so that the remainder oscillates little.
 _TERMS = 4000
 
 

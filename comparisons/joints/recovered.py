@@ -29,7 +29,7 @@ def of_meshes(solution: Any) -> float:
 
 
 def welds(near: float, contrast: tuple[float, float], slave: str = "rod", degree: int = 2) -> Iterator[Case]:
-    """Yield what is known of a rod on a block under its four loads."""
+    """Yield true and estimated errors of a rod on a block under its four loads."""
     made = weld.block(near, 1.5, hole=False, order=degree)
     result = weld.solve(made, weld.rod_space(False), contrast, False, slave, degree=degree)
     exact = meridian.weld(contrast)
@@ -40,7 +40,7 @@ def welds(near: float, contrast: tuple[float, float], slave: str = "rod", degree
 
 
 def sleeve_case(name: str, element: str, cells: tuple[int, int, int]) -> Case:
-    """Return what is known of a rod in a sleeve."""
+    """Return true and estimated error of a rod in a sleeve."""
     problem = sleeve.torsion() if name == "torsion" else sleeve.axial()
     result = sleeve.solve(problem, sleeve.rod_space(problem.length), cells, element)
     return Case(f"{name}, {element} {cells}, rod", abs(result.energy), of_meshes(result.equilibrium))

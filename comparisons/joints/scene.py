@@ -1,4 +1,4 @@
-"""Rods with blocks, coupled and meshed as one solid: what every such scene has, and meshes by gmsh."""
+"""Rods with blocks, coupled and meshed as one solid: the base of such scenes, and meshes by gmsh."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -102,13 +102,13 @@ class Scene(ABC):
         """Return the quantities of a solution of one solid."""
 
     def bricks(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by bricks."""
+        """Return rod and blocks meshed as one solid, by bricks."""
         mesh, tags = whole.bricks(self.section(sizes), self.layers(sizes), self.place)
         return Whole(mesh, tags, self.faces(mesh))
 
     @abstractmethod
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh."""
+        """Return rod and blocks meshed as one solid, by gmsh."""
 
     @abstractmethod
     def blocks(self, sizes: Sizes, shape: str) -> Sequence[Any]:
@@ -141,7 +141,7 @@ class Scene(ABC):
 
 
 def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
-    """Return the mesh of tetrahedra of what is made in gmsh's own kernel, and tags of its cells.
+    """Return the mesh of tetrahedra of a geometry made in gmsh's own kernel, and tags of its cells.
 
     ``make`` makes physical groups of volumes, and returns the size of cells by position.
     """
@@ -155,7 +155,7 @@ def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
 
 
 def tetrahedra(size: str, order: int = 2) -> None:
-    """Mesh what gmsh has open, with cells of a size by position."""
+    """Mesh the open geometry of gmsh, with cells of a size by position."""
     for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
         gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
     field = gmsh.model.mesh.field.add("MathEval")
@@ -172,7 +172,7 @@ def volumes(tags: Mapping[int, Sequence[int]]) -> None:
 
 
 def fragments(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[int, list[int]]:
-    """Fragment volumes of gmsh, and return those of each tag: of what several were, that of the last."""
+    """Fragment volumes of gmsh, and return those of each tag; a common fragment has the last volume's tag."""
     _, origins = gmsh.model.occ.fragment(solids[:1], solids[1:])
     of: dict[int, int] = {}
     for tag, origin in zip(tags, origins, strict=True):

@@ -89,7 +89,7 @@ def composite(E: tuple[float, float] = (10.0, 1.0), nu: tuple[float, float] = (0
 
 
 def patch() -> Problem:
-    """A constant strain of rod and box of one law: what is left is the error of the hole's shape."""
+    """A constant strain of rod and box of one law: the only error is that of the hole's shape."""
     gradient = np.array([[0.8, -0.5, 0.0], [0.3, -0.4, 0.0], [0.0, 0.0, 0.6]])
     return Problem(exact.Uniform(1.0, 0.3, gradient), (1.0, 1.0), (0.3, 0.3), square(3.0), 2.0, "xyz")
 
@@ -99,7 +99,7 @@ PROBLEMS = {"torsion": torsion, "axial": axial, "inclusion": inclusion, "composi
 
 @dataclass(frozen=True)
 class Result:
-    """What one solution is worth.
+    """The errors of a solution.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def rod_space(length: float, elements: int = 4, order: int = 2, degree: int = 3)
 
 
 def sleeve(problem: Problem, cells: tuple[int, int, int], element: str) -> tuple[Ring, Solid]:
-    """Return the mesh of the sleeve, and the sleeve with what is prescribed."""
+    """Return the mesh of the sleeve, and the sleeve with its boundary conditions."""
     shape, degree, geometry = ELEMENTS[element]
     made = ring(RADIUS, problem.outline, problem.length, cells, shape, geometry)
     mesh = made.mesh
@@ -175,7 +175,7 @@ def pinned(space: Any, radius: float) -> list[Any]:
 
 
 def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
-    """Return what is prescribed of the rod's ends, which is linear in the positions."""
+    """Return the supports of the rod's ends, whose displacements are linear in the positions."""
     layers = np.arange(space.nodes).reshape(space.layers, -1)
     supports = []
     for which in ("start", "end"):

@@ -65,7 +65,7 @@ class Work:
         return f"{cells} {near}, wire {self.sizes.wire:g}" if self.side == "one solid" else f"{cells} {near}; {rod}"
 
     def ready(self, scene: Scene) -> Callable[[], Outcome]:
-        """Return what solves it, meshes made."""
+        """Make the meshes, and return the function that solves on them."""
         if self.side == "one solid":
             mesh = scene.bricks(self.sizes) if self.shape == "hexahedron" else scene.tetrahedra(self.sizes)
 
@@ -80,7 +80,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Subject:
-    """A scene with what is run of it, coarse to fine on each side; ``converged`` are two meshes of one solid."""
+    """A scene with its runs, coarse to fine on each side; ``converged`` are two meshes of one solid."""
 
     name: str
     title: str

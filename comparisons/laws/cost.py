@@ -1,4 +1,4 @@
-"""What laws cost: tangents and explicit forces beside those of the neo-Hookean law.
+"""The cost of laws: tangents and explicit forces relative to the neo-Hookean law's.
 
 ``python -m comparisons.laws.cost`` prints ratios to that, of runs in turn in one process, and
 how long the first process compiles a law, and the next one reads it.

@@ -191,7 +191,7 @@ class Scene:
         return named(bricks(rod, template, level * self.layers), "rod 0")
 
     def measure(self, solution: Any) -> dict[str, float]:
-        """Return what is compared of a solution, isorod's or finite elements'."""
+        """Return the compared quantities of a solution, isorod's or finite elements'."""
         return {name: float(of(solution)) for name, of in self.measured.items()}
 
 

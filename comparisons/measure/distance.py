@@ -1,4 +1,4 @@
-"""How far a run is from finite elements: from their limit in what is measured, from the finest mesh in fields."""
+"""How far a run is from finite elements: from their limit in measured quantities, from the finest mesh in fields."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

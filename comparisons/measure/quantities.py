@@ -16,7 +16,7 @@ FREQUENCIES = "frequencies"
 # Orders of convergence beyond these are chance: displacements of degree 2 reach 4.
 LOWEST_ORDER, HIGHEST_ORDER = 0.5, 6.0
 
-# Largest relative difference of meshes of what is the same on all.
+# Largest relative difference of meshes of a quantity that is the same on all.
 GIVEN = 1e-7
 
 
@@ -70,7 +70,7 @@ class Converged:
 
 
 def values(record: Record, names: Sequence[str]) -> dict[str, list[float]]:
-    """Return what a record has of quantities, each as a list of numbers; of frequencies those of flexible modes."""
+    """Return the quantities of a record, each as a list of numbers; frequencies without those of rigid modes."""
     result = {name: np.ravel(np.asarray(record[name], dtype=float)).tolist() for name in names}
     if FREQUENCIES in result:
         result[FREQUENCIES] = result[FREQUENCIES][record.get("rigid", 0) :]

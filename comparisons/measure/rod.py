@@ -18,12 +18,12 @@ from isorod.command import ending, solving
 from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.output import results
 
-# What measures a scene as ``isorod run`` has it.
+# The option that measures a scene as ``isorod run`` does.
 WHOLE = "--whole"
 
 
 def find(name: str, values: Mapping[str, Any]) -> Any:
-    """Return a scene of the package, or that of a file, with those of its fields that are not None."""
+    """Return a scene of the package or of a file, with the given fields that are not None."""
     return files.find(name).with_options(**values)
 
 
@@ -39,7 +39,7 @@ def solve(
     runs: list[dict[str, float]] = []
     solution = None
     for _ in range(repeat):
-        # What the last run left does not count as the next one's.
+        # The last run's garbage does not count as the next one's.
         solution = None
         PETSc.garbage_cleanup()
         start = process_time()

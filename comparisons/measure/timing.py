@@ -122,7 +122,7 @@ def repeated(
     runs: list[dict[str, float]] = []
     result: Result | None = None
     for _ in range(repeat):
-        # What the last run left does not count as the next one's.
+        # The last run's garbage does not count as the next one's.
         result = None
         begin()
         start, worked = perf_counter(), process_time()

@@ -80,7 +80,7 @@ def _common(known: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
-    """Return what is changed in the letters of the report: ``N+1``, ``2e``, ``p-1``."""
+    """Return the changes in the report's notation: ``N+1``, ``2e``, ``p-1``."""
     words = []
     for name, value in changed.items():
         if name == "elements":

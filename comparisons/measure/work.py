@@ -61,7 +61,7 @@ def fem_curves(families: Sequence[Family], method: str = "fem") -> tuple[Curve, 
 
 
 def with_others(curves: Sequence[Curve], interpreters: Sequence[str]) -> tuple[Curve, ...]:
-    """Return the curves, and those of finite elements once more for each other interpreter and its dolfinx."""
+    """Return the curves, with finite elements' repeated for each other interpreter and its dolfinx."""
     fem = [curve for curve in curves if curve.method == "fem"]
     return (*curves, *(replace(curve, interpreter=one) for one in interpreters for curve in fem))
 

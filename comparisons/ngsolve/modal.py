@@ -107,7 +107,7 @@ def solve(
 
 
 class _Operator:
-    """A matrix of NGSolve on arrays; what is held stays zero."""
+    """A matrix of NGSolve on arrays; held unknowns stay zero."""
 
     def __init__(self, matrix: Any, free: Array) -> None:
         self.matrix, self.free = matrix, free

@@ -65,7 +65,7 @@ def _strayed(placed: Placed, nodes: Array) -> float:
 
 
 def _check(placed: Placed) -> None:
-    """Refuse what is not a straight rod between two clamps, the last of which turns about it and may slide."""
+    """Refuse scenarios other than a straight rod between two clamps, the last of which turns about it and may slide."""
     given, direction = placed.given, placed.direction
     motion = given.end_motion
     if motion is None or given.start_motion is not None or (given.start.value, given.end.value) != (CLAMPED, CLAMPED):

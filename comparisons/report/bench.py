@@ -47,7 +47,7 @@ BY_HAND = "chosen by hand"
 
 
 def how(record: Record) -> str:
-    """Return how the space of a run of isorod was chosen: by hand, or as ``isorod run`` has it."""
+    """Return how the space of a run of isorod was chosen: by hand, or as by ``isorod run``."""
     return AS_RUN.label if record["arguments"] in AS_RUN.arguments else BY_HAND
 
 
@@ -154,7 +154,7 @@ def motions(records: list[Record]) -> Rows:
 
 
 def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
-    """Return isorod's motions within the target, and the fastest curve of the others with its time there.
+    """Return isorod's motions within the target, and the other programs' fastest curve with its time there.
 
     Of isorod's the fastest by hand, and that as ``isorod run`` has it.
     """

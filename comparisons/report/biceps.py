@@ -95,7 +95,7 @@ def _end(record: Record) -> float:
 
 
 def _clauses(motions: list[Record], limit: Record) -> str:
-    """Return the table of what is asked of the motion and the equilibrium."""
+    """Return the table of the criteria of the motion and the equilibrium."""
     rows = []
     bounds = {name: percent(bound) for name, bound in QUANTITIES.items()}
     for record in motions:

@@ -97,7 +97,7 @@ def _read(folder: Path, *studies: str) -> Iterator[None]:
 
 def _studies(folder: Path) -> dict[str, list[Record]]:
     """Return the newest complete run of each study that has one."""
-    # Of comparisons of scenes each has its own.
+    # Each comparison of a scene is a study of its own.
     others = sorted(path.stem for path in folder.glob(f"{COMPARED}-*.jsonl"))
     names = [*(one for one in STUDIES if (folder / f"{one}.jsonl").is_file()), *others]
     studies = {study: newest(folder, study) for study in names}

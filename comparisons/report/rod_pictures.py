@@ -28,7 +28,7 @@ LEVEL = "2"
 # Modes that are shown, as many as rows.
 SHAPES = 3
 
-# How many times larger what is upright must look if it is not z.
+# An axis other than z is upright only if the rods then look larger by this factor.
 LYING = 1.3
 
 _EQUILIBRIUM = (
@@ -258,7 +258,7 @@ def _draw(
 
 
 def _direction(points: Array) -> tuple[Array, Array]:
-    """Return the direction from which points fill a panel most, and what is upright then: z, if not far better."""
+    """Return the direction of view that fills a panel most, and the upright axis: z, unless another is far better."""
 
     def height(view: Array, up: Array) -> float:
         towards = view / np.linalg.norm(view)

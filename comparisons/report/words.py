@@ -8,7 +8,7 @@ from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
 
 TITLE = "Rods as solids of few unknowns, beside finite elements"
 
-# What isorod has, and which of it ran.
+# Features of isorod, and those that were run.
 _FAMILIES = (
     f"across a section it has three families of functions. <em>{PAPER.capitalize()}</em>, the cylindrical element of "
     'J. Lu and X. Zhou (2011, <a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>), has harmonic functions of '

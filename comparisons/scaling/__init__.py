@@ -41,7 +41,7 @@ class Case(NamedTuple):
 
 
 def cases(level: str) -> Iterator[Case]:
-    """Yield what is measured, small to large."""
+    """Yield the cases, small to large."""
     for coils in SIZES[level]:
         yield Case("statics", "order-1", coils)
         if coils <= OTHERS[level]:
@@ -54,7 +54,7 @@ def cases(level: str) -> Iterator[Case]:
 
 def run(study: Run) -> None:
     """Measure each case in a process of its own and record it."""
-    # Each once, though some are there to be compared with others too.
+    # Each once, though some are in several comparisons.
     chosen = list(dict.fromkeys(cases(study.level)))
     with study.progress(1 + len(chosen)) as steps:
         with steps.step("tangents beside DGEMM"):

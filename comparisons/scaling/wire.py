@@ -101,7 +101,7 @@ def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
     ``seconds`` and ``total`` are medians of the warm runs, ``first`` is the total of the first one, which gets its
     memory from the system.
     """
-    # Once before, small: what is compiled is read from the disk then.
+    # A small run before: compiled functions are then read from the disk.
     ANALYSES[analysis](model(family, 1, analysis != "statics"))
     before = timing.peak_memory()
     comm = PETSc.COMM_WORLD.tompi4py()

@@ -67,7 +67,7 @@ def _contrasts(level: str) -> list[float]:
 
 
 def at_rest(level: str) -> Iterator[dict[str, Any]]:
-    """Yield those of equilibria."""
+    """Yield the points of equilibria."""
     contrasts = _contrasts(level)
     for series, options in SOLVERS.items():
         iterative = "ksp_type" in options
@@ -80,7 +80,7 @@ def at_rest(level: str) -> Iterator[dict[str, Any]]:
 
 
 def swinging(level: str) -> Iterator[dict[str, Any]]:
-    """Yield those of modes and motions."""
+    """Yield the points of modes and motions."""
     contrasts = _contrasts(level)
     for series, direction in MODE_SERIES.items():
         yield from MODES.over(contrasts, _modes, *direction, series=series)
@@ -196,7 +196,7 @@ def _halved(
     space = Space.paper(rod, elements=elements, section_degree=1, quadrature="auto")
     laws = _halves(space, law(first_E, 0.0), law(second_E, 0.0))
     body = Body(space, laws, _halves(space, first_density, second_density))
-    # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.
+    # Only along the axis: lateral motions of a bar with nu = 0 are modes too.
     supports = [Support(np.arange(space.nodes), "xy"), Support.end(space, "start", "z")]
     exact = longitudinal((first_E, second_E), (first_density, second_density), (JOINT, LENGTH - JOINT), 4)
     return Model([body], supports), exact

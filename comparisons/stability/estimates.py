@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.command import solving
 from isorod.output import held
 
-# Errors below are those of the reference, and larger than that those that need an estimate; of stress.
+# Smaller errors are the reference's own, larger ones need an estimate; of stress.
 SMALLEST, LARGE, LARGE_STRESS = 1e-6, 5e-3, 0.03
 
 # Estimates of stresses that are warned of.

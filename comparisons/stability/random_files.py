@@ -297,7 +297,7 @@ def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
     record |= {"estimate": errors[0], "error": off, "apart": apart}
     record |= {"answers": estimates.off(answers[0], answers[2]), "answers apart": estimates.off(answers[1], answers[2])}
     if hasattr(solution, "reactions"):
-        # Those that the estimate is of, and those of a person who looks somewhere.
+        # Places of the estimate, and other places.
         rings = solution.model.bodies[0].space.rod.rings
         u, xi = stresses.away(solution.model, 0), stresses.around(rings)
         if not u.size:

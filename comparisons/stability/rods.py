@@ -50,7 +50,7 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
         Of the bar.
     """
     ends = [np.arange(space.layer_nodes), (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)]
-    # Rotations are linear in the position, whose coefficients are those of the rod's map.
+    # Rotations are linear in the position, which has the coefficients of the rod's map.
     axis = {"torsion": 2, "weak": 0, "strong": 1}[kind]
     turn = np.cross(
         np.eye(3)[axis] * ANGLE,

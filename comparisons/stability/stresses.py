@@ -127,7 +127,7 @@ class Bar:
 
 
 def every(level: str = "full") -> Iterator[Bar]:
-    """Yield all bars; at level quick those of one length."""
+    """Yield all bars; at level quick of one length."""
     for section in SECTIONS:
         for law in LAWS:
             for load in LOADS:
@@ -136,7 +136,7 @@ def every(level: str = "full") -> Iterator[Bar]:
 
 
 def scene(bar: Bar, folder: Path) -> FileScene:
-    """Write a bar's file and return what `isorod run` makes of it."""
+    """Write a bar's file and return the result of `isorod run`."""
     path = folder / "bar.toml"
     path.write_text(bar.text())
     return FileScene(str(path))

@@ -117,7 +117,7 @@ class Elements(Numbered):
 
     @cached_property
     def places(self) -> Index:  # type: ignore[override]
-        """Place of the coefficients of each node on this rank, shape ``(nodes, 3)``; negative if it has it not."""
+        """Place of the coefficients of each node on this rank, shape ``(nodes, 3)``; negative if it lacks the node."""
         places = super().places
         if self._among is not None:
             places[self.here] = self._among[places[self.here]]
@@ -142,7 +142,7 @@ class Elements(Numbered):
         return np.rint(self.to_nodes(np.arange(first, first + self.own, dtype=float))).astype(np.int64)
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as this rank's coefficients, zero for what is no displacement."""
+        """Return values by node ``(nodes, 3)`` as this rank's coefficients, zero for other unknowns."""
         result = np.zeros(self.unknowns)
         result[self.places[self.here]] = nodal[self.here]
         return result

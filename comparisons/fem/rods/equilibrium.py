@@ -182,7 +182,7 @@ def solve(task: Task, load_steps: int) -> Solution:
 
 
 def _forms(elements: Elements, laws: Laws, task: Task) -> tuple[Any, Any]:
-    """Return internal forces, with those of loads that change with the displacement, and their derivative."""
+    """Return the forms of internal forces and of loads that depend on the displacement, and of their derivative."""
     model, state, (u, pressure) = task.model, elements.state, elements.split
     stored = laws.energy()
     if model.spin is not None:

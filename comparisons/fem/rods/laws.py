@@ -81,7 +81,7 @@ class Laws:
         self._fibres = self._directions()
 
     def energy(self) -> Any:
-        """Return the energy of the state, a sum of integrals; with pressures what is stationary in them."""
+        """Return the energy of the state, a sum of integrals; with pressures the functional stationary in them."""
         u, pressure = self.elements.split
         F = ufl.Identity(3) + ufl.grad(u)
         total = sum(self._density(kind, F, self.activation) * self.dx(kind) for kind in self.present)

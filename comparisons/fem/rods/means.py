@@ -18,7 +18,7 @@ from isorod.space.trace import Trace
 from meshes.mesh import Array, Index
 from meshes.within import Layers, lagrange
 
-# Stiffness of what is held, in shear moduli times the section's size.  Stiffer springs, without a force of their own,
+# Stiffness of held motions, in shear moduli times the section's size.  Stiffer springs, without a force of their own,
 # are as good as rigid in modes, and lose that many digits of what they carry.
 STIFF, RIGID = 1e4, 1e6
 

@@ -1,4 +1,4 @@
-"""The motion of rods in isorod's own implicit steps, so that what is compared is space and not time.
+"""The motion of rods in isorod's own implicit steps, so that only the discretisation in space differs.
 
 Steps are those of `isorod.dynamics.implicit.assembler`: energy-momentum conserving, with the stress between two states
 of `isorod.fenics.forms.between`, and loads in the middle of the step.
@@ -212,7 +212,7 @@ class _Forms:
         self.before, self.velocity, self.moment = (dolfinx.fem.Function(space) for _ in range(3))
         test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
         dt, c = (dolfinx.fem.Constant(elements.mesh, value) for value in (steps.step, steps.damping))
-        # On the regions that laws are of: of one form dolfinx 0.9 takes no others.
+        # On the regions of the laws: dolfinx 0.9 takes only one set of regions in a form.
         dx = laws.dx(metadata={"quadrature_degree": 2 * elements.source.order})
         change = u - self.before
         push = laws.density * ufl.inner((2.0 / dt**2 + c / dt) * change - (2.0 / dt) * self.velocity, test) * dx
@@ -233,7 +233,7 @@ class _Forms:
         self._ksp: PETSc.KSP | None = None
 
     def start(self, velocity: Array, held: Index) -> None:
-        """Set the velocity at the start; what is held has none."""
+        """Set the velocity at the start, zero where held."""
         velocity[held] = 0.0
         self.velocity.x.array[:] = velocity
 
