@@ -221,15 +221,15 @@ class Comparison:
         if not solved:
             return level, 0.0
         last, most = solved[-1].record, MOST[self.study.level]
-        for one in (level, INSTEAD) if level > INSTEAD else (level,):
-            finer = (one / solved[-1].level) ** 3
+        for nearest in (level, INSTEAD) if level > INSTEAD else (level,):
+            finer = (nearest / solved[-1].level) ** 3
             dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
             # Without a second mesh there is nothing to compare with: it may be larger, and take however long it does.
             if (dofs <= most.dofs and seconds <= most.seconds) or (len(solved) < 2 and dofs <= SECOND * most.dofs):
-                return one, dofs
+                return nearest, dofs
             large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
             limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
-            self._refuse("fem", _words(one, self.what.degree), f"left out: {large}; {limit}")
+            self._refuse("fem", _words(nearest, self.what.degree), f"left out: {large}; {limit}")
         return None, 0.0
 
     def _mesh(self, level: int, dofs: float, degree: int) -> _Solved:
@@ -253,11 +253,11 @@ class Comparison:
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
                     try:
                         dofs = finest.record["dofs"] * (level * degree / (finest.level * self.what.degree)) ** 3
-                        one = self._mesh(level, dofs, degree)
+                        solved = self._mesh(level, dofs, degree)
                     except timing.Failed as problem:
                         self._refuse("fem", _words(level, degree), problem.last_line)
                         continue
-                    self._record("work", one.record | judge.of_mesh(one.record, one.sample))
+                    self._record("work", solved.record | judge.of_mesh(solved.record, solved.sample))
 
     def _ours(self, judge: distance.Judge, levels: Sequence[int]) -> Record:
         """Record isorod's runs, those with bodies of finite elements' levels too; return that with nothing chosen."""
@@ -295,27 +295,29 @@ class Comparison:
         folder.mkdir(exist_ok=True)
         return folder
 
-    def _variant(self, judge: distance.Judge, one: Variant, curve: str = "isorod") -> _Ours | None:
+    def _variant(self, judge: distance.Judge, variant: Variant, curve: str = "isorod") -> _Ours | None:
         file = self.folder / "ours.npz"
         asked = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
-        with self.steps.step(f"isorod, {one.label}"):
+        with self.steps.step(f"isorod, {variant.label}"):
             try:
                 # Estimates of coupled models take longer than these, and the page has that of the default alone.
-                more = ["--estimate"] if one.label == DEFAULT or not self.what.model.solids else []
-                words = [self.what.word, *one.arguments, "--repeat", str(self._repeat), *more, *asked]
+                more = ["--estimate"] if variant.label == DEFAULT or not self.what.model.solids else []
+                words = [self.what.word, *variant.arguments, "--repeat", str(self._repeat), *more, *asked]
                 record = timing.run("comparisons.measure.rod", words, self.what.ranks)
             except timing.Failed as problem:
-                if one.label == DEFAULT:
+                if variant.label == DEFAULT:
                     raise SolveError(problem.last_line) from None
-                self._refuse("cylindrical", one.arguments, problem.last_line)
+                self._refuse("cylindrical", variant.arguments, problem.last_line)
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
         # With the unknowns of bodies, which finite elements count too.
         record["dofs"] += 3 * sum(each["nodes"] for each in record.get("solids", ()))
-        named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
+        named = {"curve": curve, "label": variant.label, "arguments": shlex.join(variant.arguments)}
         own = judge.of_ours(record, fields)
-        return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
+        return _Ours(
+            self._record("work", record | named | {"sequence": variant.sequence} | own), fields.get("von_mises")
+        )
 
     def _record(self, part: str, values: dict[str, Any]) -> Record:
         """Append a record to a folder that is made now, when no mesh and no wrong scene can refuse any more."""

@@ -63,14 +63,14 @@ def _model(scene: Any, paths: Sequence[Path], mesh_only: bool) -> Model | None:
 # relative; of cells of order 1, which have no curved edges, the first is taken.
 LEVEL, VOLUME = 2, 1e-3
 
-_SAID = (
+_EPILOG = (
     "Curved hexahedra of any rods, by the rods' own map. "
     "FILE ends in .msh (gmsh), .inp (Abaqus, CalculiX), .py (dolfinx, with the .msh) or .vtu (VTK)."
 )
 
 
 def _more(parser: Parser, scene: Any) -> None:
-    parser.epilog = _SAID
+    parser.epilog = _EPILOG
     parser.add_argument("files", nargs="*", metavar="FILE", help="file to write (SCENE.msh)")
     parser.add_argument(
         "--level",

@@ -277,11 +277,11 @@ class _Problem:
             if isinstance(load, SectionLoad):
                 face = nodal.face_at(self.mesh, load.body, load.u, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
-        for k, one in self.held.items():
-            if one.tied and one.motion.turn.any():
+        for k, support in self.held.items():
+            if support.tied and support.motion.turn.any():
                 raise InputError(f"support {k}: a face that turns and is tied is not written to .inp")
-            first, *others = self.number[one.nodes][self.number[one.nodes] > 0].tolist()
-            for component in one.tied:
+            first, *others = self.number[support.nodes][self.number[support.nodes] > 0].tolist()
+            for component in support.tied:
                 for node in others:
                     yield from abaqus.equation([f"{node},{component + 1},1.", f"{first},{component + 1},-1."])
 
@@ -374,10 +374,10 @@ class _Problem:
                 yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
         for name, k in self.pairs.obstacles:
             yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
-        for k, one in self.held.items():
-            moved = one.displacement(factor)
-            for component in one.components:
-                mine = self.owner[one.nodes, component] == k
+        for k, support in self.held.items():
+            moved = support.displacement(factor)
+            for component in support.components:
+                mine = self.owner[support.nodes, component] == k
                 numbers, values = self.number[one.nodes], moved[:, component]
                 dof = f"{component + 1},{component + 1}"
                 if mine.all() and np.ptp(values) <= _ROUNDING * np.abs(moved).max():

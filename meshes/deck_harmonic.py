@@ -27,7 +27,7 @@ _BETWEEN = "20,3."
 _SAME = 1e-9
 
 # From this fraction of the largest amplitude on there is a note on what modes leave out.
-_TOLD = 1e-3
+_REPORTED = 1e-3
 
 
 class Swing:
@@ -78,7 +78,7 @@ class Swing:
             off = np.abs(measured_alone[name]["amplitude"] - one["amplitude"]).max() / max(
                 one["amplitude"].max(), 1e-300
             )
-            if off > _TOLD:
+            if off > _REPORTED:
                 yield f"{name}: modes alone, which CalculiX takes, are {100.0 * off:.2g} % of the largest amplitude off"
 
     def steps(self, modes: int, loads: list[str], before: list[str] | None, printed: list[str]) -> Iterator[str]:

@@ -108,14 +108,14 @@ class Pairs:
                 yield from deck_pairs.turning(motion, abaqus.name_of(name), last)
                 last += 2
 
-    def _surface(self, one: Surface, name: str) -> tuple[str, _Size]:
+    def _surface(self, tied: Surface, name: str) -> tuple[str, _Size]:
         """Return the title of a surface in the file, which is made where it has none, and its size."""
-        if isinstance(one, SolidSurface):
-            at, face = 1 + one.solid, ""
-            faces = deck_solids.facets_of(self.model.solids[one.solid], one.facets)
+        if isinstance(tied, SolidSurface):
+            at, face = 1 + tied.solid, ""
+            faces = deck_solids.facets_of(self.model.solids[tied.solid], tied.facets)
         else:
             at = 0
-            face, faces = deck_pairs.surface_of(self.model, self.mesh, one)
+            face, faces = deck_pairs.surface_of(self.model, self.mesh, tied)
         mesh = self.meshes[at]
         if not face:
             face = name

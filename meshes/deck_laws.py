@@ -20,7 +20,7 @@ _IN_LINE = 8
 # Moduli of a law whose directions differ by less are those of an isotropic one.
 _ROUNDING = 1e-6
 
-_SAID = (
+_ADVICE = (
     "LinearElastic, StVenantKirchhoff, NeoHookean, MooneyRivlin, Yeoh, Ogden and energies that are polynomials of "
     "I1bar - 3 and I2bar - 3, up to the third power, are written"
 )
@@ -112,4 +112,4 @@ def _polynomial(law: Material) -> dict[tuple[int, int], float]:
 
 def refused(law: Material) -> InputError:
     """Return the error of a law that has no counterpart."""
-    return InputError(f"law {type(law).__name__} has no counterpart in input files of Abaqus and CalculiX; {_SAID}")
+    return InputError(f"law {type(law).__name__} has no counterpart in input files of Abaqus and CalculiX; {_ADVICE}")

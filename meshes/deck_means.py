@@ -130,13 +130,13 @@ class Means:
                 kept = np.flatnonzero(np.abs(coefficients) > _ROUNDING).tolist()
                 equation += [f"{several[j]},{coefficients[j]:.12g}" for j in kept]
             yield from abaqus.equation(equation)
-        for k, one in enumerate(self._references, nodes + 1):
-            if one.stiffness is None:
+        for k, reference in enumerate(self._references, nodes + 1):
+            if reference.stiffness is None:
                 continue
-            for component, stiff in zip(one.components.tolist(), one.stiffness, strict=True):
+            for component, stiff in zip(reference.components.tolist(), reference.stiffness, strict=True):
                 cells += 1
                 # A number without a point is a component to CalculiX.
-                title = f"{one.title}_SPRING_{component + 1}"
+                title = f"{reference.title}_SPRING_{component + 1}"
                 yield from [f"*ELEMENT,TYPE=SPRING1,ELSET={title}", f"{cells},{k}"]
                 yield from [f"*SPRING,ELSET={title}", f"{component + 1}", f"{stiff:#.12g}"]
 
@@ -153,13 +153,17 @@ class Means:
 
     def held(self, factor: float) -> Iterator[str]:
         """Yield what is prescribed at a load factor: the means, or of nodes with springs what no spring acts on."""
-        for one in self._references:
-            fraction = self.model.share(self.model.means[one.support].clock.table, factor)
-            held = dict(zip(one.components.tolist(), (fraction * one.signs * one.values).tolist(), strict=True))
-            if one.stiffness is not None:
+        for reference in self._references:
+            fraction = self.model.share(self.model.means[reference.support].clock.table, factor)
+            held = dict(
+                zip(
+                    reference.components.tolist(), (fraction * reference.signs * reference.values).tolist(), strict=True
+                )
+            )
+            if reference.stiffness is not None:
                 held = {component: 0.0 for component in range(3) if component not in held}
             yield from (
-                f"{one.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items()
+                f"{reference.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items()
             )
 
 

@@ -31,14 +31,14 @@ ELEMENTS = {
 _SAME = 1e-9
 
 
-def element(one: OfBody, solid: "Solid") -> str:
+def element(body: OfBody, solid: "Solid") -> str:
     """Return the kind of element of a body."""
-    return ELEMENTS[one.grid.shape, solid.degree]
+    return ELEMENTS[body.grid.shape, solid.degree]
 
 
-def mesh_of(one: OfBody, solid: "Solid", name: str) -> Mesh:
+def mesh_of(body: OfBody, solid: "Solid", name: str) -> Mesh:
     """Return the mesh of a body, its region and faces by its name and those of its groups: ``solid bone top``."""
-    grid, kind = one.grid, abaqus.ELEMENTS[element(one, solid)]
+    grid, kind = body.grid, abaqus.ELEMENTS[element(body, solid)]
     edges = _EDGES[grid.shape]
     corners = grid.cells[:, : 4 if grid.shape == "tetrahedron" else 8]
     points, cells = grid.points, corners

@@ -55,9 +55,9 @@ def surfaces(scene: Any, model: Model, mesh: Mesh) -> dict[str, Index]:
     surfaces: dict[str, Index] = {}
     for k, support in enumerate(model.supports):
         if isinstance(support, Support):
-            one = held.Held(k, model, held.surface(mesh, support.body, model.bodies[support.body].space))
+            face_nodes = held.Held(k, model, held.surface(mesh, support.body, model.bodies[support.body].space))
             sides = [face for name, face in mesh.faces.items() if name.startswith(f"rod {support.body} ")]
-            sides = [face[np.isin(face, one.nodes).all(axis=1)] for face in sides]
+            sides = [face[np.isin(face, face_nodes.nodes).all(axis=1)] for face in sides]
             surfaces[scene.named(f"support {k}")] = np.concatenate(sides)
     for k, load in enumerate(model.loads):
         if isinstance(load, SectionLoad):

@@ -93,9 +93,9 @@ def build(
         made = _Nodes(gmsh, solid)
     rods = [(number, part) for number, part in enumerate(parts) if isinstance(part, RodPart)]
     within, outside = [], []
-    for number, one in rods:
+    for number, rod in rods:
         own = [made.faces[face] for face in (*solid.faces(number), *solid.inner[number])]
-        both = in_rod(made.points, one, made.cells[made.regions[one.name]], own, made.reference)
+        both = in_rod(made.points, rod, made.cells[made.regions[rod.name]], own, made.reference)
         within.append(both[0])
         outside.append(both[1])
     curved = made.points.copy()

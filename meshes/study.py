@@ -29,13 +29,13 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_options(parser: argparse.ArgumentParser, build: Callable[..., Any]) -> None:
     """Make each parameter that is a number or a word a ``--long-option``."""
-    for name, one in inspect.signature(build).parameters.items():
-        kind = one.annotation
+    for name, parameter in inspect.signature(build).parameters.items():
+        kind = parameter.annotation
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
         if kind in (int, float, str):
-            shown = "" if one.default is None else f"({one.default})"
-            parser.add_argument(f"--{name}", type=kind, default=one.default, metavar=kind.__name__, help=shown)
+            shown = "" if parameter.default is None else f"({parameter.default})"
+            parser.add_argument(f"--{name}", type=kind, default=parameter.default, metavar=kind.__name__, help=shown)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -157,12 +157,12 @@ def _ratio_text(ratio: float) -> str:
     return precision.ratio(1.0, ratio).removesuffix(" of")
 
 
-def _milliseconds(one: Record) -> str:
+def _milliseconds(record: Record) -> str:
     def text(seconds: float) -> str:
         return f"{1e3 * seconds:.1f}" if seconds < 9.95e-3 else f"{1e3 * seconds:,.0f}"
 
-    bare = f" ({text(one['bare'])})" if one.get("bare", one["seconds"]) < one["seconds"] else ""
-    return text(one["seconds"]) + bare
+    bare = f" ({text(record['bare'])})" if record.get("bare", record["seconds"]) < record["seconds"] else ""
+    return text(record["seconds"]) + bare
 
 
 def _time(one: Record) -> str:

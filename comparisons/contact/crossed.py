@@ -68,11 +68,11 @@ class Cylinders:
         angles = 2.0 * np.pi / 720 * np.arange(720)
         circle_ = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         bars = []
-        for one, sign in ((low, 1.0), (high, -1.0)):
-            height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
+        for bar, sign in ((low, 1.0), (high, -1.0)):
+            height = sign * bar.grid(circle_, [0.5])[0][0, :, 1]
             reach = 1.2 * long
             patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / self.across)
-            bars.append(closer(one, [patch]))
+            bars.append(closer(bar, [patch]))
         return bars
 
     def by_push(self, fraction: float = 1.0) -> Model:

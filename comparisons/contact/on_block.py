@@ -91,8 +91,8 @@ def model(points: float) -> Model:
 
 def measure(points: float) -> Errors:
     """Return the errors."""
-    one = model(points)
-    (result,) = statics.solve(one).contacts
+    pressed = model(points)
+    (result,) = statics.solve(pressed).contacts
     here = result.pressure > 0.0
     loads, y = result.areas[here] * result.pressure[here], result.positions[here, 1]
     half = 2.0 * float(np.sqrt(loads @ y**2 / loads.sum()))
@@ -100,7 +100,7 @@ def measure(points: float) -> Errors:
     # Of an ellipse the mean over so much of the middle.
     mean_height = np.mean(np.sqrt(1.0 - np.linspace(-0.2, 0.2, 101) ** 2))
     peak = float(loads[middle].sum() / result.areas[here][middle].sum()) / mean_height
-    return Errors(half / HALF - 1.0, peak / PEAK - 1.0, one.unknowns + 3 * one.solids[0].nodes)
+    return Errors(half / HALF - 1.0, peak / PEAK - 1.0, pressed.unknowns + 3 * pressed.solids[0].nodes)
 
 
 if __name__ == "__main__":

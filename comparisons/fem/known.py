@@ -211,9 +211,9 @@ def _refuse_tied(model: Model, bodies: Sequence[OfBody]) -> None:
             axis = model.bodies[load.body].space.axis
             if not np.isclose(load.u, axis.breaks[[0, -1]], rtol=0.0, atol=1e-12).any():
                 raise InputError(f"load {k}: a section within a rod is not loaded here; load an end, or a length")
-    for one in bodies:
-        if one.geometry is None:
-            raise one.place.error(
+    for body in bodies:
+        if body.geometry is None:
+            raise body.place.error(
                 "geometry is missing: rods and bodies are meshed anew as one solid; name the STEP file of the body, "
                 'geometry = "NAME.step", beside its mesh'
             )

@@ -189,12 +189,23 @@ def main() -> None:
         frame = lattice(cells, **options)
         for _ in range(2):
             start = perf_counter(), process_time()
-            one = sheared(frame, cells)
+            solution = sheared(frame, cells)
             took = _since(start)
-        force = float(one.reactions[1::2, 0].sum())
+        force = float(solution.reactions[1::2, 0].sum())
         count = len(frame.spaces)
         unknowns = 3 * sum(space.nodes for space in frame.spaces)
-        print("lattice", cells, count, len(frame.ties), unknowns, force, took, took[1] / count, one.seconds, flush=True)
+        print(
+            "lattice",
+            cells,
+            count,
+            len(frame.ties),
+            unknowns,
+            force,
+            took,
+            took[1] / count,
+            solution.seconds,
+            flush=True,
+        )
         for size in given.one:
             mesh = as_one(cells, size)
             start = perf_counter(), process_time()

@@ -178,9 +178,9 @@ class _Comparison:
         done = []
         for work in self.subject.work:
             with self.steps.step(f"{self.subject.name}, {work.side}: {work.label}"):
-                one = self._measured(work, REPEAT)
-                one["error"] = float(np.abs(np.array(one["values"]) / limit - 1.0).max())
-                done.append((work, self._record("work", subject | one)))
+                record = self._measured(work, REPEAT)
+                record["error"] = float(np.abs(np.array(record["values"]) / limit - 1.0).max())
+                done.append((work, self._record("work", subject | record)))
         for target in TARGETS:
             with self.steps.step(f"{self.subject.name}: side by side within {100 * target:g} %"):
                 self._beside(done, target)
@@ -235,12 +235,12 @@ def fastest(done: Sequence[tuple[Work, Record]], target: float) -> tuple[Work, R
     On coarse meshes errors of the section and of the axis can cancel.
     """
 
-    def is_finer(one: Work, than: Work) -> bool:
-        alike = (one.side, one.shape, one.space) == (than.side, than.shape, than.space)
+    def is_finer(work: Work, than: Work) -> bool:
+        alike = (work.side, work.shape, work.space) == (than.side, than.shape, than.space)
         return (
             alike
-            and one.sizes.around >= than.sizes.around
-            and all(a <= b for a, b in zip(one.sizes[:3], than.sizes[:3], strict=True))
+            and work.sizes.around >= than.sizes.around
+            and all(a <= b for a, b in zip(work.sizes[:3], than.sizes[:3], strict=True))
         )
 
     held = [

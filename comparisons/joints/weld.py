@@ -105,8 +105,8 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
             occ.fragment([(3, cylinder)], [(2, occ.addDisk(0, 0, HEIGHT, 1.0, 1.0))])
         occ.synchronize()
         groups: dict[str, list[int]] = {"held": [], "joined": [], "free": []}
-        for _, one in gmsh.model.getEntities(2):
-            box = gmsh.model.getBoundingBox(2, one)
+        for _, face in gmsh.model.getEntities(2):
+            box = gmsh.model.getBoundingBox(2, face)
             low, high, wide = box[2], box[5], box[3]
             upright = high - low > 0.5 * HEIGHT
             if hole:
@@ -114,7 +114,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
             else:
                 on_top = not upright and low > 0.5 * HEIGHT and (wide < 1.5 or not outline)
                 kind = "joined" if on_top else "held" if high < 0.5 * HEIGHT else "free"
-            groups[kind].append(one)
+            groups[kind].append(face)
         gmsh.model.addPhysicalGroup(3, [one for _, one in gmsh.model.getEntities(3)], 1)
         for tag, kind in enumerate(("held", "joined", "free"), 1):
             gmsh.model.addPhysicalGroup(2, groups[kind], tag)
@@ -187,20 +187,20 @@ def solve(
     for name in loads:
         load = Traction(EndFace(0, "end"), _scaled(LOADS[name]))
         start = perf_counter()
-        one = statics.solve(Model([body], loads=[load], ties=[tie], solids=[solid]))
+        solution = statics.solve(Model([body], loads=[load], ties=[tie], solids=[solid]))
         seconds = perf_counter() - start
         nodal = load.nodal(space)
-        compliances[name] = float((nodal * one.displacement.reshape(-1, 3)).sum()) / SIZE**2
-        equilibria[name] = one
-        moved = np.abs(one.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
-        jump = max(jump, one.ties[0].jump / moved)
-        balance = max(balance, _balance(one, nodal, space, 1.0 if slave == "rod" else -1.0))
+        compliances[name] = float((nodal * solution.displacement.reshape(-1, 3)).sum()) / SIZE**2
+        equilibria[name] = solution
+        moved = np.abs(solution.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
+        jump = max(jump, solution.ties[0].jump / moved)
+        balance = max(balance, _balance(solution, nodal, space, 1.0 if slave == "rod" else -1.0))
     return Result(compliances, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
 
 
-def _balance(one: Any, nodal: Array, space: Space, sign: float) -> float:
+def _balance(solution: Any, nodal: Array, space: Space, sign: float) -> float:
     """Return how far the tie's resultants are from what balances a load, relative to force times the rod's length."""
-    tie = one.ties[0]
+    tie = solution.ties[0]
     control_points = space.is_control_point[:, None]
     force = (control_points * nodal).sum(axis=0)
     moment = np.cross(space.positions - control_points * tie.center, nodal).sum(axis=0)

@@ -170,9 +170,9 @@ def bricks(cut: Section, layers: Sequence[Layers], place: Callable[[float, Array
     along = np.concatenate([layers[0].along, *(one.along[1:] for one in layers[1:])])
     points = np.concatenate([place(float(t), cut.points) for t in along])
     cells, tags, first = [], [], 0
-    for one in layers:
-        count = (one.along.size - 1) // 2
-        tag = np.where(cut.inner, one.inner, one.outer)
+    for part in layers:
+        count = (part.along.size - 1) // 2
+        tag = np.where(cut.inner, part.inner, part.outer)
         quads = cut.quads[tag > 0]
         numbers = len(cut.points) * (first + 2 * np.arange(count)[:, None] + np.arange(3))
         cells.append((numbers[:, None, :, None] + quads[:, None]).reshape(-1, 27))

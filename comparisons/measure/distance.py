@@ -77,11 +77,11 @@ class Judge:
         low = left[references < (1.0 - sampled.CLOSE) * references[-1]]
         return {"partner": partner.tolist(), "shapes": left.tolist(), "shape": float(max(low, default=0.0))}
 
-    def between(self, one: Record, own: Array | None, other: Record, better: Array | None) -> float:
+    def between(self, record: Record, own: Array | None, other: Record, better: Array | None) -> float:
         """Return how far stresses of a run of isorod are from a better one's: measured ones, or those at surfaces."""
-        known = [name for name in self.stresses if name in one["errors"]]
+        known = [name for name in self.stresses if name in record["errors"]]
         if known:
-            return max(_relative(one["values"][name], other["values"][name]) for name in known)
+            return max(_relative(record["values"][name], other["values"][name]) for name in known)
         assert own is not None and better is not None
         return apart(own, better)
 

@@ -78,9 +78,9 @@ def solve(
     stress = 2.0 * law.mu * strain + law.lame * ngsolve.Trace(strain) * ngsolve.Id(3)
     stiffness = ngsolve.BilinearForm(space, symmetric=True)
     stiffness += ngsolve.InnerProduct(stress, virtual) * body
-    one = displacements(mesh, degree, family, "start", components=1)
-    mass = ngsolve.BilinearForm(one)
-    mass += density * one.TrialFunction() * one.TestFunction() * mass_measure
+    component = displacements(mesh, degree, family, "start", components=1)
+    mass = ngsolve.BilinearForm(component)
+    mass += density * component.TrialFunction() * component.TestFunction() * mass_measure
     clock.lap("forms")
     stiffness.Assemble()
     mass.Assemble()

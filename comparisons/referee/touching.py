@@ -76,9 +76,9 @@ def _points(placed: Placed, elements: int) -> tuple[int, int]:
     return around, along
 
 
-def near(one: Any, other: Any, elements: int) -> Index:
+def near(rod: Any, other: Any, elements: int) -> Index:
     """Return the elements of a rod that start near another rod."""
-    nodes, others = one.nodes(8 * elements), other.nodes(8 * elements)
+    nodes, others = rod.nodes(8 * elements), other.nodes(8 * elements)
     gaps = np.linalg.norm(nodes[:, None] - others, axis=2).min(axis=1)
-    close = gaps <= NEAR * (one.radius + other.radius)
+    close = gaps <= NEAR * (rod.radius + other.radius)
     return np.flatnonzero([close[8 * e : 8 * e + 9].any() for e in range(elements)])

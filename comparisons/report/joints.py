@@ -31,12 +31,12 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
                 if side not in sides:
                     lines.append((*first, "not reached", "", "", "", "", ""))
                     continue
-                one = sides[side]
+                run = sides[side]
                 ratios = "", ""
-                if ours is not None and one is not ours:
-                    ratios = _ratio(ours["seconds"], one["seconds"]), _ratio(_all(ours), _all(one))
+                if ours is not None and run is not ours:
+                    ratios = _ratio(ours["seconds"], run["seconds"]), _ratio(_all(ours), _all(run))
                 lines.append(
-                    (*first, one["label"], percent(one["error"]), milliseconds(one["seconds"]), _count(one), *ratios)
+                    (*first, run["label"], percent(run["error"]), milliseconds(run["seconds"]), _count(run), *ratios)
                 )
     return lines
 

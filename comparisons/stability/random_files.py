@@ -36,7 +36,7 @@ from isorod.space import Space, choice
 # Of all but pressing: what happens, and how often.
 STATICS = ("force", "moved", "rotated", "force and moved", "pressure", "weight", "spin", "pressed")
 MODES = ("modes", "modes, pulled", "modes, spun", "modes, rotated")
-SHARES = (0.14, 0.1, 0.14, 0.08, 0.08, 0.06, 0.06, 0.06, 0.12, 0.06, 0.05, 0.05)
+CHANCES = (0.14, 0.1, 0.14, 0.08, 0.08, 0.06, 0.06, 0.06, 0.12, 0.06, 0.05, 0.05)
 
 # Points of a rod at which displacements are compared.
 _ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.9, 0.0), (-1.0, 0.0), (0.0, 1.0))
@@ -51,7 +51,7 @@ _NOTHING = 1e-6
 def draw(seed: int) -> tuple[str, str]:
     """Return what happens to a random rod, and its scene file."""
     rng = np.random.default_rng([seed, 31])
-    kind = str(rng.choice(STATICS + MODES, p=SHARES))
+    kind = str(rng.choice(STATICS + MODES, p=CHANCES))
     radius = 10.0 ** rng.uniform(-1.0, 1.0)
     curve, length, straight = _curve(rng, radius, kind == "pressed")
     section, thin = _section(rng, radius, kind == "pressed")
@@ -249,11 +249,11 @@ def _answers(solution: Any) -> list[tuple[Array, float]]:
     return [*estimates.carried(solution), (moved, float(np.linalg.norm(moved, axis=1).max()))]
 
 
-def _stress_off(one: Array, exact: Array) -> float:
+def _stress_off(stress: Array, exact: Array) -> float:
     """Return the largest difference of stresses ``(q, 3, 3)``, relative to the largest of the exact ones."""
     if not len(exact):
         return 0.0
-    return float(np.linalg.norm(one - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
+    return float(np.linalg.norm(stress - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
 
 
 def coarser(space: Space, seed: int) -> Space:

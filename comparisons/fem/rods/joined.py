@@ -50,12 +50,12 @@ def assembled(
         for k, (name, body) in enumerate(zip(names, model.bodies, strict=True))
     ]
     groups = {}
-    for k, (one, solid) in enumerate(zip(bodies, model.solids, strict=True)):
-        assert one.geometry is not None
-        box = np.array([one.grid.points.min(axis=0), one.grid.points.max(axis=0)])
-        groups[len(parts)] = _groups(one)
-        name = f"solid {one.name}"
-        parts.append(BodyPart(f"solid {k}", name, one.geometry.name, one.geometry.content, box, float(solid.volume)))
+    for k, (body, solid) in enumerate(zip(bodies, model.solids, strict=True)):
+        assert body.geometry is not None
+        box = np.array([body.grid.points.min(axis=0), body.grid.points.max(axis=0)])
+        groups[len(parts)] = _groups(body)
+        name = f"solid {body.name}"
+        parts.append(BodyPart(f"solid {k}", name, body.geometry.name, body.geometry.content, box, float(solid.volume)))
     joins = []
     for k, tie in enumerate(model.ties):
         points, area = _surface(model, tie.slave)
