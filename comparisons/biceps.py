@@ -61,7 +61,7 @@ def errors(record: Record, reference: Record) -> dict[str, float]:
 
 
 def _converged(study: Run, steps: Steps) -> None:
-    """Record equilibria on finer and finer meshes, and what they tend to."""
+    """Record equilibria on finer and finer meshes, and their limits."""
     label, records = presets.CONVERGED.label, []
     for arguments in CONVERGED[study.level]:
         with steps.step(f"equilibrium, {label} {arguments}"):

@@ -76,7 +76,7 @@ REPEAT_MESH = {6_000: 4, 30_000: 2}
 
 @dataclass(frozen=True)
 class Subject:
-    """What is compared: a scene, by the word that names it, and its model; on how many ranks."""
+    """The subject: a scene, the word that names it, its model, and the number of ranks."""
 
     word: str
     scene: Any

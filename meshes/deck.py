@@ -149,7 +149,7 @@ class _Problem:
             self.owner[one.nodes[:, None], one.components] = k
 
     def _check_buckling(self, settings: dict[str, Any]) -> None:
-        """Refuse what changes with the load factor besides loads: CalculiX scales the stress of the state of rest."""
+        """Refuse anything but loads that changes with the load factor: CalculiX scales the stress at rest."""
         if settings.get("linear_at"):
             raise InputError("linear_at: buckling about a loaded state is not written to .inp; linear_at = 0 is")
         if any(np.any(one.at(1.0)) for one in self.model.motions) or any(
@@ -293,7 +293,7 @@ class _Problem:
         yield from self.means.lines(self.number, taken, last, cells)
 
     def _steps(self) -> Iterator[str]:
-        """Yield the steps: statics in as many as turns and what moves for a time take; then modes, and responses."""
+        """Yield the steps: statics, as many as turns and timed motions need; then modes, and responses."""
         loads: list[str] | None = None
         if self.moves:
             stops = self._stops()
@@ -362,7 +362,7 @@ class _Problem:
         return sorted(stops - {0.0})
 
     def _boundary(self, factor: float) -> Iterator[str]:
-        """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
+        """Yield the supports' displacements: of all their nodes at once where they move alike, else of each node."""
         bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
         means = [*self.means.held(factor)]
         if self.held or bodies or self.pairs.obstacles or means:
@@ -388,7 +388,7 @@ class _Problem:
                         yield f"{node},{dof},{value:.12g}"
 
     def _printed(self) -> Iterator[str]:
-        """Yield what is asked for: the forces of each support and their sum, the displacements where forces pull."""
+        """Yield output requests: the forces of each support and their sum, the displacements where forces pull."""
         bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
         for title in [*self.supports.values(), *bodies]:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]

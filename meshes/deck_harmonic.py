@@ -31,7 +31,7 @@ _REPORTED = 1e-3
 
 
 class Swing:
-    """What swings, and at which frequencies.
+    """A harmonic analysis: its loads and frequencies.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ class _Size(NamedTuple):
 
 
 class Pairs:
-    """What joins surfaces.
+    """Pairs of surfaces of a scene.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ _ROUNDING = 1e-12
 
 
 class Loads:
-    """What loads are at load factors, by a mesh of rods and the forces on other bodies.
+    """Loads at load factors, by a mesh of rods and the forces on other bodies.
 
     Parameters
     ----------

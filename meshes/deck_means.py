@@ -28,7 +28,7 @@ _ROUNDING, _DEPENDENT = 1e-12, 1e-9
 
 
 class _Reference(NamedTuple):
-    """A node that stands for means of a support: its set, and which component each is, with what sign."""
+    """A reference node for means of a support: its set, and component and sign of each mean."""
 
     support: int
     title: str
@@ -152,7 +152,7 @@ class Means:
         raise InputError("supports of mean motions hold what another support holds; this is not written to .inp")
 
     def held(self, factor: float) -> Iterator[str]:
-        """Yield what is prescribed at a load factor: the means, or of nodes with springs what no spring acts on."""
+        """Yield prescribed values at a load factor: the means, or the components of nodes on which no spring acts."""
         for reference in self._references:
             fraction = self.model.share(self.model.means[reference.support].clock.table, factor)
             held = dict(

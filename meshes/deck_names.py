@@ -1,4 +1,4 @@
-"""Names of what is in a scene as names of sets in an input file, of which no two are one."""
+"""Names of a scene's parts as names of sets in an input file, no two the same."""
 
 from collections.abc import Iterable
 from dataclasses import replace

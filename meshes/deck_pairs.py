@@ -1,4 +1,4 @@
-"""What joins surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
+"""Pairs of surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
 
 from itertools import combinations
 
@@ -81,7 +81,7 @@ def pairs(contact: Contact) -> tuple[list[tuple[int, int]], list[int]]:
 
 
 def interaction(contact: Contact, model: Model, title: str) -> list[str]:
-    """Return the lines of what acts between surfaces in contact: a pressure for each depth, and friction."""
+    """Return the lines of a contact's interaction: a pressure for each depth, and friction."""
     stiff = penalty(model, contact)
     lines = [f"*SURFACE INTERACTION,NAME={title}", "*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR", f"{stiff:.12g}"]
     return lines + (["*FRICTION", f"{contact.friction:.12g},{stiff:.12g}"] if contact.friction else [])
@@ -145,7 +145,7 @@ def _laid(cylinder: Cylinder, points: Array) -> bool:
 
 
 def _round(point: Array, axis: Array, radius: float, points: Array, name: str) -> Mesh:
-    """Return a ring of bricks round an axis, wide enough for what touches it to move along that."""
+    """Return a ring of bricks round an axis, wide enough for rods in contact to move along that."""
     axis = axis / np.linalg.norm(axis)
     across = np.linalg.svd(axis[None])[2][1:]
     frame = np.stack([across[0], np.cross(axis, across[0]), axis])

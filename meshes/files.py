@@ -1,4 +1,4 @@
-"""Files of a mesh, by their ending: what each needs, and whether it can be written, known before anything is meshed."""
+"""Files of a mesh, by their ending: requirements of each, checked before anything is meshed."""
 
 import os
 from collections.abc import Sequence

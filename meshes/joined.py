@@ -36,7 +36,7 @@ _SPACING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RodPart:
-    """A rod: its region, what it is called, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
+    """A rod: its region, its label, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
 
     name: str
     label: str
@@ -47,7 +47,7 @@ class RodPart:
 
 @dataclass(frozen=True, eq=False)
 class BodyPart:
-    """A body: its region, what it and its STEP file are called, box ``(2, 3)`` and volume of its own mesh."""
+    """A body: its region, its label, its STEP file, box ``(2, 3)`` and volume of its own mesh."""
 
     name: str
     label: str

@@ -67,7 +67,7 @@ class Joined(Mesh):
 def build(
     parts: Sequence[Part], joins: Sequence[Join], groups: Mapping[int, Groups], level: int
 ) -> tuple[Joined, list[str]]:
-    """Return the mesh of a level, and what of it is less curved, in words, if anything is.
+    """Return the mesh of a level, and notes on cells with less curved edges.
 
     Regions are named as the parts are, ``rod 0`` ... and ``solid 0`` ...; faces ``rod 0 start``, ``rod 0 end``, ``rod 0
     lateral`` and ``rod 0 inner`` (of each what is on the surface), ``solid 0 GROUP``, and ``tie 0`` ..., whose normals
@@ -156,7 +156,7 @@ def body_file(folder: str | Path, name: str) -> Path:
 
 
 class _Nodes:
-    """What gmsh made: nodes, tetrahedra of all parts, triangles of each face of the geometry."""
+    """Gmsh's mesh: nodes, tetrahedra of all parts, triangles of each face of the geometry."""
 
     def __init__(self, gmsh: Any, solid: Solid) -> None:
         blocks, self.regions, count = [], {}, 0

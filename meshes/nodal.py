@@ -68,7 +68,7 @@ def _rule(dimension: int) -> tuple[Array, Array]:
 
 
 def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
-    """Return the nodal forces at a load factor of what does not follow the surface, shape ``(nodes, 3)``.
+    """Return the nodal forces at a load factor of loads that do not follow the surface, shape ``(nodes, 3)``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Rods as volumes of gmsh's OpenCASCADE kernel: lateral surfaces are the rods' own NURBS, what closes them is plane.
+"""Rods as volumes of gmsh's OpenCASCADE kernel: lateral surfaces are the rods' own NURBS, ends are plane.
 
 An arc of a section between two joints is a conic, so that the surface of a rod is a tensor product of rational
 splines of degree 2 with the axis: nothing is approximated.

@@ -57,7 +57,7 @@ REFERENCES = (
 
 
 class Row(NamedTuple):
-    """What came of a reference: the value of isorod, by how much it is off, seconds of the run, warnings."""
+    """A reference's result: isorod's value, its relative error, seconds of the run, warnings."""
 
     reference: Reference
     value: float

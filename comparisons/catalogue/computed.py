@@ -28,7 +28,7 @@ APART = {"coat_hanger": Path(__file__).parent / "hanger.toml"}
 
 
 class Computed(NamedTuple):
-    """Limits of what a file measures, and what the finest mesh is, in words."""
+    """Limits of a file's measures, and a description of the finest mesh."""
 
     limits: dict[str, Converged]
     by: str

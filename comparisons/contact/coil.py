@@ -111,7 +111,7 @@ class Coil:
         return float(brentq(self.clearance, 0.0, self.height, xtol=1e-12 * self.height))
 
     def flattened(self, force: float) -> float:
-        """Return what active turns between two rigid ones are shortened by when they press on each other.
+        """Return the shortening of active turns between two rigid ones when they press on each other.
 
         Each is a cylinder between two lines, of load ``q``, which approach its axis by
         ``q (1 - nu^2) / (pi E) (2 ln(4 r / b) - 1)`` each, ``b`` Hertz' half width (K. L. Johnson, Contact Mechanics

@@ -53,7 +53,7 @@ def gap(first: tuple[float, float], second: tuple[float, float] = (0.0, 0.0), an
 
 
 class PointContact(NamedTuple):
-    """What a normal force makes of a touching point."""
+    """Hertz' solution of a point contact under a normal force."""
 
     long: float  # semi-axis along which the gap is flat, length
     short: float  # the other semi-axis, length
@@ -109,7 +109,7 @@ def crossed_cylinders(
 
 
 class LineContact(NamedTuple):
-    """What a force per length makes of a touching line."""
+    """Hertz' solution of a line contact under a force per length."""
 
     half_width: float  # length
     peak: float  # largest pressure, force/area: 4/pi of the mean

@@ -176,7 +176,7 @@ def laid(ratio: float, wrap: float, start: float, end: float, size: float = 1.0)
 
 
 def hauled(ratio: float, size: float = 1.0) -> Hauled:
-    """Return what a rope without weight is pulled by at its ends, one held, the other hauled until all slips.
+    """Return the pulls at the ends of a rope without weight, one held, the other hauled until all slips.
 
     The ends are four times ``sqrt(B / F)`` off the cylinder.  With ``F`` of about ``ratio`` times ``B / Rb^2`` bending
     matters the less the thinner the rope, and so does strain.

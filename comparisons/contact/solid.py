@@ -22,7 +22,7 @@ SPACES = (8, 8), (8, 16), (16, 8)
 
 
 def solid(section_points: int, elements: int, steps: int = 10) -> dict[str, Any]:
-    """Return travel to solid and stiffness of the stack, of a space, and what they should be."""
+    """Return travel to solid and stiffness of the stack by a space, and their exact values."""
     scene = scenes.find("coil")(coils=TURNS, section_points=section_points, elements_per_turn=elements)
     wire = Coil(scene.coil_radius, 2.0 * scene.wire_radius, TURNS, scene.lead, scene.E, scene.nu)
     touch, measured = wire.touch(), list[dict[str, Any]]()

@@ -51,7 +51,7 @@ BACK = 1.0
 
 
 class Line(NamedTuple):
-    """What a line of contact carries about the middle of its length."""
+    """The load of a line of contact about the middle of its length."""
 
     load: float  # force per length of the line
     half_width: float  # length, by the second moment of the pressure

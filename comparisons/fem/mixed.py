@@ -172,7 +172,7 @@ def element(mesh: Any, degree: int) -> Any:
 
 
 def stored(state: Any, law: Material, activation: Any = 1.0) -> Any:
-    """Return the density of displacement and pressure whose integral is stationary at equilibrium."""
+    """Return the density, of displacement and pressure, whose integral is stationary at equilibrium."""
     if np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic:
         raise InputError(
             "law: its volumetric energy is no square of ln J; these elements take it as incompressible only"

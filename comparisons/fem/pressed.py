@@ -48,7 +48,7 @@ class Nodal(Protocol):
 
 
 class Touching(Protocol):
-    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or what acts on a section."""
+    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or an action on a section."""
 
     penalty: float
 

@@ -120,7 +120,7 @@ class Spring(Scene):
         return {name: whole.facets(mesh, self._outside(k)) for k, name in enumerate(("lower", "upper"))}
 
     def problem(self) -> Problem:
-        """Return what holds the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("lower"), Held("upper", self.push)])
 
     def of_whole(self, solution: whole.Solution) -> Array:
@@ -176,7 +176,7 @@ class Spring(Scene):
         return [by_gmsh(lambda k=k: make(k), True)[0] for k in range(2)]  # type: ignore[misc]
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds a block."""
+        """Return the supports of a block."""
         return [fixed(space, self._outside(block), self.push if block else (0.0, 0.0, 0.0))]
 
     def space(self, **chosen: Any) -> Space:

@@ -115,7 +115,7 @@ class Tendon(Column):
         }
 
     def problem(self) -> Problem:
-        """Return what holds the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("bottom"), Held("hand", self.hand)])
 
     def of_whole(self, solution: whole.Solution) -> Array:
@@ -123,7 +123,7 @@ class Tendon(Column):
         return np.asarray(solution.reactions[1, [2, 0]])
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds the block."""
+        """Return the supports of the block."""
         return [fixed(space, lambda x: np.abs(x[2] + 12.0) < 1e-6)]
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
@@ -168,7 +168,7 @@ class Screw(Column):
         }
 
     def problem(self) -> Problem:
-        """Return what holds and loads the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("sides")], self.pull)
 
     def of_whole(self, solution: whole.Solution) -> Array:
@@ -176,7 +176,7 @@ class Screw(Column):
         return solution.moved[2:]
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds the plate."""
+        """Return the supports of the plate."""
         return [fixed(space, self._sides)]
 
     def space(self, **chosen: Any) -> Space:

@@ -165,7 +165,7 @@ PROBLEM = Problem({ROD: LAW}, [Held("low"), Held("high", (_SHEAR, 0.0, 0.0))])
 
 
 def main() -> None:
-    """Print what the command line asks for."""
+    """Run the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("frame", choices=("stent", "lattice"))
     parser.add_argument("cells", type=int, nargs="*")

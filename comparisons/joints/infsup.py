@@ -1,4 +1,4 @@
-"""How much of what tractions do the two sides of a weld see, whichever is the slave: its inf-sup constant in numbers.
+"""The inf-sup constant of a weld in numbers: how much of tractions' work the discrete sides resolve, by slave.
 
 ``python -m comparisons.joints.infsup [end] [sleeve]``.  Multipliers are the traces of the slave.  Tractions among these
 do work on what they do to both bodies, in the discrete spaces and, nearly, in all displacements; the square of the

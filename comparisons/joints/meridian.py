@@ -52,7 +52,7 @@ class Held(NamedTuple):
 
 
 def graded(marks: Array, layers: int, singular: Sequence[float]) -> Array:
-    """Return breaks between marks, so many layers of cells graded to those that are singular."""
+    """Return breaks between marks, with layers of cells graded towards singular marks."""
     ticks = [marks]
     for low, high in pairwise(marks):
         both = low in singular and high in singular
@@ -113,7 +113,7 @@ class Meridian:
         self.points = np.stack([lines[0][used // wide], lines[1][used % wide]], axis=1)
 
     def compliance(self, load: Load) -> float:
-        """Return the displacement that is conjugate to a load: its work on what it does."""
+        """Return the displacement conjugate to a unit load: the load's work on its displacements."""
         force = self._force(load)
         return float(force @ self.solve(load))
 

@@ -101,7 +101,7 @@ def _columns(k: float, r: float, body: int) -> Array:
 
 
 class Pulled(NamedTuple):
-    """What is measured of a unit force: mean displacement of the loaded section, and the rod's force at places."""
+    """Results of a unit force: mean displacement of the loaded section, and the rod's force at places."""
 
     mean: float
     forces: Array
@@ -111,7 +111,7 @@ class Pulled(NamedTuple):
 def solve(
     space: Space, cells: tuple[int, int, int], z: Array, element: str = "P2 bricks", slave: str = "solid"
 ) -> Pulled:
-    """Return what a rod's space and a sleeve of so many cells give, the cells graded to the load."""
+    """Return the results of a rod's space and a sleeve of cells graded to the load."""
     shape, degree, geometry = sleeve.ELEMENTS[element]
     made = ring(RADIUS, circle(OUTER), LENGTH, cells, shape, geometry)
     x = made.mesh.geometry.x

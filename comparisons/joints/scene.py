@@ -66,7 +66,7 @@ class Scene(ABC):
     laws: ClassVar[Mapping[int, Material]]
 
     def space(self, **chosen: Any) -> Space:
-        """Return a space on the rod; what is not given is chosen as scene files do."""
+        """Return a space on the rod; other options are chosen as of scene files."""
         return Space(self.rod, **chosen)
 
     def jointed(self, kinks: tuple[float, float], **chosen: Any) -> Space:
@@ -95,7 +95,7 @@ class Scene(ABC):
 
     @abstractmethod
     def problem(self) -> Problem:
-        """Return what holds and loads the solid."""
+        """Return the problem of the solid: laws, supports and load."""
 
     @abstractmethod
     def of_whole(self, solution: whole.Solution) -> Array:
@@ -124,7 +124,7 @@ class Scene(ABC):
 
     @abstractmethod
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds a block, conditions of dolfinx."""
+        """Return the supports of a block, conditions of dolfinx."""
 
     def coupled(self, space: Space, meshes: Sequence[Any]) -> Outcome:
         """Return the coupled model's solution; time is without meshes and compilation of forms."""

@@ -56,7 +56,7 @@ class Work:
 
     @property
     def label(self) -> str:
-        """What it is, in words."""
+        """A description in words."""
         rod = ", ".join(f"{name} {value}" for name, value in self.space.items()) or "default rod"
         cells = "bricks" if self.shape == "hexahedron" else "tetrahedra"
         near = f"{self.sizes.near:g} to {self.sizes.far:g}"
@@ -224,7 +224,7 @@ class _Comparison:
 
 
 def _once(solve: Callable[[], Outcome]) -> Outcome:
-    """Return what a call returns, without what the last one left."""
+    """Return the outcome of a call, after the garbage of the last one is collected."""
     gc.collect()
     return solve()
 

@@ -155,7 +155,7 @@ class Result:
 
 
 def rod_space(hole: bool, **space: Any) -> Space:
-    """Return a space on the rod, of ``z`` from 4 or, in a hole, from 0, to 12; what is not given is chosen."""
+    """Return a space on the rod, of ``z`` from 4 or, in a hole, from 0, to 12; other options are chosen."""
     line = isorod.straight(HEIGHT + ROD) if hole else isorod.straight(ROD, start=(0.0, 0.0, HEIGHT))
     rod = line.sweep(isorod.circle(8, 1.0))
     if hole:
@@ -199,7 +199,7 @@ def solve(
 
 
 def _balance(solution: Any, nodal: Array, space: Space, sign: float) -> float:
-    """Return how far the tie's resultants are from what balances a load, relative to force times the rod's length."""
+    """Return how far the tie's resultants are from balancing a load, relative to force times the rod's length."""
     tie = solution.ties[0]
     control_points = space.is_control_point[:, None]
     force = (control_points * nodal).sum(axis=0)

@@ -35,7 +35,7 @@ _GROWTH = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """A mesh with what it is made of.
+    """A mesh with tags of its cells and named faces.
 
     Attributes
     ----------
@@ -195,7 +195,7 @@ def facets(mesh: Any, on: Callable[[Array], Any]) -> NDArray[np.int32]:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is asked of a solid.
+    """A problem of a solid.
 
     Parameters
     ----------

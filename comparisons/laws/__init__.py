@@ -51,7 +51,7 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
 
 
 def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
-    """Return the record of a scene with a law: what both programs find, and how long they take."""
+    """Return the record of a scene with a law: results and times of both programs."""
     from comparisons.fem.rods import solve
     from comparisons.laws import scenes
     from isorod import statics

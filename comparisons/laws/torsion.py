@@ -40,7 +40,7 @@ Stored = Callable[[Any, Any, Any, Any], Any]
 
 
 class Case(NamedTuple):
-    """A law, and what it stores, written once more: ``stored(I1, I2, I4, stretches)``."""
+    """A law, and its stored energy, written independently: ``stored(I1, I2, I4, stretches)``."""
 
     law: Material
     stored: Stored

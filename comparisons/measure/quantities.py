@@ -1,4 +1,4 @@
-"""What a scene measures, as numbers of both sides: extrapolated from finite elements, and how far each run is off."""
+"""A scene's measures as numbers of both sides: finite elements' limits, and the error of each run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -58,7 +58,7 @@ def record(
     settings: Mapping[str, Any],
     petsc: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the record of what `solve` returned: ``seconds`` are the median of the warm runs, or the only run."""
+    """Return the record of the result of `solve`: ``seconds`` are the median of the warm runs, or the only run."""
     return {
         "method": "cylindrical",
         **solving.record(scene, solution, timing.median(runs), settings, petsc),

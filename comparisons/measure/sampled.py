@@ -50,7 +50,7 @@ class Places:
 
     @classmethod
     def read(cls, path: Path) -> "Places":
-        """Return what `write` wrote."""
+        """Return the places of a file of `write`."""
         with np.load(path) as arrays:
             return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
 

@@ -1,4 +1,4 @@
-"""A study's run: where its records go, at which level, and what it shows while it works."""
+"""A study's run: the file of its records, its level, and its progress."""
 
 import contextlib
 from collections.abc import Iterator

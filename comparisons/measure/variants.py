@@ -20,7 +20,7 @@ _KEPT = ("section_degree", "order", "section_points", "elements", "degree", "con
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """A discretisation: what it is called, in few letters, and the options that make it.
+    """A discretisation: a short label, and its options.
 
     ``sequence``: one of those refined in all directions together, coarse to fine.
     """

@@ -70,7 +70,7 @@ def _detour(moved: Array, gravity: Any) -> tuple[Array | None, Array]:
 
 
 def _spin(placed: Placed) -> isorod.Support:
-    """Return what keeps a rod between two pins from turning about the line through them; it carries nothing."""
+    """Return the support that keeps a rod between two pins from turning about their line; its reaction is zero."""
     turned = np.cross(placed.direction, arms(placed.space))
     node, component = np.unravel_index(int(np.argmax(np.abs(turned))), turned.shape)
     return isorod.Support(np.array([node]), "xyz"[component])

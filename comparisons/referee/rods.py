@@ -1,4 +1,4 @@
-"""What a shear-deformable rod of a scenario is as a continuum: law, space, clamps, pins, and its shape at the start.
+"""A scenario's shear-deformable rod as a continuum: law, space, clamps, pins, and its shape at the start.
 
 A scenario's rod is straight and round at rest, with moduli ``E`` and ``G``.  The body is the cylinder of its radius,
 of a law that has both at rest, ``nu = E / (2 G) - 1``: stiffnesses are then ``E A``, ``E I`` and ``G J``, and shear is
@@ -131,7 +131,7 @@ def interpolation(space: isorod.Space) -> tuple[Array, Array]:
 
 
 def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, nu: float) -> Array:
-    """Return what takes a rod at rest to its start: along its curve, sections turned with it and thinner by stretch."""
+    """Return the displacement of a rod from rest to its start: sections turn with its curve and thin by stretch."""
     # Loaded where a scenario is run.
     from scipy.interpolate import CubicSpline
 
@@ -202,7 +202,7 @@ def loads(placed: Placed, gravity: Any, body: int) -> list[Any]:
 
 
 def configuration(placed: Placed, state: Any, body: int, elements: int) -> tuple[Array, Array]:
-    """Return what the package asks of a state: nodes ``(elements + 1, 3)`` and directors ``(elements, 3)``."""
+    """Return a state in the package's form: nodes ``(elements + 1, 3)`` and directors ``(elements, 3)``."""
     rod = placed.space.rod
     _, jacobian = rod.grid([(0.0, 0.0)], [0.0])
     xi = np.linalg.lstsq(jacobian[0, 0, :, :2], placed.given.radius * placed.normal, rcond=None)[0]

@@ -1,4 +1,4 @@
-"""What of a scenario may touch what, as contacts of isorod."""
+"""The contacts of a scenario as contacts of isorod."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -61,7 +61,7 @@ def program(record: Record) -> str:
 
 
 def bare(record: Record) -> float:
-    """Return the seconds of a run without what only proves its result, and without the estimate of its error."""
+    """Return the seconds of a run without checks of its result and without the estimate of its error."""
     seconds = record["seconds"]
     return float(seconds["total"] - seconds.get("check", 0.0) - seconds.get("estimate", 0.0))
 

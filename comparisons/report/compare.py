@@ -112,7 +112,7 @@ def _stress_verdict(records: list[Record], style: str = "{}") -> str:
 
 
 def uncertainty(records: list[Record], what: str = ERROR) -> float:
-    """Return the largest relative uncertainty of the finite elements' limits, of what is measured or of stress.
+    """Return the largest relative uncertainty of the finite elements' limits, of measured quantities or of stress.
 
     Of stress at surfaces that is how far the mesh before the finest is from that.
     """

@@ -11,7 +11,7 @@ _SIDES = {"coupled": "coupled", "hexahedron": "one solid, bricks", "tetrahedron"
 
 
 def best(records: list[Record], scene: str) -> dict[float, dict[str, Record]]:
-    """Return what was measured side by side of a scene within each target, by side, the largest target first."""
+    """Return the confirmed runs of a scene by target and side, the largest target first."""
     best: dict[float, dict[str, Record]] = {}
     own = [one for one in part(records, "confirm") if one["scene"] == scene]
     for one in sorted(own, key=lambda one: -one["target"]):

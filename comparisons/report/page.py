@@ -83,7 +83,7 @@ def _answer(study: str, records: list[Record]) -> list[str]:
 
 @contextmanager
 def _read(folder: Path, *studies: str) -> Iterator[None]:
-    """Raise `InputError` where records lack what the page is made of."""
+    """Raise `InputError` where records lack something that the page needs."""
     try:
         yield
     except InputError:

@@ -1,4 +1,4 @@
-"""Error against run time: what reaches an error fastest, in words and tables."""
+"""Error against run time: the fastest runs within errors, in words and tables."""
 
 import html
 from collections.abc import Callable, Iterable, Sequence
@@ -141,7 +141,7 @@ def plain_ratio(ours: float, theirs: float) -> str:
 
 
 def reach(records: list[Record]) -> str:
-    """Return the table of the fastest runs within each target, and of what only luck brings there sooner."""
+    """Return the table of the fastest runs within each target, and of faster ones whose errors cancel by luck."""
     reached: list[tuple[float, Record, str]] = []
     for target in targets(records):
         best = fastest(records, "fem", target)
@@ -209,7 +209,7 @@ def runs(work: Sequence[Record]) -> str:
 
 
 def _solver(record: Record) -> str:
-    """Return PETSc's options of a run, or what solved it."""
+    """Return PETSc's options of a run, or its solver."""
     options = record["petsc_options"]
     if not isinstance(options, str):
         options = " ".join(f"-{key} {value}" for key, value in options.items() if value)
@@ -222,7 +222,7 @@ def named(record: Record) -> str:
 
 
 def rerun(study: str, records: list[Record]) -> str:
-    """Return where the records are, and what to type to run the study again, and the fastest of each side alone."""
+    """Return the place of the records, and the commands that run the study, or the fastest of each side, again."""
     level, run = records[-1]["level"], records[-1]["run"]
     lines = [f"python -m comparisons {study}" + ("" if level == "full" else f" --level {level}")]
     for _, *both in pairs(records):

@@ -65,7 +65,7 @@ def _microseconds(record: Record) -> float:
 
 
 def _kilobytes(record: Record) -> float:
-    """Return the peak memory of the fullest rank, less what a process has before, for each of all unknowns."""
+    """Return the growth of the largest rank's memory over the number of all unknowns."""
     return 1e-3 * (max(record["memory"]) - record["memory_before"]) / int(record["unknowns"])
 
 

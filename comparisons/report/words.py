@@ -1,4 +1,4 @@
-"""What a stranger has to know to read the page."""
+"""Explanations for readers of the page."""
 
 import html
 from collections.abc import Iterable
@@ -99,7 +99,7 @@ _IN_COMPARED = {
 
 
 def introduction(studies: Iterable[str]) -> str:
-    """Return what a page is about that has these studies."""
+    """Return the introduction of a page with these studies."""
     return INTRODUCTION if set(STUDIES) & set(studies) else COMPARED
 
 

@@ -35,7 +35,7 @@ class Case(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Say what it is."""
+        """A description in words."""
         on = f", {self.ranks} ranks" if self.ranks > 1 else ""
         return f"{self.analysis}, {self.family}, {self.coils} coils{on}"
 

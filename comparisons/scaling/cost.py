@@ -1,4 +1,4 @@
-"""What a run of any size on any number of ranks takes, on paper: fitted to one that was measured."""
+"""A model of time and memory by size and number of ranks, fitted to a measured run."""
 
 from math import ceil, sqrt
 from typing import Any, NamedTuple

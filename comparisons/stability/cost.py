@@ -1,4 +1,4 @@
-"""What estimates of error cost: ``python -m comparisons.stability.cost``.
+"""The cost of estimates of error: ``python -m comparisons.stability.cost``.
 
 One JSON line: the time of the estimate over that of the run, default spaces, and that of ``--tolerance 5e-3`` on the
 blade over that of the best discretisation known by hand (`comparisons.blade.BEST`).  Processor time of one process,

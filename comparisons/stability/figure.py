@@ -19,7 +19,7 @@ ACROSS = 3
 
 
 def draw(records: list[Record], path: Path) -> None:
-    """Draw relative error against the swept number, log-log; what failed stands as a cross on the upper edge.
+    """Draw relative error against the swept number, log-log; failures are crosses on the upper edge.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Sweeps and their points: a value, PETSc options, what came out, and the one-line failure where nothing did."""
+"""Sweeps and their points: a value, PETSc options, and the results or the one-line failure."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from isorod.errors import InputError, SolveError
 
 
 class Sweep(NamedTuple):
-    """A swept number: its name, what results are compared with, and the largest error at which a point holds."""
+    """A swept number: its name, the reference of results, and the largest error at which a point holds."""
 
     name: str
     reference: str

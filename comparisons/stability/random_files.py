@@ -49,7 +49,7 @@ _NOTHING = 1e-6
 
 
 def draw(seed: int) -> tuple[str, str]:
-    """Return what happens to a random rod, and its scene file."""
+    """Return the kind of a random load case, and its scene file."""
     rng = np.random.default_rng([seed, 31])
     kind = str(rng.choice(STATICS + MODES, p=CHANCES))
     radius = 10.0 ** rng.uniform(-1.0, 1.0)
@@ -227,7 +227,7 @@ def finer(space: Space, level: int) -> Space:
 
 
 def _works(solution: Any) -> Array:
-    """Return what the estimate is of: works of supports and loads, or frequencies."""
+    """Return the estimated quantities: works of supports and loads, or frequencies."""
     if not hasattr(solution, "reactions"):
         return cast(Array, solution.frequencies)
     model, works = solution.model, [float(solution.work)]
@@ -268,7 +268,7 @@ def coarser(space: Space, seed: int) -> Space:
 
 
 def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
-    """Return errors and estimates of one random file, and what it warned of; ``coarse`` on a random space."""
+    """Return errors, estimates and warnings of one random file; ``coarse`` on a random space."""
     kind, text = draw(seed)
     record: dict[str, Any] = {"seed": seed, "kind": kind}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:

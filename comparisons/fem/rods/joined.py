@@ -1,4 +1,4 @@
-"""A scene's rods and bodies, tied, as the parts of one solid that `meshes.joined` makes; what cannot be is refused."""
+"""A scene's rods and bodies, tied, as the parts of one solid for `meshes.joined`."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ _FACETS = {
 
 
 class Assembled(NamedTuple):
-    """What `meshes.joined_mesh.build` takes."""
+    """The arguments of `meshes.joined_mesh.build`."""
 
     parts: Sequence[Part]
     joins: Sequence[Join]

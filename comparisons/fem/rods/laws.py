@@ -123,7 +123,7 @@ class Laws:
         return total
 
     def _volumetric(self, pressure: Any, theta: Callable[[bool], Any]) -> Any:
-        """Return what pressures add to the energy, ``p theta - p^2 / (2 lame)`` where they act."""
+        """Return the pressures' part of the energy, ``p theta - p^2 / (2 lame)`` where they act."""
         total = 0.0
         for kind in self.present:
             _, mixed, logarithmic = self._kinds[kind - 1]
@@ -137,7 +137,7 @@ class Laws:
         return density(energy.expression, F, self._given(energy, activation), self._fibres)
 
     def _given(self, stored: Any, activation: Any) -> dict[Any, Any]:
-        """Return what the symbols of an energy are: thermal strains grow with the activation."""
+        """Return the values of an energy's symbols; thermal strains grow with the activation."""
         given = {one: self._constants[k] for k, one in enumerate(stored.constants)}
         if symbols.heat in given:
             given[symbols.heat] *= activation

@@ -29,7 +29,7 @@ _SURFACES = {"outer": "lateral", "inner": "inner"}
 
 
 def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region: str | None = None) -> Array:
-    """Return the nodal forces at full load of what does not change with the displacement, shape ``(nodes, 3)``.
+    """Return the nodal forces at full load of loads that do not depend on the displacement, shape ``(nodes, 3)``.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
 
 
 def nodal(elements: Elements, model: Model, load: Any) -> Array:
-    """Return the nodal forces at full load of what of a rod's load does not change with the displacement."""
+    """Return the nodal forces at full load of a rod's load; zero where it depends on the displacement."""
     result, source = np.zeros_like(elements.source.points), elements.source
     if isinstance(load, SectionLoad):
         breaks = model.bodies[load.body].space.axis.breaks

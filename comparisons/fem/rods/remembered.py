@@ -162,7 +162,7 @@ def _apart(before: Solution, after: Solution) -> float:
 
 
 def _in_steps(task: Task, load_steps: int) -> Solution:
-    """Return the equilibrium that so many steps from each kink of a table to the next lead to."""
+    """Return the equilibrium after ``load_steps`` steps from each kink of a table to the next."""
     clock, model, elements = Clock(), task.model, task.elements()
     supports = Supports(elements, model)
     refuse_free(model)

@@ -178,7 +178,7 @@ class Solution:
         return forces
 
     def section_forces(self, rod: int, u: ArrayLike) -> SectionForces:
-        """Return what sections of a rod carry, as `isorod.output.state.State` does, of the stress there."""
+        """Return the section forces of a rod, as `isorod.output.state.State` does, from the stress there."""
         space = self.model.bodies[rod].space
         given = parameters(space, u)
         where = given.ravel()
