@@ -378,7 +378,7 @@ class _Problem:
             moved = support.displacement(factor)
             for component in support.components:
                 mine = self.owner[support.nodes, component] == k
-                numbers, values = self.number[one.nodes], moved[:, component]
+                numbers, values = self.number[support.nodes], moved[:, component]
                 dof = f"{component + 1},{component + 1}"
                 if mine.all() and np.ptp(values) <= _ROUNDING * np.abs(moved).max():
                     yield f"{self.supports[k]},{dof},{values[0]:.12g}"
