@@ -57,31 +57,31 @@ def _main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--ranks", type=int, default=1, metavar="N", help="compare: both programs on so many ranks (1)")
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
-    found = parser.known(arguments)
+    given = parser.known(arguments)
     for word, study in (("case", "stability"), ("law", "laws"), ("scene", "laws")):
-        given = getattr(found, f"{word}s")
-        if given and found.command != study:
-            parser.error(f"--{word} {given[0]}: only the study {study} has {word}s")
-    if found.dolfinx and found.command not in (*VERSIONS, "verify"):
-        parser.error(f"--dolfinx {found.dolfinx[0]}: only {', '.join(VERSIONS)} compare versions of dolfinx")
-    whole_number("--ranks", found.ranks, 1, 1024)
-    if found.ranks > 1 and found.command != COMPARED:
-        parser.error(f"--ranks {found.ranks}: only compare takes ranks")
-    if found.command == COMPARED and found.scene is None:
+        names = getattr(given, f"{word}s")
+        if names and given.command != study:
+            parser.error(f"--{word} {names[0]}: only the study {study} has {word}s")
+    if given.dolfinx and given.command not in (*VERSIONS, "verify"):
+        parser.error(f"--dolfinx {given.dolfinx[0]}: only {', '.join(VERSIONS)} compare versions of dolfinx")
+    whole_number("--ranks", given.ranks, 1, 1024)
+    if given.ranks > 1 and given.command != COMPARED:
+        parser.error(f"--ranks {given.ranks}: only compare takes ranks")
+    if given.command == COMPARED and given.scene is None:
         parser.error("compare: no scene is named; name one: NAME.toml, spring or blade")
-    if found.command != COMPARED and found.scene is not None:
-        parser.error(f"{found.command} {found.scene}: only compare takes a scene")
-    results.check_folder(found.results)
-    others = _others(found.dolfinx)
-    level = found.level or ("quick" if found.command in ("verify", "bench", COMPARED) else "full")
+    if given.command != COMPARED and given.scene is not None:
+        parser.error(f"{given.command} {given.scene}: only compare takes a scene")
+    results.check_folder(given.results)
+    others = _others(given.dolfinx)
+    level = given.level or ("quick" if given.command in ("verify", "bench", COMPARED) else "full")
     only = None
-    if found.scene is not None:
-        only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results, found.ranks)
-    folder = results.make_folder(found.results)
+    if given.scene is not None:
+        only = import_module(f"comparisons.{COMPARED}").main(given.scene, level, given.results, given.ranks)
+    folder = results.make_folder(given.results)
     for study in STUDIES:
-        if found.command == study or (found.command == "verify" and study in VERIFIED):
+        if given.command == study or (given.command == "verify" and study in VERIFIED):
             run = Run(study, level, folder)
-            chosen = (found.laws, found.scenes) if study == "laws" else [one for one in (found.cases or others,) if one]
+            chosen = (given.laws, given.scenes) if study == "laws" else [one for one in (given.cases or others,) if one]
             import_module(f"comparisons.{study}").run(run, *chosen)
             run.record("end", {})
     from comparisons.report import page

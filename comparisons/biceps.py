@@ -22,7 +22,7 @@ from isorod.statics import Equilibrium
 QUANTITIES = {"end_force": 0.02, "belly_bulge": 0.02, "contact_force": 0.05}
 
 # Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in
-# shares of the work done.
+# fractions of the work done.
 AT_REST, BALANCE = 5e-3, 1e-3
 END_TIME = 0.25
 
@@ -53,29 +53,31 @@ def run(study: Run) -> None:
             biceps_pictures.run(study, Biceps(**MOTIONS[PICTURED]))
 
 
-def errors(found: Record, reference: Record) -> dict[str, float]:
+def errors(record: Record, reference: Record) -> dict[str, float]:
     """Return the relative error of each of `QUANTITIES`, of the end forces the largest."""
-    return {name: float(np.max(np.abs(np.array(found[name]) / np.array(reference[name]) - 1.0))) for name in QUANTITIES}
+    return {
+        name: float(np.max(np.abs(np.array(record[name]) / np.array(reference[name]) - 1.0))) for name in QUANTITIES
+    }
 
 
 def _converged(study: Run, steps: Steps) -> None:
-    """Record equilibria on finer and finer meshes, and what they tend to."""
-    label, found = presets.CONVERGED.label, []
+    """Record equilibria on finer and finer meshes, and their limits."""
+    label, records = presets.CONVERGED.label, []
     for arguments in CONVERGED[study.level]:
         with steps.step(f"equilibrium, {label} {arguments}"):
             words = ["biceps", *arguments.split()]
             if arguments == BRICKS[study.level]:
                 words += ["--fields", str(study.folder / biceps_pictures.FEM_REST)]
             record = timing.run("comparisons.fem", words) | {"arguments": arguments, "curve": label}
-            found.append(study.record("convergence", record))
+            records.append(study.record("convergence", record))
     values: Record = {}
-    told: dict[str, Any] = {}
-    for name, every in limits(found, QUANTITIES).items():
+    summaries: dict[str, Any] = {}
+    for name, every in limits(records, QUANTITIES).items():
         value = [limit.value for limit in every]
         values[name] = value if name == "end_force" else value[0]
         worst = max(every, key=lambda limit: limit.distance / abs(limit.value))
-        told[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
-    study.record("converged", values | {"limits": told, "element": label})
+        summaries[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
+    study.record("converged", values | {"limits": summaries, "element": label})
 
 
 def _motions(study: Run, steps: Steps) -> None:
@@ -111,5 +113,5 @@ def _fem_motion(study: Run, steps: Steps) -> None:
         words = [*BRICKS[study.level].split(), "--analysis", "dynamics"]
         words += ["--end-time", str(end), "--outputs", str(outputs)]
         file = study.folder / biceps_pictures.FEM_MOTION
-        found = timing.run("comparisons.fem", ["biceps", *words, "--fields", str(file)])
-        study.record("fem motion", found | {"label": "Q2 bricks", "arguments": " ".join(words), "file": file.name})
+        record = timing.run("comparisons.fem", ["biceps", *words, "--fields", str(file)])
+        study.record("fem motion", record | {"label": "Q2 bricks", "arguments": " ".join(words), "file": file.name})

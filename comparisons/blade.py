@@ -115,12 +115,12 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
             _table(study)
         for name, arguments in PAPER.items():
             with steps.step(f"the paper's mesh, {name}"):
-                found = timing.run("comparisons.fem", ["blade", *arguments.split()])
-                study.record("paper mesh", found | {"element": name})
+                record = timing.run("comparisons.fem", ["blade", *arguments.split()])
+                study.record("paper mesh", record | {"element": name})
         for label, values in ELEMENTS.items():
             with steps.step(f"element {label}"):
-                found = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
-                study.record("element", found | {"label": label})
+                record = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
+                study.record("element", record | {"label": label})
         measured.run(study, steps)
         with steps.step("mode shapes"):
             _shapes(study)
@@ -138,14 +138,14 @@ def _table(study: Run) -> None:
             "degree": 2,
             "quadrature": "paper",
         }
-        found = rod.measure("blade", values, repeat=1)
-        study.record("table 2", found | {"published": frequencies, "elements": elements})
+        record = rod.measure("blade", values, repeat=1)
+        study.record("table 2", record | {"published": frequencies, "elements": elements})
 
 
 def _shapes(study: Run) -> None:
     """Draw the first mode shapes of both sides, and record the MAC matrix."""
     scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
-    found, theirs = rod_pictures.of_scene(study, scene)
+    fields, theirs = rod_pictures.of_scene(study, scene)
     assert theirs.modes is not None
-    matrix = mac.matrix(sampled.fields(found, theirs.places)["modes"], theirs.modes)
-    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, theirs.points.size]})
+    matrix = mac.matrix(sampled.fields(fields, theirs.places)["modes"], theirs.modes)
+    study.record("mac", {"matrix": matrix.tolist(), "dofs": [fields.model.dofs, theirs.points.size]})

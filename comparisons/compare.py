@@ -1,4 +1,4 @@
-"""Study ``compare``: a scene of anyone's, solved both ways: errors against run time, fields, pictures.
+"""Study ``compare``: any scene, solved by both methods: errors against run time, fields, pictures.
 
 What is compared with is the finite elements' own limit: of each number that the scene measures three meshes are
 extrapolated.  Fields are compared with those of the finest mesh, at its nodes, and stresses that nothing measures at
@@ -41,7 +41,7 @@ _UNFIT = re.compile(r"[^\w.-]+")
 
 
 class Most(NamedTuple):
-    """How large a mesh may be, and how long its solution may take, as told by the mesh before."""
+    """How large a mesh may be, and how long its solution may take, extrapolated from the mesh before."""
 
     dofs: int
     seconds: float
@@ -76,7 +76,7 @@ REPEAT_MESH = {6_000: 4, 30_000: 2}
 
 @dataclass(frozen=True)
 class Subject:
-    """What is compared: a scene, by the word that names it, and its model; on how many ranks."""
+    """The subject: a scene, the word that names it, its model, and the number of ranks."""
 
     word: str
     scene: Any
@@ -161,7 +161,7 @@ class _Ours(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One comparison: where its records go, what shows its progress, what is compared, a folder for its fields."""
+    """One comparison: the run with its records, its progress, the subject, and a folder for its fields."""
 
     study: Run
     steps: Steps
@@ -173,13 +173,13 @@ class Comparison:
         names = [*self.what.scene.units]
         meshes = self._meshes()
         finest = meshes[-1]
-        found = [quantities.values(one.record, names) for one in meshes]
-        reference = quantities.converged([1.0 / one.level for one in meshes], found)
+        values = [quantities.values(one.record, names) for one in meshes]
+        reference = quantities.converged([1.0 / one.level for one in meshes], values)
         scene = self.what.scene
         stresses = list(scene.stresses)
         judge = distance.Judge(reference, finest.sample, names, stresses)
-        said = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
-        self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
+        entry = {"word": self.what.word, "title": scene.title, "units": scene.units, "ranks": self.what.ranks}
+        self._record("scene", entry | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
         self._record("converged", {"quantities": [vars(one) for one in reference], "degree": self.what.degree})
         for one in meshes:
             own = judge.of_mesh(one.record, one.sample)
@@ -194,42 +194,42 @@ class Comparison:
         self._record("end", {})
 
     def _meshes(self) -> list[_Solved]:
-        """Return finite elements on nested meshes; those that are too large are left out, with a record of it."""
-        found: list[_Solved] = []
+        """Return finite elements on nested meshes; too large ones are left out and recorded as such."""
+        solved: list[_Solved] = []
         for level in LEVELS:
-            fitting, dofs = self._fitting(found, level)
+            fitting, dofs = self._fitting(solved, level)
             if fitting is None:
                 continue
             with self.steps.step(f"finite elements of degree {self.what.degree}, mesh {fitting}"):
                 try:
-                    found.append(self._mesh(fitting, dofs, self.what.degree))
+                    solved.append(self._mesh(fitting, dofs, self.what.degree))
                 except timing.Failed as problem:
-                    if len(found) < 2:
-                        mine = problem.said.startswith(f"{self.what.word}:")
+                    if len(solved) < 2:
+                        mine = problem.last_line.startswith(f"{self.what.word}:")
                         where = "" if mine else f"{self.what.word}: finite elements: "
-                        raise InputError(where + problem.said) from None
-                    self._refuse("fem", _words(fitting, self.what.degree), problem.said)
-        if len(found) < 2:
+                        raise InputError(where + problem.last_line) from None
+                    self._refuse("fem", _words(fitting, self.what.degree), problem.last_line)
+        if len(solved) < 2:
             raise InputError(
-                f"{self.what.word}: finite elements need {found[0].record['dofs']:,} unknowns on the coarsest mesh, "
+                f"{self.what.word}: finite elements need {solved[0].record['dofs']:,} unknowns on the coarsest mesh, "
                 f"and two meshes at least; --level full allows {MOST['full'].dofs:,}"
             )
-        return found
+        return solved
 
-    def _fitting(self, found: Sequence[_Solved], level: int) -> tuple[int | None, float]:
+    def _fitting(self, solved: Sequence[_Solved], level: int) -> tuple[int | None, float]:
         """Return the level of a mesh, or the one in its place, that is not too large, or None, and how large it is."""
-        if not found:
+        if not solved:
             return level, 0.0
-        last, most = found[-1].record, MOST[self.study.level]
-        for one in (level, INSTEAD) if level > INSTEAD else (level,):
-            finer = (one / found[-1].level) ** 3
+        last, most = solved[-1].record, MOST[self.study.level]
+        for nearest in (level, INSTEAD) if level > INSTEAD else (level,):
+            finer = (nearest / solved[-1].level) ** 3
             dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
             # Without a second mesh there is nothing to compare with: it may be larger, and take however long it does.
-            if (dofs <= most.dofs and seconds <= most.seconds) or (len(found) < 2 and dofs <= SECOND * most.dofs):
-                return one, dofs
+            if (dofs <= most.dofs and seconds <= most.seconds) or (len(solved) < 2 and dofs <= SECOND * most.dofs):
+                return nearest, dofs
             large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
             limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
-            self._refuse("fem", _words(one, self.what.degree), f"left out: {large}; {limit}")
+            self._refuse("fem", _words(nearest, self.what.degree), f"left out: {large}; {limit}")
         return None, 0.0
 
     def _mesh(self, level: int, dofs: float, degree: int) -> _Solved:
@@ -253,11 +253,11 @@ class Comparison:
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
                     try:
                         dofs = finest.record["dofs"] * (level * degree / (finest.level * self.what.degree)) ** 3
-                        one = self._mesh(level, dofs, degree)
+                        solved = self._mesh(level, dofs, degree)
                     except timing.Failed as problem:
-                        self._refuse("fem", _words(level, degree), problem.said)
+                        self._refuse("fem", _words(level, degree), problem.last_line)
                         continue
-                    self._record("work", one.record | judge.of_mesh(one.record, one.sample))
+                    self._record("work", solved.record | judge.of_mesh(solved.record, solved.sample))
 
     def _ours(self, judge: distance.Judge, levels: Sequence[int]) -> Record:
         """Record isorod's runs, those with bodies of finite elements' levels too; return that with nothing chosen."""
@@ -267,12 +267,12 @@ class Comparison:
         first = self._variant(judge, Variant(DEFAULT, (), True))
         assert first is not None
         default = first.record
-        ways = variants(self.what.scene, self.what.model, default["discretisation"])
-        runs = [found for one in ways if (found := self._variant(judge, one)) is not None]
+        chosen = variants(self.what.scene, self.what.model, default["discretisation"])
+        runs = [run for one in chosen if (run := self._variant(judge, one)) is not None]
         for level in levels if self.what.model.solids else ():
             files = {one.name: body_file(self._bodies(level), one.name) for one in self.what.scene.bodies()}
-            said = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
-            self._variant(judge, Variant(f"bodies {level}", tuple(said), True), BODIES)
+            arguments = [word for name, file in files.items() for word in ("--set", f"solid.{name}.mesh={file}")]
+            self._variant(judge, Variant(f"bodies {level}", tuple(arguments), True), BODIES)
         best = max(runs, key=lambda one: one.record["dofs"], default=first)
         if "stress" in default and best.record["dofs"] > default["dofs"]:
             own = judge.between(first.record, first.von_mises, best.record, best.von_mises)
@@ -291,31 +291,33 @@ class Comparison:
 
     def _bodies(self, level: int) -> Path:
         """Return the folder of the bodies' meshes that are cut out of finite elements'."""
-        found = self.folder / f"bodies-{level}"
-        found.mkdir(exist_ok=True)
-        return found
+        folder = self.folder / f"bodies-{level}"
+        folder.mkdir(exist_ok=True)
+        return folder
 
-    def _variant(self, judge: distance.Judge, one: Variant, curve: str = "isorod") -> _Ours | None:
+    def _variant(self, judge: distance.Judge, variant: Variant, curve: str = "isorod") -> _Ours | None:
         file = self.folder / "ours.npz"
         asked = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
-        with self.steps.step(f"isorod, {one.label}"):
+        with self.steps.step(f"isorod, {variant.label}"):
             try:
                 # Estimates of coupled models take longer than these, and the page has that of the default alone.
-                more = ["--estimate"] if one.label == DEFAULT or not self.what.model.solids else []
-                words = [self.what.word, *one.arguments, "--repeat", str(self._repeat), *more, *asked]
+                more = ["--estimate"] if variant.label == DEFAULT or not self.what.model.solids else []
+                words = [self.what.word, *variant.arguments, "--repeat", str(self._repeat), *more, *asked]
                 record = timing.run("comparisons.measure.rod", words, self.what.ranks)
             except timing.Failed as problem:
-                if one.label == DEFAULT:
-                    raise SolveError(problem.said) from None
-                self._refuse("cylindrical", one.arguments, problem.said)
+                if variant.label == DEFAULT:
+                    raise SolveError(problem.last_line) from None
+                self._refuse("cylindrical", variant.arguments, problem.last_line)
                 return None
             with np.load(file) as arrays:
                 fields = dict(arrays)
-        # With those of bodies, which finite elements count too.
+        # With the unknowns of bodies, which finite elements count too.
         record["dofs"] += 3 * sum(each["nodes"] for each in record.get("solids", ()))
-        named = {"curve": curve, "label": one.label, "arguments": shlex.join(one.arguments)}
+        named = {"curve": curve, "label": variant.label, "arguments": shlex.join(variant.arguments)}
         own = judge.of_ours(record, fields)
-        return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
+        return _Ours(
+            self._record("work", record | named | {"sequence": variant.sequence} | own), fields.get("von_mises")
+        )
 
     def _record(self, part: str, values: dict[str, Any]) -> Record:
         """Append a record to a folder that is made now, when no mesh and no wrong scene can refuse any more."""

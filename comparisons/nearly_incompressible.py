@@ -20,7 +20,7 @@ from isorod.scenes.biceps import Biceps
 
 BICEPS = 0.4999
 
-# Displacements alone, then with pressures, coarse to fine: the last is what is chosen.
+# Displacements alone, then with pressures, coarse to fine: the last is the default.
 SPACES: tuple[dict[str, Any], ...] = (
     {"formulation": "displacement"},
     {"elements": 10, "section_points": 8},
@@ -30,11 +30,11 @@ SPACES: tuple[dict[str, Any], ...] = (
 # Bricks round a branch and along each element of its axis.
 MESHES = (4, 2), (8, 4), (12, 6)
 
-Found = dict[str, float]
+Quantities = dict[str, float]
 
 
-def finite_elements(count: int) -> Iterator[tuple[str, Found]]:
-    """Yield what the biceps does on meshes of Taylor-Hood elements."""
+def finite_elements(count: int) -> Iterator[tuple[str, Quantities]]:
+    """Yield quantities of the biceps on meshes of Taylor-Hood elements."""
     from comparisons.fem.biceps.run import Configuration, run
 
     scene = Biceps(nu=BICEPS, statics=True)
@@ -43,20 +43,20 @@ def finite_elements(count: int) -> Iterator[tuple[str, Found]]:
         yield f"Taylor-Hood, {around} round, {layers} along, {record['dofs']} unknowns", _quantities(record)
 
 
-def rods() -> Iterator[tuple[str, Found]]:
-    """Yield what isorod's biceps does."""
+def rods() -> Iterator[tuple[str, Quantities]]:
+    """Yield quantities of isorod's biceps."""
     for fields in SPACES:
         scene = Biceps(nu=BICEPS, statics=True, **fields)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             solution = statics.solve(scene.model())
-        said = ", ".join(f"{name} {value}" for name, value in fields.items() if name != "formulation")
-        yield f"{scene.model().bodies[0].formulation} {said}".strip(), _quantities(scene.measure(solution))
+        text = ", ".join(f"{name} {value}" for name, value in fields.items() if name != "formulation")
+        yield f"{scene.model().bodies[0].formulation} {text}".strip(), _quantities(scene.measure(solution))
 
 
-def _quantities(found: dict[str, Any]) -> Found:
-    lower, upper = np.array(found["end_force"])[:2]
-    rest = {name: float(found[name]) for name in ("belly_bulge", "contact_force")}
+def _quantities(measured: dict[str, Any]) -> Quantities:
+    lower, upper = np.array(measured["end_force"])[:2]
+    rest = {name: float(measured[name]) for name in ("belly_bulge", "contact_force")}
     return {"lower force": float(lower), "upper force": float(upper)} | rest
 
 
@@ -68,12 +68,12 @@ def main(arguments: Sequence[str]) -> None:
     given = parser.parse_args(arguments)
     options.initialize([])
     start = process_time()
-    reference: Found = {}
-    for name, found in chain(finite_elements(given.meshes), rods()):
-        reference = found if name.startswith("Taylor") else reference
-        off = {what: 100.0 * (value / reference[what] - 1.0) for what, value in found.items()}
-        told = [f"{what} {value:.5g} ({off[what]:+.2f} %)" for what, value in found.items()]
-        print(f"{name}: {', '.join(told)}; {process_time() - start:.0f} s", flush=True)
+    reference: Quantities = {}
+    for name, values in chain(finite_elements(given.meshes), rods()):
+        reference = values if name.startswith("Taylor") else reference
+        off = {what: 100.0 * (value / reference[what] - 1.0) for what, value in values.items()}
+        texts = [f"{what} {value:.5g} ({off[what]:+.2f} %)" for what, value in values.items()]
+        print(f"{name}: {', '.join(texts)}; {process_time() - start:.0f} s", flush=True)
         start = process_time()
 
 

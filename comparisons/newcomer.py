@@ -48,13 +48,13 @@ def lines(path: Path) -> int:
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return head and rows of the table: how far finite elements tell stands beside the error where that is less."""
+    """Return head and rows of the table: the finite elements' uncertainty stands beside errors below it."""
 
     def error(row: Mapping[str, Any]) -> str:
         if "failure" in row:
             return str(row["failure"])
-        told = f" (finite elements tell to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
-        return f"{100 * row['error']:.2g} %{told}"
+        uncertainty = f" (finite elements converged to {100 * row['told']:.2g} %)" if row["error"] < row["told"] else ""
+        return f"{100 * row['error']:.2g} %{uncertainty}"
 
     shown: dict[str, Callable[[Any], object]] = {
         "example": itemgetter("name"),
@@ -87,7 +87,7 @@ def _seconds(word: str) -> float:
 
 
 def _compared(study: Run, word: str) -> dict[str, Any]:
-    """Return the error of the default against finite elements, and how far these tell; or why there is none."""
+    """Return the error of the default against finite elements, and their uncertainty; or why there is none."""
     try:
         name = compare.main(word, study.level, str(study.folder))
     except (InputError, SolveError) as problem:

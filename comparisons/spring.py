@@ -80,8 +80,8 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 _table(study, extra)
         for name in PAPER_MESH[study.level]:
             with steps.step(f"the paper's mesh, {name}"):
-                found = timing.run("comparisons.fem", ["spring", "--preset", name])
-                study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
+                record = timing.run("comparisons.fem", ["spring", "--preset", name])
+                study.record("paper mesh", record | {"element": name.removeprefix("paper-")})
         scene.run(study, steps)
         with steps.step("von Mises stress"):
             rod_pictures.of_scene(study, scenes.find("spring")())
@@ -101,5 +101,5 @@ def _table(study: Run, extra: int) -> None:
                 "continuity": 0,
                 "quadrature": f"2x1x{2 + extra}",
             }
-            found = rod.measure("spring", values, repeat=1)
-            study.record(f"table 1, t = p + {extra}", found | {"published": force})
+            record = rod.measure("spring", values, repeat=1)
+            study.record(f"table 1, t = p + {extra}", record | {"published": force})

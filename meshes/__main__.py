@@ -23,22 +23,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _main(words: Sequence[str]) -> int:
     if chosen.usage("mesh", words, ()):
         return 0
-    scene, found, _ = chosen.choose("mesh", words, (), _more)
-    paths = [Path(name) for name in found.files or [f"{scene.name}.msh"]]
+    scene, given, _ = chosen.choose("mesh", words, (), _more)
+    paths = [Path(name) for name in given.files or [f"{scene.name}.msh"]]
     for path in paths:
         files.check(path)
-    order = _order(found.cell_order, found.element, paths)
-    model = _model(scene, paths, found.mesh_only)
+    order = _order(given.cell_order, given.element, paths)
+    model = _model(scene, paths, given.mesh_only)
     bodies = [cuts.cut(model, b) for b in range(len(model.bodies))] if model else scene.rods()
     exact = sum(rod.volume() for rod in bodies)
-    mesh = _fine(bodies, order, exact) if found.level is None else rods.build(bodies, found.level, order)
+    mesh = _fine(bodies, order, exact) if given.level is None else rods.build(bodies, given.level, order)
     for path in paths:
-        said = files.write(mesh, path, scene, found.element, model)
+        notes = files.write(mesh, path, scene, given.element, model)
         print(
             f"{path}: {len(mesh.cells):,} hexahedra of order {order}, {len(mesh.points):,} nodes, volume "
             f"{mesh.volume():.6g} ({mesh.volume() / exact - 1.0:+.1e} of the rods')"
         )
-        for one in said:
+        for one in notes:
             print(f"  {one}")
     return 0
 
@@ -59,24 +59,24 @@ def _model(scene: Any, paths: Sequence[Path], mesh_only: bool) -> Model | None:
     return model
 
 
-# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods, a
-# share of it; of cells of order 1, which have no curved edges, the first is taken.
+# The level that is tried first where none is given, and how near the volume of the cells is then to that of the rods,
+# relative; of cells of order 1, which have no curved edges, the first is taken.
 LEVEL, VOLUME = 2, 1e-3
 
-_SAID = (
+_EPILOG = (
     "Curved hexahedra of any rods, by the rods' own map. "
     "FILE ends in .msh (gmsh), .inp (Abaqus, CalculiX), .py (dolfinx, with the .msh) or .vtu (VTK)."
 )
 
 
 def _more(parser: Parser, scene: Any) -> None:
-    parser.epilog = _SAID
+    parser.epilog = _EPILOG
     parser.add_argument("files", nargs="*", metavar="FILE", help="file to write (SCENE.msh)")
     parser.add_argument(
         "--level",
         type=int,
         metavar="int",
-        help=f"so many times as many cells each way ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
+        help=f"factor of the cells in each direction ({LEVEL}, or what a volume within {100.0 * VOLUME:g} %% takes)",
     )
     parser.add_argument(
         "--mesh-only", action="store_true", help="no materials, supports, loads and steps in .inp: the mesh alone"

@@ -90,20 +90,20 @@ def lines(
     used = np.unique(own)
     number = np.zeros(len(mesh.points), dtype=np.int64)
     number[used] = np.arange(nodes + 1, nodes + used.size + 1)
-    found = [f"*NODE,NSET={ALL_NODES}"]
+    lines = [f"*NODE,NSET={ALL_NODES}"]
     # CalculiX reads the first 20 characters of a number: more digits would cut an exponent.
-    found += [f"{k},{x:.12g},{y:.12g},{z:.12g}" for k, (x, y, z) in enumerate(mesh.points[used].tolist(), nodes + 1)]
-    found.append(f"*ELEMENT,TYPE={element},ELSET={ALL_ELEMENTS}")
+    lines += [f"{k},{x:.12g},{y:.12g},{z:.12g}" for k, (x, y, z) in enumerate(mesh.points[used].tolist(), nodes + 1)]
+    lines.append(f"*ELEMENT,TYPE={element},ELSET={ALL_ELEMENTS}")
     for k, cell in enumerate(number[own].tolist(), cells + 1):
-        found += _wrapped([k, *cell])
+        lines += _wrapped([k, *cell])
     for name, which in {**mesh.regions, **(sets or {})}.items():
-        found += _set_of_elements(name_of(name), which + cells + 1)
+        lines += _set_of_elements(name_of(name), which + cells + 1)
     sides = own[:, np.array(kind.sides)]
     for name, faces in mesh.faces.items():
-        found += set_of_nodes(name_of(name), np.unique(number[faces]))
-        found.append(f"*SURFACE,NAME={name_of(name)},TYPE=ELEMENT")
-        found += [f"{cells + cell + 1},S{side + 1}" for cell, side in _sides(faces, sides)]
-    return "\n".join(found), number
+        lines += set_of_nodes(name_of(name), np.unique(number[faces]))
+        lines.append(f"*SURFACE,NAME={name_of(name)},TYPE=ELEMENT")
+        lines += [f"{cells + cell + 1},S{side + 1}" for cell, side in _sides(faces, sides)]
+    return "\n".join(lines), number
 
 
 def set_of_nodes(name: str, numbers: Index) -> list[str]:

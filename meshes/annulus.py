@@ -58,16 +58,16 @@ def wrapped(core: Template, radii: Sequence[float], rings: Sequence[int]) -> Tem
 
 
 def _circles(circle: Array, radii: Sequence[float], rings: Sequence[int], order: int) -> tuple[Array, Index]:
-    """Return nodes on circles outside of the first radius, at the angles of those of a unit circle, and their numbers.
+    """Return nodes on circles outside of the first radius, at the angles of a unit circle's nodes, and their numbers.
 
     Between two radii the circles grow by equal factors, so that in a round section all its rings have cells of one
     shape.
     """
-    found = [
+    circles = [
         inner * (outer / inner) ** (np.arange(1, order * count + 1) / (order * count))
         for (inner, outer), count in zip(pairwise(radii), rings, strict=True)
     ]
-    outward = np.concatenate(found)
+    outward = np.concatenate(circles)
     points = (outward[:, None, None] * circle).reshape(-1, 2)
     return points, np.arange(len(points)).reshape(outward.size, len(circle))
 

@@ -1,4 +1,4 @@
-"""Meshes of the biceps (Lu & Zhou 2011, section 5): two branches, each a tendon, a muscle and a tendon in one piece."""
+"""Meshes of the biceps (Lu & Zhou 2011, section 5): two branches of tendon, muscle and tendon each."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ def build(
     cuts: int = 1,
     branches: Sequence[Rod] | None = None,
 ) -> Mesh:
-    """Return a mesh of both branches, which share no node.
+    """Return a mesh of both branches, which have no node in common.
 
     Faces are named ``first start``, ``first end``, ``first belly`` (the muscle's lateral surface) and ``first tendons``
     (the tendons'), likewise ``second``; regions ``first muscle``, all axis elements but the outer two, and
@@ -63,19 +63,19 @@ def build(
         if len(breaks) < 4:
             raise InputError(f"branch: got {len(breaks) - 1} axis elements, need at least 3 (tendon, muscle, tendon)")
         if cells == "tetrahedra":
-            whole = free(rod, size, order)
+            branch = free(rod, size, order)
         else:
             cut = _cut(rod, cuts)
-            whole = bricks(cut, o_grid(around, rings, order), layers * cut.axis.elements)
-        parts.append(_named(whole, name, breaks[1], breaks[-2]))
+            branch = bricks(cut, o_grid(around, rings, order), layers * cut.axis.elements)
+        parts.append(_named(branch, name, breaks[1], breaks[-2]))
     return join(*parts)
 
 
 def _cut(rod: Rod, cuts: int) -> Rod:
     """Return the same rod with its first and last axis element cut."""
     breaks = rod.axis.breaks
-    share = (2.0 ** np.arange(1, cuts + 1) - 1.0) / (2.0 ** (cuts + 1) - 1.0)
-    for u in (*breaks[0] + share * (breaks[1] - breaks[0]), *breaks[-1] - share * (breaks[-1] - breaks[-2])):
+    fractions = (2.0 ** np.arange(1, cuts + 1) - 1.0) / (2.0 ** (cuts + 1) - 1.0)
+    for u in (*breaks[0] + fractions * (breaks[1] - breaks[0]), *breaks[-1] - fractions * (breaks[-1] - breaks[-2])):
         rod = rod.insert(u)
     return rod
 

@@ -45,7 +45,7 @@ def tensored(rod: Rod, template: Template, u: Array) -> Mesh:
 
     along = count * ((order * np.arange(layers)[:, None] + np.arange(order + 1)) % sections.size)
     cells = along[:, None, :, None] + template.quads[:, None, :]
-    # A start face looks against the axis: transposed, its quadrilaterals turn the other way round.
+    # A start face looks against the axis: transposed, its quadrilaterals turn in the opposite sense.
     square = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
     ends = {"start": template.quads[:, square.T.ravel()], "end": along[-1, -1] + template.quads}
     edges = {"lateral": template.rim, "inner": template.hole}
@@ -72,7 +72,7 @@ def axis_positions(rod: Rod, layers: int, order: int, grading: float = 1.0) -> A
     ----------
     grading
         1 for equal layers; ``g > 1`` makes them thinner towards the start: layer ``k`` of ``N`` begins at ``(k / N)^g``
-        of the way (rods of one axis element only).
+        of the length (rods of one axis element only).
     """
     elements = rod.axis.elements
     if rod.closed:

@@ -13,10 +13,10 @@ from meshes.inverse import parameters
 from meshes.joined import BodyPart, RodPart, Solid
 from meshes.mesh import Array, Index, Mesh, gauss
 
-# Radii of the disk are the same to this share.
+# Radii of the disk are the same to this fraction.
 _ON = 1e-3
 
-# Cells whose smallest Jacobian determinant, at nodes and points of this rule, is less than that share of the mean get
+# Cells whose smallest Jacobian determinant, at nodes and points of this rule, is below that fraction of the mean get
 # edges that are half as curved, some times, then straight.
 _RULE, _FLAT, _HALVES = 5, 0.02, 4
 

@@ -37,7 +37,7 @@ _MORE = 4
 # A step begins with a quarter of itself: rubber that is twisted by half a turn takes no more at once.
 _STATIC = "*STATIC\n0.25,1.,1e-6,1."
 
-# Forces and differences of displacements below this share of the largest are rounding.
+# Forces and differences of displacements below this fraction of the largest are rounding.
 _ROUNDING = 1e-12
 
 # Of load factors; CalculiX' own is a hundredth.
@@ -47,10 +47,10 @@ _LATER = "--mesh-only writes the mesh alone"
 
 
 class Deck(NamedTuple):
-    """An input file's text, and what there is to say of it, a line each."""
+    """An input file's text, and notes on it, a line each."""
 
     text: str
-    said: list[str]
+    notes: list[str]
 
 
 def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, Index]) -> Deck:
@@ -79,8 +79,8 @@ def write(scene: Any, model: Model, mesh: Mesh, element: str, sets: dict[str, In
         model = model if end_time is None else until(model, end_time)
         return _Problem(scene, model, settings, mesh, element, sets).deck()
     except InputError as problem:
-        said = ":".join(scene.named(part) for part in str(problem).split(":"))
-        raise InputError(f"{scene.name}: {said}; {_LATER}") from None
+        message = ":".join(scene.named(part) for part in str(problem).split(":"))
+        raise InputError(f"{scene.name}: {message}; {_LATER}") from None
 
 
 def check(scene: Any) -> None:
@@ -104,7 +104,7 @@ class _Problem:
     def __init__(
         self, scene: Any, model: Model, settings: dict[str, Any], mesh: Mesh, element: str, sets: dict[str, Index]
     ) -> None:
-        self.kind, self.said = scene.analysis, list[str]()
+        self.kind, self.notes = scene.analysis, list[str]()
         self.swing = deck_harmonic.Swing(scene, model, settings) if self.kind == "harmonic" else None
         if self.swing:
             model = self.swing.still
@@ -129,7 +129,7 @@ class _Problem:
             raise InputError("a pressure that follows, and a law of small displacements, are not written to .inp")
         self.measured: list[str] = []
         if self.linear and model.spin is not None and any(model.spin.velocity):
-            self.said.append(
+            self.notes.append(
                 "spin: forces are those at rest, in isorod where bodies are displaced: omega^2 / omega_1^2 more"
             )
         self.names = deck_names.names_of(scene, mesh)
@@ -149,7 +149,7 @@ class _Problem:
             self.owner[one.nodes[:, None], one.components] = k
 
     def _check_buckling(self, settings: dict[str, Any]) -> None:
-        """Refuse what changes with the load factor besides loads: CalculiX scales the stress of the state of rest."""
+        """Refuse anything but loads that changes with the load factor: CalculiX scales the stress at rest."""
         if settings.get("linear_at"):
             raise InputError("linear_at: buckling about a loaded state is not written to .inp; linear_at = 0 is")
         if any(np.any(one.at(1.0)) for one in self.model.motions) or any(
@@ -182,16 +182,16 @@ class _Problem:
         bodies = [f"solid {one.name}" for one in self.bodies]
         deck_names.once([*supports.values(), *loads.values(), *paired, *bodies, *self.means.titles])
         self.supports, self.loads = ({k: abaqus.name_of(name) for k, name in one.items()} for one in (supports, loads))
-        whole = deck_names.renamed(self.mesh, self.names)
+        named = deck_names.renamed(self.mesh, self.names)
         self.solids = [
             deck_solids.mesh_of(one, solid, name)
             for one, solid, name in zip(self.bodies, self.model.solids, bodies, strict=True)
         ]
         elements = [self.element, *(map(deck_solids.element, self.bodies, self.model.solids))]
         dead = [self.dead, *(map(deck_solids.forces, self.solids, self.model.solids, bodies))]
-        self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [whole, *self.solids], self.names)
+        self.pairs = deck_joined.Pairs(self.scene, self.model, self.mesh, [named, *self.solids], self.names)
         joined = [*self.pairs.ties(), *self.pairs.contacts()]
-        self.said += [*self.pairs.said, *self.means.said]
+        self.notes += [*self.pairs.notes, *self.means.notes]
         materials = [*self._materials()]
         for mesh in self.pairs.meshes[len(elements) :]:
             elements.append("C3D8" if mesh.order == 1 else abaqus.BRICKS[mesh.order])
@@ -210,13 +210,13 @@ class _Problem:
         own = [*self._sets(), *self.pairs.equations(self.number, self.owner >= 0), *self._means(last, cells)]
         own += self.pairs.turning(last + len(self.means.titles))
         steps = list(self._steps())
-        notes = [f"** {one}" for one in self.said]
+        notes = [f"** {one}" for one in self.notes]
         head = ["*HEADING", self.scene.title.encode("ascii", "replace").decode().lstrip("*"), *notes]
         return Deck(
             "\n".join(
                 [*head, "** Nodes, elements, and sets of both", *text, *own, "** Laws", *materials, *joined, *steps]
             ),
-            self.said,
+            self.notes,
         )
 
     def _materials(self) -> Iterator[str]:
@@ -234,7 +234,7 @@ class _Problem:
 
     def _material(self, name: str, law: Any, density: float) -> Iterator[str]:
         """Yield the material of a set of elements, and its section."""
-        words, said = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
+        words, note = (deck_laws.finite if self.large else deck_laws.elastic)(bare(law))
         if self.kind != "statics" and words[0].startswith("*HYPERELASTIC"):
             # Measured of a bar: its frequency is 2 % off if it is stretched by 0.5 %, 14 % if by 5 %.
             raise InputError(
@@ -243,8 +243,8 @@ class _Problem:
             )
         if isinstance(law, Thermal):
             words = [*words, *deck_heat.expansion(law)]
-        if said:
-            self.said.append(f"{name}: {said}")
+        if note:
+            self.notes.append(f"{name}: {note}")
         title = abaqus.name_of(name)
         yield from [f"*MATERIAL,NAME={title}", *words]
         if density > 0.0:
@@ -261,15 +261,15 @@ class _Problem:
             yield from abaqus.set_of_nodes(self.supports[k], np.sort(self.number[nodes]))
             others = [own for j, (own, _) in at_ends.items() if j != k and {j, k} & self.means.nodes.keys()]
             if any(np.isin(nodes, own).any() for own in others):
-                self.said.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
+                self.notes.append(f"{self.supports[k]}: the RF of CalculiX has those of supports on the same nodes")
             on = forces.sum(axis=0)
             if self.kind == "statics" and np.abs(on).max() > _ROUNDING * np.abs(self.dead).max():
-                told = ", ".join(f"{value:.6g}" for value in on)
-                self.said.append(f"{self.supports[k]}: loads on its own nodes, ({told}), are in the RF of CalculiX")
+                text = ", ".join(f"{value:.6g}" for value in on)
+                self.notes.append(f"{self.supports[k]}: loads on its own nodes, ({text}), are in the RF of CalculiX")
         if self.swing:
             for name, node in deck_harmonic.places(self.scene, self.model, self.mesh, self.number):
                 if not node:
-                    self.said.append(f"{name}: no node is there; another --level may have one")
+                    self.notes.append(f"{name}: no node is there; another --level may have one")
                     continue
                 self.measured.append(abaqus.name_of(name))
                 yield from abaqus.set_of_nodes(self.measured[-1], np.array([node]))
@@ -277,11 +277,11 @@ class _Problem:
             if isinstance(load, SectionLoad):
                 face = nodal.face_at(self.mesh, load.body, load.u, self.model)
                 yield from abaqus.set_of_nodes(self.loads[k], np.unique(self.number[face]))
-        for k, one in self.held.items():
-            if one.tied and one.motion.turn.any():
+        for k, support in self.held.items():
+            if support.tied and support.motion.turn.any():
                 raise InputError(f"support {k}: a face that turns and is tied is not written to .inp")
-            first, *others = self.number[one.nodes][self.number[one.nodes] > 0].tolist()
-            for component in one.tied:
+            first, *others = self.number[support.nodes][self.number[support.nodes] > 0].tolist()
+            for component in support.tied:
                 for node in others:
                     yield from abaqus.equation([f"{node},{component + 1},1.", f"{first},{component + 1},-1."])
 
@@ -293,7 +293,7 @@ class _Problem:
         yield from self.means.lines(self.number, taken, last, cells)
 
     def _steps(self) -> Iterator[str]:
-        """Yield the steps: statics in as many as turns and what moves for a time take; then modes, and responses."""
+        """Yield the steps: statics, as many as turns and timed motions need; then modes, and responses."""
         loads: list[str] | None = None
         if self.moves:
             stops = self._stops()
@@ -304,28 +304,28 @@ class _Problem:
                 yield _STATIC if self.large or self.model.contacts else "*STATIC"
                 yield from [*self._boundary(factor), *loads, *self._printed()]
         if self.kind == "buckling":
-            share = self._share()
-            self.said.append(
-                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {share:g} "
-                f"of the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {share:g}"
+            part = self._fraction()
+            self.notes.append(
+                f"load factors are those of linear buckling, by the stress of the state of rest; loads are {part:g} "
+                f"of the scene's, since CalculiX sees factors above 1 alone: multiply what it finds by {part:g}"
             )
             yield from ["** Load factors of linear buckling", "*STEP", "*BUCKLE", f"{self.modes + _MORE},{_ACCURACY}"]
             yield from self._boundary(0.0)
-            yield from next(self._loads([share]))
+            yield from next(self._loads([part]))
             yield from ["*NODE FILE", "U", "*END STEP"]
         if self.kind in ("modal", "harmonic"):
             from isorod.checks.rigid_motions import moved_freely
 
             rigid = len(moved_freely(self.model))
             if self.swing:
-                self.said += self.swing.find()
+                self.notes += self.swing.find()
                 self.modes = self.swing.modes - rigid
             modes = self.modes + rigid + _MORE
             yield "** Frequencies, those of rigid motions first"
             yield "*STEP,PERTURBATION" if self.moves else "*STEP"
             yield from ["*FREQUENCY,STORAGE=YES" if self.swing else "*FREQUENCY", f"{modes}"]
             if rigid:
-                self.said.append(f"the first {rigid} modes are rigid motions")
+                self.notes.append(f"the first {rigid} modes are rigid motions")
             if not self.moves:
                 yield from self._boundary(0.0)
             yield from ["*END STEP"] if self.swing else ["*NODE FILE", "U", "*END STEP"]
@@ -343,8 +343,8 @@ class _Problem:
         """Return the sets of nodes of ends and sections that are pulled."""
         return [self.loads[k] for k, load in enumerate(self.pulled.loads) if isinstance(load, SectionLoad)]
 
-    def _share(self) -> float:
-        """Return the share of the loads, of one digit, of which the lowest load factor is about 2."""
+    def _fraction(self) -> float:
+        """Return the fraction of the loads, of one digit, whose lowest load factor is about 2."""
         from isorod import buckling
 
         lowest = float(buckling.solve(self.model, 1, linear_at=0.0).factors[0])
@@ -354,15 +354,15 @@ class _Problem:
         """Return the load factors at which steps end."""
         if not self.large and self.model.times is None and not self.model.contacts:
             return [1.0]
-        found = {*self.model.stages}
+        stops = {*self.model.stages}
         for one in self.model.motions:
             parts = max(ceil(np.degrees(np.linalg.norm(one.turn)) / ANGLE - 1e-6), len(one.path) - 1)
             begin, end = one.during
-            found |= {begin + (end - begin) * k / parts for k in range(1, parts + 1)}
-        return sorted(found - {0.0})
+            stops |= {begin + (end - begin) * k / parts for k in range(1, parts + 1)}
+        return sorted(stops - {0.0})
 
     def _boundary(self, factor: float) -> Iterator[str]:
-        """Yield what supports prescribe: of all their nodes at once where they move alike, else of each node."""
+        """Yield the supports' displacements: of all their nodes at once where they move alike, else of each node."""
         bodies = [(self.bodies[k].name, one) for k in range(len(self.bodies)) for one in self.bodies[k].held]
         means = [*self.means.held(factor)]
         if self.held or bodies or self.pairs.obstacles or means:
@@ -374,11 +374,11 @@ class _Problem:
                 yield f"{title},{component + 1},{component + 1},{factor * one.displacement[component]:.12g}"
         for name, k in self.pairs.obstacles:
             yield from deck_pairs.moved(self.model.contacts[k], abaqus.name_of(name), factor)
-        for k, one in self.held.items():
-            moved = one.displacement(factor)
-            for component in one.components:
-                mine = self.owner[one.nodes, component] == k
-                numbers, values = self.number[one.nodes], moved[:, component]
+        for k, support in self.held.items():
+            moved = support.displacement(factor)
+            for component in support.components:
+                mine = self.owner[support.nodes, component] == k
+                numbers, values = self.number[support.nodes], moved[:, component]
                 dof = f"{component + 1},{component + 1}"
                 if mine.all() and np.ptp(values) <= _ROUNDING * np.abs(moved).max():
                     yield f"{self.supports[k]},{dof},{values[0]:.12g}"
@@ -388,7 +388,7 @@ class _Problem:
                         yield f"{node},{dof},{value:.12g}"
 
     def _printed(self) -> Iterator[str]:
-        """Yield what is asked for: the forces of each support and their sum, the displacements where forces pull."""
+        """Yield output requests: the forces of each support and their sum, the displacements where forces pull."""
         bodies = [abaqus.name_of(f"solid {one.name} {at.group}") for one in self.bodies for at in one.held]
         for title in [*self.supports.values(), *bodies]:
             yield from [f"*NODE PRINT,NSET={title},TOTALS=YES,FREQUENCY=10000", "RF"]

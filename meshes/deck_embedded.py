@@ -1,4 +1,4 @@
-"""Ends of rods that are welded deep within others: their nodes move as the cells do that they are in."""
+"""Ends of rods that are welded deep within others: their nodes move with the cells round them."""
 
 from collections.abc import Iterator
 
@@ -16,8 +16,8 @@ _NEAR, _STEPS, _OUTSIDE = 8, 20, 0.1
 _ROUNDING = 1e-12
 
 
-def shares(mesh: Mesh, cells: Index, points: Array) -> tuple[Index, Array]:
-    """Return nodes ``(m, n)`` and their shares in the displacement of points ``(m, 3)`` within cells of a mesh.
+def interpolation(mesh: Mesh, cells: Index, points: Array) -> tuple[Index, Array]:
+    """Return nodes ``(m, n)`` and their functions at points ``(m, 3)`` within cells of a mesh.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def shares(mesh: Mesh, cells: Index, points: Array) -> tuple[Index, Array]:
 
 
 def equations(number: Index, slaves: Index, nodes: Index, values: Array) -> Iterator[str]:
-    """Yield the equations of nodes ``(m,)`` of a mesh that move as others ``(m, n)`` do, by these shares."""
+    """Yield the equations of nodes ``(m,)`` of a mesh that move as others ``(m, n)`` do, by these functions."""
     for slave, masters, own in zip(number[slaves].tolist(), number[nodes].tolist(), values.tolist(), strict=True):
         if slave:
             some = [(node, value) for node, value in zip(masters, own, strict=True) if abs(value) > _ROUNDING]

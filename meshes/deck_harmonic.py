@@ -20,18 +20,18 @@ from isorod.model.model import Model
 from meshes import abaqus
 from meshes.mesh import Index, Mesh
 
-# Frequencies between two natural ones, and how much closer they are to these.
+# Frequencies between two natural ones, and by what factor they concentrate at these.
 _BETWEEN = "20,3."
 
-# A node is at a place that is measured within this share of the mesh's size.
+# A node is at a place that is measured within this fraction of the mesh's size.
 _SAME = 1e-9
 
-# What modes leave out of the largest amplitude is told from here on.
-_TOLD = 1e-3
+# From this fraction of the largest amplitude on there is a note on what modes leave out.
+_REPORTED = 1e-3
 
 
 class Swing:
-    """What swings, and at which frequencies.
+    """A harmonic analysis: its loads and frequencies.
 
     Attributes
     ----------
@@ -39,8 +39,8 @@ class Swing:
         The model with what is static, and with the loads that swing; None where supports are shaken.
     modes
         How many modes CalculiX is to find.
-    said
-        What there is to say, a line each.
+    notes
+        A line each.
     """
 
     def __init__(self, scene: Any, model: Model, settings: dict[str, Any]) -> None:
@@ -60,21 +60,25 @@ class Swing:
         if self.swinging is not None and not all(isinstance(one, Weight) for one in self.still.loads):
             raise InputError("loads: some that swing beside others that are static are not written to .inp")
         self._model = model
-        self.said: list[str] = []
+        self.notes: list[str] = []
 
     def find(self) -> Iterator[str]:
         """Find how many modes it takes, and yield which measures these alone, as CalculiX has them, are off in."""
-        found = solve(self._model, **self._settings)
-        self.modes = len(found.modes.frequencies)
-        alone = found.coordinates.copy()
+        response = solve(self._model, **self._settings)
+        self.modes = len(response.modes.frequencies)
+        alone = response.coordinates.copy()
         alone[:, self.modes :] = 0.0
         with warnings.catch_warnings():
-            # Of stresses, which `isorod run` tells.
+            # Of stresses, which `isorod run` prints.
             warnings.simplefilter("ignore")
-            whole, part = (self.scene.measure(one)["response"] for one in (found, replace(found, coordinates=alone)))
-        for name, one in whole.items():
-            off = np.abs(part[name]["amplitude"] - one["amplitude"]).max() / max(one["amplitude"].max(), 1e-300)
-            if off > _TOLD:
+            measured, measured_alone = (
+                self.scene.measure(one)["response"] for one in (response, replace(response, coordinates=alone))
+            )
+        for name, one in measured.items():
+            off = np.abs(measured_alone[name]["amplitude"] - one["amplitude"]).max() / max(
+                one["amplitude"].max(), 1e-300
+            )
+            if off > _REPORTED:
                 yield f"{name}: modes alone, which CalculiX takes, are {100.0 * off:.2g} % of the largest amplitude off"
 
     def steps(self, modes: int, loads: list[str], before: list[str] | None, printed: list[str]) -> Iterator[str]:
@@ -105,8 +109,8 @@ class Swing:
             yield from loads
             if self.base.any():
                 size = float(np.linalg.norm(self.base))
-                way = ",".join(f"{one:.12g}" for one in 0.0 - self.base / size)
-                yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},GRAV,{size:.12g},{way}"]
+                direction = ",".join(f"{one:.12g}" for one in 0.0 - self.base / size)
+                yield from ["*DLOAD", f"{abaqus.ALL_ELEMENTS},GRAV,{size:.12g},{direction}"]
             for title in printed:
                 yield from [f"*NODE PRINT,NSET={title}", "U"]
             yield "*END STEP"

@@ -21,7 +21,7 @@ def expansion(law: Thermal) -> list[str]:
 
 def temperatures(mesh: Mesh, model: Model) -> Array:
     """Return the change of temperature of each node of a mesh of rods at full load, shape ``(nodes,)``."""
-    found = np.zeros(len(mesh.points))
+    result = np.zeros(len(mesh.points))
     for k, body in enumerate(model.bodies):
         law = next((one for one in body.laws if isinstance(one, Thermal)), None)
         if law is None:
@@ -30,8 +30,8 @@ def temperatures(mesh: Mesh, model: Model) -> Array:
         place = mesh.parameters_in(k, nodes)
         # One of the other laws has another expansion, but the rod's temperature.
         placed = law.placed(Places(body.space.rod, place[:, 2], place[:, :2]))
-        found[nodes] = placed.temperature
-    return found
+        result[nodes] = placed.temperature
+    return result
 
 
 def lines(head: str, number: Index, values: Array) -> Iterator[str]:

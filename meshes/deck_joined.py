@@ -30,7 +30,7 @@ class _Size(NamedTuple):
 
 
 class Pairs:
-    """What joins surfaces.
+    """Pairs of surfaces of a scene.
 
     Attributes
     ----------
@@ -38,15 +38,15 @@ class Pairs:
         Of all rods, of each finite element body, and of obstacles, with faces of all surfaces that are named.
     obstacles
         Their names, and the numbers of their contacts.
-    printed, said
-        Lines that ask for what ties and contacts carry, and what there is to say, lines too.
+    printed, notes
+        Lines that ask for what ties and contacts carry, and notes, lines too.
     """
 
     def __init__(self, scene: Any, model: Model, mesh: Mesh, meshes: list[Mesh], names: dict[str, str]) -> None:
         self.scene, self.model, self.mesh, self.meshes, self.names = scene, model, mesh, meshes, names
         self.obstacles: list[tuple[str, int]] = []
         self.printed: list[str] = []
-        self.said: list[str] = []
+        self.notes: list[str] = []
         self._embedded: list[tuple[int, Index, Index, Array]] = []
 
     def ties(self) -> Iterator[str]:
@@ -62,7 +62,7 @@ class Pairs:
                 continue
             if not moving:
                 moving = True
-                self.said.append("ties: CalculiX moves the nodes of the slave onto the master")
+                self.notes.append("ties: CalculiX moves the nodes of the slave onto the master")
                 yield "** Ties: the slave's nodes follow the master"
             (slave, mine), (master, other) = (
                 self._surface(one, f"{title} {side}") for one, side in ((tie.slave, "slave"), (tie.master, "master"))
@@ -71,9 +71,9 @@ class Pairs:
                 # CalculiX ties nodes: those of the coarser side would leave others loose.
                 if abs(other.area - mine.area) < _SAME_AREA * mine.area:
                     slave, master = master, slave
-                    self.said.append(f"{title}: the master is CalculiX' slave, whose mesh is the finer one")
+                    self.notes.append(f"{title}: the master is CalculiX' slave, whose mesh is the finer one")
                 else:
-                    self.said.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
+                    self.notes.append(f"{title}: the master's mesh is finer than the slave's; take a higher --level")
             yield from deck_pairs.tied(tie, abaqus.name_of(title), slave, master, mine.extent)
             self.printed += [f"*SECTION PRINT,SURFACE={slave},NAME={abaqus.name_of(title)}", "SOF,SOM"]
 
@@ -84,21 +84,21 @@ class Pairs:
         assert isinstance(tie.master, LateralSurface), "the end of a rod is within no other surface"
         nodes = np.unique(deck_pairs.surface_of(self.model, self.mesh, tie.slave)[1])
         try:
-            found = deck_embedded.shares(
+            interpolation = deck_embedded.interpolation(
                 self.mesh, self.mesh.regions[f"rod {tie.master.body}"], self.mesh.points[nodes]
             )
         except InputError as problem:
             raise InputError(f"tie {k}: {problem}") from None
-        self._embedded.append((k, nodes, *found))
+        self._embedded.append((k, nodes, *interpolation))
         title = self.scene.named(f"tie {k}")
-        self.said.append(f"{title}: nodes of the end move as the other rod does where they are, by *EQUATION")
+        self.notes.append(f"{title}: nodes of the end move as the other rod does where they are, by *EQUATION")
 
     def equations(self, number: Index, taken: NDArray[np.bool_]) -> Iterator[str]:
         """Yield the equations of ends within other rods, by the numbers of nodes, of which some are held otherwise."""
-        for k, nodes, masters, shares in self._embedded:
+        for k, nodes, masters, weights in self._embedded:
             if taken[nodes].any():
                 raise InputError(f"tie {k}: an end that a support holds, too, is not written to .inp")
-            yield from deck_embedded.equations(number, nodes, masters, shares)
+            yield from deck_embedded.equations(number, nodes, masters, weights)
 
     def turning(self, last: int) -> Iterator[str]:
         """Yield the nodes with which obstacles turn, behind so many nodes."""
@@ -108,47 +108,47 @@ class Pairs:
                 yield from deck_pairs.turning(motion, abaqus.name_of(name), last)
                 last += 2
 
-    def _surface(self, one: Surface, name: str) -> tuple[str, _Size]:
+    def _surface(self, tied: Surface, name: str) -> tuple[str, _Size]:
         """Return the title of a surface in the file, which is made where it has none, and its size."""
-        if isinstance(one, SolidSurface):
-            at, found = 1 + one.solid, ""
-            faces = deck_solids.facets_of(self.model.solids[one.solid], one.facets)
+        if isinstance(tied, SolidSurface):
+            at, face = 1 + tied.solid, ""
+            faces = deck_solids.facets_of(self.model.solids[tied.solid], tied.facets)
         else:
             at = 0
-            found, faces = deck_pairs.surface_of(self.model, self.mesh, one)
+            face, faces = deck_pairs.surface_of(self.model, self.mesh, tied)
         mesh = self.meshes[at]
-        if not found:
-            found = name
+        if not face:
+            face = name
             self.meshes[at] = replace(mesh, faces={**mesh.faces, name: faces})
         else:
-            rod, k, surface = found.split(" ")
-            found = f"{self.names[f'{rod} {k}']} {surface}"
+            rod, k, surface = face.split(" ")
+            face = f"{self.names[f'{rod} {k}']} {surface}"
         area = deck_pairs.area(mesh, faces)
         extent = float(np.ptp(mesh.points[faces].reshape(-1, 3), axis=0).max())
-        return abaqus.name_of(found), _Size(area, area / len(faces), extent)
+        return abaqus.name_of(face), _Size(area, area / len(faces), extent)
 
     def contacts(self) -> Iterator[str]:
         """Yield contacts, and put obstacles to the meshes."""
         for k, contact in enumerate(self.model.contacts):
             title = self.scene.named(f"contact {k}")
-            found, alone = deck_pairs.pairs(contact)
-            if alone and not found:
+            pairs, alone = deck_pairs.pairs(contact)
+            if alone and not pairs:
                 raise InputError(f"contact {k}: contact of a rod with itself is nothing that CalculiX has")
             if alone:
-                self.said.append(f"{title}: rods do not touch themselves, which CalculiX has not")
+                self.notes.append(f"{title}: rods do not touch themselves, which CalculiX has not")
             yield from deck_pairs.interaction(contact, self.model, abaqus.name_of(title))
             other = ""
             if contact.facets is not None:
                 other = self._surface(contact.facets, f"{title} master")[0]
             elif contact.obstacle is not None:
                 points = self.mesh.points[
-                    np.unique(self.mesh.cells[[c for a, _ in found for c in self.mesh.regions[f"rod {a}"]]])
+                    np.unique(self.mesh.cells[[c for a, _ in pairs for c in self.mesh.regions[f"rod {a}"]]])
                 ]
                 name = f"{title} obstacle"
                 self.meshes.append(deck_pairs.obstacle(contact, points, name))
                 self.obstacles.append((name, k))
                 other = abaqus.name_of(name)
-            for first, second in found:
+            for first, second in pairs:
                 slave = self._touching(k, first, 0)
                 master = other or self._touching(k, second, 1)
                 yield f"*CONTACT PAIR,INTERACTION={abaqus.name_of(title)},TYPE=SURFACE TO SURFACE"

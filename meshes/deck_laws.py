@@ -1,4 +1,4 @@
-"""Laws in the words of Abaqus and CalculiX: ``*ELASTIC``, ``*HYPERELASTIC``, and what of a law these do not say."""
+"""Laws in the words of Abaqus and CalculiX: ``*ELASTIC``, ``*HYPERELASTIC``, and notes on what these cannot express."""
 
 import numpy as np
 
@@ -20,14 +20,14 @@ _IN_LINE = 8
 # Moduli of a law whose directions differ by less are those of an isotropic one.
 _ROUNDING = 1e-6
 
-_SAID = (
+_ADVICE = (
     "LinearElastic, StVenantKirchhoff, NeoHookean, MooneyRivlin, Yeoh, Ogden and energies that are polynomials of "
     "I1bar - 3 and I2bar - 3, up to the third power, are written"
 )
 
 
 def elastic(law: Material) -> tuple[list[str], str]:
-    """Return the lines of a law at rest, or of one linear in Green's strain, and what is said; `InputError` if none.
+    """Return the lines of a law at rest, or of one linear in Green's strain, and a note; `InputError` if none.
 
     Young's modulus and Poisson's ratio of laws that do not have these follow from the moduli of plane waves.
     """
@@ -38,13 +38,13 @@ def elastic(law: Material) -> tuple[list[str], str]:
     waves = plane_waves(law if np.isfinite(law.lame) else law.shear)
     if np.ptp(waves, axis=0).max() > _ROUNDING * waves.max():
         raise refused(law)
-    (mu, bulk), said = _moduli(law)
+    (mu, bulk), note = _moduli(law)
     young, poisson = 9.0 * bulk * mu / (3.0 * bulk + mu), 0.5 * (3.0 * bulk - 2.0 * mu) / (3.0 * bulk + mu)
-    return ["*ELASTIC", f"{young:.12g},{poisson:.12g}"], said
+    return ["*ELASTIC", f"{young:.12g},{poisson:.12g}"], note
 
 
 def _moduli(law: Material) -> tuple[tuple[float, float], str]:
-    """Return shear and bulk modulus at rest, a finite one in the place of an infinite one, and what is said of that."""
+    """Return shear and bulk modulus at rest, a finite one in the place of an infinite one, and a note on that."""
     if np.isfinite(law.lame):
         waves = plane_waves(law)
         return (waves.min(), waves.max() - 4.0 / 3.0 * waves.min()), ""
@@ -62,23 +62,23 @@ def finite(law: Material) -> tuple[list[str], str]:
         raise refused(law)
     if isinstance(law, StVenantKirchhoff):
         return elastic(law)[0], "in Abaqus *ELASTIC is linear in logarithmic strain: the same where strains are small"
-    (_, bulk), said = _moduli(law)
+    (_, bulk), note = _moduli(law)
     factor = f"{2.0 / bulk:.12g}"
     if isinstance(law, NeoHookean):
         # Under uniaxial stress 0.27 of the strain at nu = 0.3, 0.09 at 0.45.
-        near = "" if said else "stresses differ from the file's law by less than a third of the strain, 0.3 % at 1 %"
-        return ["*HYPERELASTIC,NEO HOOKE", f"{0.5 * law.mu:.12g},{factor}"], said or near
+        near = "" if note else "stresses differ from the file's law by less than a third of the strain, 0.3 % at 1 %"
+        return ["*HYPERELASTIC,NEO HOOKE", f"{0.5 * law.mu:.12g},{factor}"], note or near
     if isinstance(law, Ogden):
         terms = [one for m, a in zip(law.mu, law.alpha, strict=True) for one in (0.5 * m * a, a)]
         if len(law.mu) > _MOST:
             raise refused(law)
-        return _constants(f"OGDEN,N={len(law.mu)}", terms, factor, len(law.mu)), said or _VOLUME
+        return _constants(f"OGDEN,N={len(law.mu)}", terms, factor, len(law.mu)), note or _VOLUME
     coefficients = _polynomial(law)
     powers = max(i + j for i, j in coefficients)
     order = [(n - j, j) for n in range(1, powers + 1) for j in range(n + 1)]
     return _constants(
         f"POLYNOMIAL,N={powers}", [coefficients.get(one, 0.0) for one in order], factor, powers
-    ), said or _VOLUME
+    ), note or _VOLUME
 
 
 _VOLUME = "a change of volume J stores bulk/2 (J - 1)^2 in it, and bulk/2 (ln J)^2 by the file"
@@ -104,12 +104,12 @@ def _polynomial(law: Material) -> dict[tuple[int, int], float]:
     free = sp.expand(sp.powdenest(sp.simplify(free.subs(values)), force=True))
     if not free.is_polynomial(x, y) or free.free_symbols - {x, y}:
         raise refused(law)
-    found = {powers: float(one) for powers, one in sp.Poly(free, x, y).terms() if sum(powers)}
-    if not found or max(sum(powers) for powers in found) > _MOST:
+    terms = {powers: float(one) for powers, one in sp.Poly(free, x, y).terms() if sum(powers)}
+    if not terms or max(sum(powers) for powers in terms) > _MOST:
         raise refused(law)
-    return found
+    return terms
 
 
 def refused(law: Material) -> InputError:
     """Return the error of a law that has no counterpart."""
-    return InputError(f"law {type(law).__name__} has no counterpart in input files of Abaqus and CalculiX; {_SAID}")
+    return InputError(f"law {type(law).__name__} has no counterpart in input files of Abaqus and CalculiX; {_ADVICE}")

@@ -9,12 +9,12 @@ from isorod.model.model import Model
 from meshes import abaqus, deck_heat, nodal
 from meshes.mesh import Array, Index, Mesh
 
-# Forces below this share of the largest are rounding.
+# Forces below this fraction of the largest are rounding.
 _ROUNDING = 1e-12
 
 
 class Loads:
-    """What loads are at load factors, by a mesh of rods and the forces on other bodies.
+    """Loads at load factors, by a mesh of rods and the forces on other bodies.
 
     Parameters
     ----------
@@ -34,15 +34,15 @@ class Loads:
     def steps(self, stops: Sequence[float]) -> Iterator[Iterator[str]]:
         """Yield the lines of each of several steps that end at these load factors.
 
-        A force that is in one of the steps is in all: CalculiX keeps what a step does not say.
+        A force that is in one of the steps is in all: CalculiX keeps loads that a step does not mention.
         """
         rods = [nodal.dead(self.mesh, self.model, factor) for factor in stops]
         most = [np.max(np.abs(rods), axis=0), *(np.abs(forces) for _, forces in self.blocks[1:])]
         largest = max(float(one.max(initial=0.0)) for one in most)
         where = [np.nonzero(one > _ROUNDING * largest) for one in most]
         for factor, own in zip(stops, rods, strict=True):
-            share = self.model.amplitude(None, factor)
-            dead = [own, *(share * forces for _, forces in self.blocks[1:])]
+            fraction = self.model.amplitude(None, factor)
+            dead = [own, *(fraction * forces for _, forces in self.blocks[1:])]
             yield self._step(factor, [(at, one[at]) for at, one in zip(where, dead, strict=True)])
 
     def _step(self, factor: float, dead: Sequence[tuple[tuple[Index, ...], Array]]) -> Iterator[str]:

@@ -23,12 +23,12 @@ from isorod.space.trace import Trace
 from meshes import abaqus, deck_pairs, nodal
 from meshes.mesh import Array, Index, Mesh
 
-# Coefficients of an equation below this are rounding; a mean that is others' to this share is one of theirs.
+# Coefficients of an equation below this are rounding; a mean that depends on others to this fraction is one of theirs.
 _ROUNDING, _DEPENDENT = 1e-12, 1e-9
 
 
 class _Reference(NamedTuple):
-    """A node that stands for means of a support: its set, and which component each is, with what sign."""
+    """A reference node for means of a support: its set, and component and sign of each mean."""
 
     support: int
     title: str
@@ -46,15 +46,15 @@ class Means:
     ----------
     nodes
         Of the mesh, that take part in each support.
-    titles, said
-        The sets of reference nodes, and what there is to say of these, a line each.
+    titles, notes
+        The sets of reference nodes, and notes on these, a line each.
     """
 
     def __init__(self, scene: Any, model: Model, mesh: Mesh) -> None:
         self.model, self.mesh = model, mesh
-        self._found: list[_Reference] = []
+        self._references: list[_Reference] = []
         self.nodes: dict[int, Index] = {}
-        self.said: list[str] = []
+        self.notes: list[str] = []
         rows: list[csr_array] = []
         tied = _tied(model, mesh)
         for k, support in model.means.items():
@@ -68,7 +68,7 @@ class Means:
             place = trace.weights @ trace.points / trace.weights.sum()
             self._refer(k, support, scene.named(f"support {k}"), place)
         self._rows = vstack(rows, format="csr") if rows else csr_array((0, mesh.points.size))
-        self.titles = [one.title for one in self._found]
+        self.titles = [one.title for one in self._references]
 
     def _refer(self, k: int, support: MeanSupport, name: str, place: Array) -> None:
         """Add the reference nodes of a support: of its mean displacement, and of its mean rotation."""
@@ -79,17 +79,17 @@ class Means:
             components = np.abs(vectors).argmax(axis=1)
             if np.abs(vectors).max(axis=1).min() < 1.0 - _DEPENDENT:
                 components = np.arange(len(vectors))
-                ways = "; ".join(
+                directions = "; ".join(
                     "(" + ", ".join(f"{one:.6g}" for one in np.round(row, 9) + 0.0) + ")" for row in vectors
                 )
-                self.said.append(f"{abaqus.name_of(title)}: its components are along {ways}")
+                self.notes.append(f"{abaqus.name_of(title)}: its components are along {directions}")
                 signs = np.ones(len(vectors))
             else:
                 signs = np.sign(vectors[np.arange(len(vectors)), components])
             own = slice(first, first + len(vectors))
             stiffness = None if support.stiffness is None else support.stiffness[own]
             named = abaqus.name_of(title)
-            self._found.append(_Reference(k, named, place, components, signs, support.values[own], stiffness))
+            self._references.append(_Reference(k, named, place, components, signs, support.values[own], stiffness))
             first += len(vectors)
 
     def lines(self, number: Index, taken: NDArray[np.bool_], nodes: int, cells: int) -> Iterator[str]:
@@ -109,15 +109,15 @@ class Means:
         InputError
             If supports hold the same twice.
         """
-        if not self._found:
+        if not self._references:
             return
         yield "** Mean motions are displacements of nodes of their own"
         terms: list[str] = []
-        for k, one in enumerate(self._found, nodes + 1):
+        for k, one in enumerate(self._references, nodes + 1):
             yield f"*NODE,NSET={one.title}"
             yield f"{k}," + ",".join(f"{value:.12g}" for value in one.place)
             terms += [f"{k},{component + 1}" for component in one.components.tolist()]
-        signs = np.concatenate([one.signs for one in self._found])
+        signs = np.concatenate([one.signs for one in self._references])
         chosen = self._chosen(taken)
         mixed = np.linalg.inv(self._rows[:, chosen].toarray())
         used = np.unique(self._rows.indices)
@@ -125,18 +125,18 @@ class Means:
         names = [f"{number[dof // 3]},{dof % 3 + 1}" for dof in used.tolist()]
         for first, row, means in zip(chosen.tolist(), own, -mixed * signs, strict=True):
             values = np.where(used == first, 0.0, row)
-            found = [f"{number[first // 3]},{first % 3 + 1},1."]
+            equation = [f"{number[first // 3]},{first % 3 + 1},1."]
             for several, coefficients in ((names, values), (terms, means)):
                 kept = np.flatnonzero(np.abs(coefficients) > _ROUNDING).tolist()
-                found += [f"{several[j]},{coefficients[j]:.12g}" for j in kept]
-            yield from abaqus.equation(found)
-        for k, one in enumerate(self._found, nodes + 1):
-            if one.stiffness is None:
+                equation += [f"{several[j]},{coefficients[j]:.12g}" for j in kept]
+            yield from abaqus.equation(equation)
+        for k, reference in enumerate(self._references, nodes + 1):
+            if reference.stiffness is None:
                 continue
-            for component, stiff in zip(one.components.tolist(), one.stiffness, strict=True):
+            for component, stiff in zip(reference.components.tolist(), reference.stiffness, strict=True):
                 cells += 1
                 # A number without a point is a component to CalculiX.
-                title = f"{one.title}_SPRING_{component + 1}"
+                title = f"{reference.title}_SPRING_{component + 1}"
                 yield from [f"*ELEMENT,TYPE=SPRING1,ELSET={title}", f"{cells},{k}"]
                 yield from [f"*SPRING,ELSET={title}", f"{component + 1}", f"{stiff:#.12g}"]
 
@@ -152,14 +152,18 @@ class Means:
         raise InputError("supports of mean motions hold what another support holds; this is not written to .inp")
 
     def held(self, factor: float) -> Iterator[str]:
-        """Yield what is prescribed at a load factor: the means, or of nodes with springs what no spring acts on."""
-        for one in self._found:
-            share = self.model.amplitude(self.model.means[one.support].clock.table, factor)
-            held = dict(zip(one.components.tolist(), (share * one.signs * one.values).tolist(), strict=True))
-            if one.stiffness is not None:
+        """Yield prescribed values at a load factor: the means, or the components of nodes on which no spring acts."""
+        for reference in self._references:
+            fraction = self.model.amplitude(self.model.means[reference.support].clock.table, factor)
+            held = dict(
+                zip(
+                    reference.components.tolist(), (fraction * reference.signs * reference.values).tolist(), strict=True
+                )
+            )
+            if reference.stiffness is not None:
                 held = {component: 0.0 for component in range(3) if component not in held}
             yield from (
-                f"{one.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items()
+                f"{reference.title},{component + 1},{component + 1},{value:.12g}" for component, value in held.items()
             )
 
 
@@ -173,10 +177,10 @@ def _tied(model: Model, mesh: Mesh) -> Index:
 def _trace(mesh: Mesh, model: Model, support: MeanSupport) -> Trace:
     """Return the functions of the mesh on the section of a support, or on the line round it."""
     if support.ring:
-        nodes, shares, lengths = nodal.on_line(mesh, nodal.edges_at(mesh, support.body, support.u, model))
+        nodes, functions, lengths = nodal.on_line(mesh, nodal.edges_at(mesh, support.body, support.u, model))
         weights = np.linalg.norm(lengths, axis=2)
     else:
-        nodes, shares, areas = nodal.on_face(mesh, nodal.face_at(mesh, support.body, support.u, model))
+        nodes, functions, areas = nodal.on_face(mesh, nodal.face_at(mesh, support.body, support.u, model))
         weights = np.linalg.norm(areas, axis=2)
         if support.moduli:
             across = mesh.parameters_in(support.body, nodes)[..., :2]
@@ -187,7 +191,7 @@ def _trace(mesh: Mesh, model: Model, support: MeanSupport) -> Trace:
     row = row.reshape(nodes.shape)
     values = np.zeros((*weights.shape, used.size))
     for f in range(len(nodes)):
-        values[f][:, row[f]] = shares
-    points = np.einsum("qn,fna->fqa", shares, mesh.points[nodes]).reshape(-1, 3)
+        values[f][:, row[f]] = functions
+    points = np.einsum("qn,fna->fqa", functions, mesh.points[nodes]).reshape(-1, 3)
     flat = values.reshape(len(points), -1)
     return Trace(points, np.zeros_like(points), weights.ravel(), np.tile(used, (len(points), 1)), flat, used)

@@ -1,4 +1,4 @@
-"""Names of what is in a scene as names of sets in an input file, of which no two are one."""
+"""Names of a scene's parts as names of sets in an input file, no two the same."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,9 +14,9 @@ Names = dict[str, str]
 def names_of(scene: Any, mesh: Mesh) -> Names:
     """Return the names that parts of a mesh of rods have in files: ``rod 0`` is ``rod wire``; `InputError` if twice."""
     known = scene.rod_names()
-    found = {f"rod {k}": f"rod {name}" for k, name in enumerate(known)} or {name: name for name in mesh.regions}
-    once(found.values())
-    return found
+    names = {f"rod {k}": f"rod {name}" for k, name in enumerate(known)} or {name: name for name in mesh.regions}
+    once(names.values())
+    return names
 
 
 def once(names: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""What joins surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
+"""Pairs of surfaces in an input file: ties, contacts, and the rigid obstacles that rods touch."""
 
 from itertools import combinations
 
@@ -23,19 +23,19 @@ _WIDE, _HIGH = 2.0, 0.2
 # Bricks of the second degree round a cylinder.
 _ROUND = 72
 
-# Points that are nearer to a cylinder, a share of its radius, touch it; and what is an arc, radians.  Of a rope round
+# Points nearer to a cylinder, a fraction of its radius, touch it; and the smallest arc, radians.  Of a rope round
 # half a drum (the example drum) the first increments diverge, or become 1/400 of the whole: with surface to surface,
 # node to surface and mortar contact, penalties down to a hundredth, overlaps and gaps at rest, increments of 1 %.
 _TOUCHES, _ARC = 1e-3, 0.5
 
 
-def surface_of(model: Model, mesh: Mesh, one: EndFace | LateralSurface) -> tuple[str, Index]:
+def surface_of(model: Model, mesh: Mesh, surface: EndFace | LateralSurface) -> tuple[str, Index]:
     """Return the facets of a rod's surface that is tied, and the name of the face that they are all of, if any."""
-    name = f"rod {one.body} {one.which if isinstance(one, EndFace) else nodal.SURFACES[one.surface]}"
-    if isinstance(one, EndFace) or one.along is None:
+    name = f"rod {surface.body} {surface.which if isinstance(surface, EndFace) else nodal.SURFACES[surface.surface]}"
+    if isinstance(surface, EndFace) or surface.along is None:
         return name, mesh.faces[name]
-    space = model.bodies[one.body].space
-    return "", within(mesh, one.body, name, *cuts.between(space, one), float(space.axis.breaks[-1]))
+    space = model.bodies[surface.body].space
+    return "", within(mesh, surface.body, name, *cuts.between(space, surface), float(space.axis.breaks[-1]))
 
 
 def within(mesh: Mesh, rod: int, name: str, low: float, high: float, end: float) -> Index:
@@ -81,7 +81,7 @@ def pairs(contact: Contact) -> tuple[list[tuple[int, int]], list[int]]:
 
 
 def interaction(contact: Contact, model: Model, title: str) -> list[str]:
-    """Return the lines of what acts between surfaces in contact: a pressure for each depth, and friction."""
+    """Return the lines of a contact's interaction: a pressure for each depth, and friction."""
     stiff = penalty(model, contact)
     lines = [f"*SURFACE INTERACTION,NAME={title}", "*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR", f"{stiff:.12g}"]
     return lines + (["*FRICTION", f"{contact.friction:.12g},{stiff:.12g}"] if contact.friction else [])
@@ -120,32 +120,32 @@ def obstacle(contact: Contact, points: Array, name: str) -> Mesh:
 
     The set of nodes of the face is that of all nodes of these bricks.
     """
-    one = contact.obstacle
+    body = contact.obstacle
     centre, size = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
-    if isinstance(one, Plane):
-        return _block(np.array(one.point), np.array(one.normal), centre, size, name)
-    if isinstance(one, Cylinder):
-        if contact.friction and _laid(one, points):
+    if isinstance(body, Plane):
+        return _block(np.array(body.point), np.array(body.normal), centre, size, name)
+    if isinstance(body, Cylinder):
+        if contact.friction and _laid(body, points):
             raise InputError(
                 f"{name}: with friction a rod that lies round a cylinder at rest is not written to .inp: CalculiX' "
                 "steps do not converge from there; let it be laid, as by a support that moves"
             )
-        return _round(np.array(one.point), np.array(one.axis), one.radius, points, name)
-    raise InputError(f"{type(one).__name__} as an obstacle is not written to .inp; Plane and Cylinder are")
+        return _round(np.array(body.point), np.array(body.axis), body.radius, points, name)
+    raise InputError(f"{type(body).__name__} as an obstacle is not written to .inp; Plane and Cylinder are")
 
 
-def _laid(one: Cylinder, points: Array) -> bool:
+def _laid(cylinder: Cylinder, points: Array) -> bool:
     """Return whether points touch a cylinder on an arc of it."""
-    axis = np.array(one.axis) / np.linalg.norm(one.axis)
-    rest = points - np.array(one.point)
+    axis = np.array(cylinder.axis) / np.linalg.norm(cylinder.axis)
+    rest = points - np.array(cylinder.point)
     rest -= np.outer(rest @ axis, axis)
     distance = np.linalg.norm(rest, axis=1)
-    near = rest[distance < (1.0 + _TOUCHES) * one.radius]
-    return len(near) > 0 and bool((near @ near[0]).min() < np.cos(_ARC) * one.radius**2)
+    near = rest[distance < (1.0 + _TOUCHES) * cylinder.radius]
+    return len(near) > 0 and bool((near @ near[0]).min() < np.cos(_ARC) * cylinder.radius**2)
 
 
 def _round(point: Array, axis: Array, radius: float, points: Array, name: str) -> Mesh:
-    """Return a ring of bricks round an axis, wide enough for what touches it to move along that."""
+    """Return a ring of bricks round an axis, wide enough for rods in contact to move along that."""
     axis = axis / np.linalg.norm(axis)
     across = np.linalg.svd(axis[None])[2][1:]
     frame = np.stack([across[0], np.cross(axis, across[0]), axis])

@@ -27,18 +27,18 @@ ELEMENTS = {
     ("hexahedron", 2): "C3D20R",
 }
 
-# Nodes are the same that are as near as this, a share of the body's size.
+# Nodes nearer to each other than this fraction of the body's size are the same.
 _SAME = 1e-9
 
 
-def element(one: OfBody, solid: "Solid") -> str:
+def element(body: OfBody, solid: "Solid") -> str:
     """Return the kind of element of a body."""
-    return ELEMENTS[one.grid.shape, solid.degree]
+    return ELEMENTS[body.grid.shape, solid.degree]
 
 
-def mesh_of(one: OfBody, solid: "Solid", name: str) -> Mesh:
+def mesh_of(body: OfBody, solid: "Solid", name: str) -> Mesh:
     """Return the mesh of a body, its region and faces by its name and those of its groups: ``solid bone top``."""
-    grid, kind = one.grid, abaqus.ELEMENTS[element(one, solid)]
+    grid, kind = body.grid, abaqus.ELEMENTS[element(body, solid)]
     edges = _EDGES[grid.shape]
     corners = grid.cells[:, : 4 if grid.shape == "tetrahedron" else 8]
     points, cells = grid.points, corners
@@ -59,8 +59,8 @@ def mesh_of(one: OfBody, solid: "Solid", name: str) -> Mesh:
         if kind.order == 1:
             return facets
         sides = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1)
-        found = [[between[tuple(side)] for side in row] for row in sides.tolist()]
-        return np.concatenate([facets, np.array(found, dtype=np.int64)], axis=1)
+        middles = [[between[tuple(side)] for side in row] for row in sides.tolist()]
+        return np.concatenate([facets, np.array(middles, dtype=np.int64)], axis=1)
 
     return Mesh(
         grid.shape,  # type: ignore[arg-type]
@@ -89,14 +89,14 @@ def forces(mesh: Mesh, solid: "Solid", name: str) -> Array:
     from isorod.fenics import compat
     from isorod.fenics.flags import FAST
 
-    found = np.zeros_like(mesh.points)
+    result = np.zeros_like(mesh.points)
     if solid.outer.empty():
-        return found
+        return result
     if mesh.shape == "hexahedron" and mesh.order == 2:
         raise InputError(f"{name}: loads on hexahedra of degree 2 are not written to .inp; take tetrahedra")
     vector = fem.Function(solid.space)
     compat.assemble_array(vector.x.array, compat.form(solid.outer, FAST))
     far, row = cKDTree(mesh.points).query(solid.space.tabulate_dof_coordinates())
     assert far.max() < _SAME * np.ptp(mesh.points), "nodes of dolfinx are those of the mesh"
-    found[row] = vector.x.array.reshape(-1, 3)
-    return found
+    result[row] = vector.x.array.reshape(-1, 3)
+    return result

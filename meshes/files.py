@@ -1,4 +1,4 @@
-"""Files of a mesh, by their ending: what each needs, and whether it can be written, known before anything is meshed."""
+"""Files of a mesh, by their ending: requirements of each, checked before anything is meshed."""
 
 import os
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
 
 
 def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model: Model | None = None) -> list[str]:
-    """Write a mesh of a scene's rods (`meshes.rods.build`), all of it or nothing; return what there is to say of it.
+    """Write a mesh of a scene's rods (`meshes.rods.build`), completely or not at all; return notes on it.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     element
         Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
     model
-        The scene's, where the whole problem is wanted, not the mesh alone.
+        The scene's, where the complete problem is written, not the mesh alone.
 
     Raises
     ------
@@ -63,18 +63,18 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     check(path)
     names = deck_names.names_of(scene, mesh)
     if path.suffix in (".msh", ".py"):
-        said: list[str] = []
-        whole = deck_names.renamed(mesh, names)
+        notes: list[str] = []
+        named = deck_names.renamed(mesh, names)
         if model is not None:
-            whole = replace(whole, faces={**whole.faces, **groups.surfaces(scene, model, mesh)})
+            named = replace(named, faces={**named.faces, **groups.surfaces(scene, model, mesh)})
             laws = {kind.name: kind.cells for kind in groups.kinds(mesh, model, names)}
-            whole = replace(whole, regions={**whole.regions, **laws})
+            named = replace(named, regions={**named.regions, **laws})
         if path.suffix == ".py":
             assert model is not None, "whoever asks for a program has a model"
-            text, said = script.write(scene, model, mesh, path)
+            text, notes = script.write(scene, model, mesh, path)
             write_whole(path, text.encode())
-        gmsh_model.write(whole, path.with_suffix(".msh"))
-        return said
+        gmsh_model.write(named, path.with_suffix(".msh"))
+        return notes
     where = dict(zip(("rod", "element", "ring"), rods.places(mesh, scene.rods()).T, strict=True))
     if path.suffix == ".vtu":
         vtu.write(mesh, path, where)
@@ -85,15 +85,15 @@ def write(mesh: Mesh, path: Path, scene: Any, element: str | None = None, model:
     else:
         done = deck.write(scene, model, mesh, element, sets)
     write_whole(path, (done.text + "\n").encode())
-    return done.said
+    return done.notes
 
 
 def _rings(where: dict[str, Index], names: deck_names.Names) -> dict[str, Index]:
     """Return the cells of each ring of rods that have several."""
-    found = {}
+    cells_of_rings = {}
     for rod in np.unique(where["rod"]):
         own = where["rod"] == rod
         rings = np.unique(where["ring"][own])
         for ring in rings if rings.size > 1 else ():
-            found[f"{names[f'rod {rod}']} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
-    return found
+            cells_of_rings[f"{names[f'rod {rod}']} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
+    return cells_of_rings

@@ -21,16 +21,16 @@ Plane = Callable[[Array], tuple[Array, Array]]
 # Points of the outline that are looked at.
 _AROUND = 2880
 
-# A tip is in the middle of what is less than this share of the section's length short of its end.
+# A tip is in the middle of the points less than this fraction of the section's length from its end.
 _TIP = 2e-3
 
-# The most curved point is looked for in this share of its length.
+# The most curved point is searched in this fraction of its length.
 _NOSE = 0.1
 
 # Angles this near to each other are the same, radians.
 _SAME = 0.01
 
-# How near to its place a node is found, as a share of the section's length; steps to find it, and halvings of a step.
+# Accuracy of a node's place, a fraction of the section's length; steps of the search, and halvings of a step.
 _NEAR = 1e-12
 _STEPS = 25
 _HALVINGS = 8
@@ -42,11 +42,11 @@ def circle(angle: Array) -> Array:
 
 
 def plane(rod: Rod, u: float, radius: float = 1.0) -> Plane:
-    """Return the section at ``u``, of its disk what is inside of a radius, turned such that it is longest along x."""
+    """Return the section at ``u`` inside of a radius of its disk, turned such that it is longest along x."""
     rim, _ = rod.grid(radius * circle(2.0 * np.pi * np.arange(_AROUND) / _AROUND), [u])
     middle = rim[0].mean(axis=0)
     directions = np.linalg.svd(rim[0] - middle, full_matrices=False)[2][:2]
-    # The disk's way round, as it is seen along the rod, is kept.
+    # The sense of rotation of the disk, as seen along the rod, is kept.
     if np.dot(np.cross(*directions), rod.tangents([u])[0]) < 0.0:
         directions[1] *= -1.0
 
@@ -66,13 +66,13 @@ def tips(section: Plane) -> list[tuple[float, float]]:
     z = section(circle(angle))[0] @ np.array([1.0, 1j])
     ahead, behind = np.roll(z, -1) - z, z - np.roll(z, 1)
     turn = np.angle(ahead / behind) / np.abs(ahead + behind)
-    found = []
+    tips = []
     for short in (z.real.max() - z.real, z.real - z.real.min()):
         outermost = angle[short < _TIP * np.ptp(z.real)]
         first = np.exp(1j * outermost).mean()
         curved = np.exp(1j * angle[np.argmax(np.where(short < _NOSE * np.ptp(z.real), turn, -np.inf))])
-        found.append([float(np.angle(one)) for one in (first, first + curved, curved)])
-    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+        tips.append([float(np.angle(one)) for one in (first, first + curved, curved)])
+    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*tips, strict=True)]
     return [pair for k, pair in enumerate(pairs) if not any(np.allclose(pair, one, atol=_SAME) for one in pairs[:k])]
 
 
@@ -106,7 +106,7 @@ def laid_out(
     Raises
     ------
     InputError
-        If a node's place is not found: the section is one that straight lines do not cross.
+        If the search of a node's place fails: the section is one that straight lines do not cross.
     """
     (first, second), (a, b) = ends, np.radians(corners)
     s, t = (np.arange(order * count + 1) / (order * count) for count in (along, across))
@@ -120,8 +120,8 @@ def laid_out(
     disk = _between([circle(side) for side in sides], s, t)
     inside = disk[1:-1, 1:-1]
     if inside.size:
-        wanted = _between([section(circle(side))[0] for side in sides], s, t)[1:-1, 1:-1]
-        inside[:] = _inverse(section, inside.reshape(-1, 2), wanted.reshape(-1, 2)).reshape(inside.shape)
+        targets = _between([section(circle(side))[0] for side in sides], s, t)[1:-1, 1:-1]
+        inside[:] = _inverse(section, inside.reshape(-1, 2), targets.reshape(-1, 2)).reshape(inside.shape)
     return grid(disk, order)
 
 
@@ -134,12 +134,12 @@ def _between(sides: list[Array], s: Array, t: Array) -> Array:
     return ruled + (1.0 - s) * start[:, None] + s * end[:, None] - corners
 
 
-def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
+def _inverse(section: Plane, start: Array, targets: Array) -> Array:
     """Return the points of the disk that stand at places ``(m, 2)``, by Newton's method, damped."""
-    xi, length = start, np.ptp(wanted, axis=0).max()
+    xi, length = start, np.ptp(targets, axis=0).max()
     places, slopes = section(xi)
     for _ in range(_STEPS):
-        short = wanted - places
+        short = targets - places
         gap = np.linalg.norm(short, axis=1)
         if gap.max() <= _NEAR * length:
             return xi
@@ -149,7 +149,7 @@ def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
             outside = np.linalg.norm(new, axis=1) >= 1.0
             new[outside] = xi[outside]
             places, slopes = section(new)
-            worse = outside | (np.linalg.norm(wanted - places, axis=1) > gap + _NEAR * length)
+            worse = outside | (np.linalg.norm(targets - places, axis=1) > gap + _NEAR * length)
             if not worse.any():
                 break
             step[worse] *= 0.5

@@ -61,7 +61,7 @@ def _build(gmsh: ModuleType, mesh: Mesh) -> None:
 
 
 def _apart(groups: Mapping[str, Index], nodes: Index) -> tuple[list[Index], dict[str, list[int]]]:
-    """Return entities that no two groups share in part, the nodes of their elements, and those of each group, from 1.
+    """Return entities that are not in two groups in part, the nodes of their elements, and those of each group, from 1.
 
     Groups are of rows of ``nodes`` ``(elements, n)``, which may be there several times.
     """

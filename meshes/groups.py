@@ -34,15 +34,15 @@ def kinds(mesh: Mesh, model: Model, names: Mapping[str, str]) -> Iterator[Kind]:
         rings = len(body.space.rod.rings) - 1
         numbers: dict[tuple[int, float], int] = {}
         given = zip(map(id, body.laws), body.densities.tolist(), strict=True)
-        found = np.array([numbers.setdefault(one, len(numbers)) for one in given]).reshape(-1, rings)
+        numbers_of_laws = np.array([numbers.setdefault(one, len(numbers)) for one in given]).reshape(-1, rings)
         own = np.empty((body.space.rod.axis.elements, rings), dtype=np.int64)
-        own[body.space.own_elements] = found
-        if (own[body.space.own_elements] != found).any():
+        own[body.space.own_elements] = numbers_of_laws
+        if (own[body.space.own_elements] != numbers_of_laws).any():
             raise InputError(f"body {b}: laws that change within the elements of its axis are not written")
         present = np.unique(own).tolist()
         of_cells = own[where[cells, 1], where[cells, 2]]
         for count, kind in enumerate(present):
-            at, whole = int(np.argmax(found.ravel() == kind)), len(present) == 1
+            at, whole = int(np.argmax(numbers_of_laws.ravel() == kind)), len(present) == 1
             name = rod if whole else f"{rod} law {count}"
             yield Kind(name, cells[of_cells == kind], body.laws[at], float(body.densities[at]), whole)
 
@@ -52,26 +52,26 @@ def surfaces(scene: Any, model: Model, mesh: Mesh) -> dict[str, Index]:
 
     Mean supports and what acts on lines and at places have none; of a contact and a tie of two rods there are two.
     """
-    found: dict[str, Index] = {}
+    surfaces: dict[str, Index] = {}
     for k, support in enumerate(model.supports):
         if isinstance(support, Support):
-            one = held.Held(k, model, held.surface(mesh, support.body, model.bodies[support.body].space))
+            face_nodes = held.Held(k, model, held.surface(mesh, support.body, model.bodies[support.body].space))
             sides = [face for name, face in mesh.faces.items() if name.startswith(f"rod {support.body} ")]
-            sides = [face[np.isin(face, one.nodes).all(axis=1)] for face in sides]
-            found[scene.named(f"support {k}")] = np.concatenate(sides)
+            sides = [face[np.isin(face, face_nodes.nodes).all(axis=1)] for face in sides]
+            surfaces[scene.named(f"support {k}")] = np.concatenate(sides)
     for k, load in enumerate(model.loads):
         if isinstance(load, SectionLoad):
-            found[scene.named(f"load {k}")] = nodal.face_at(mesh, load.body, load.u, model)
+            surfaces[scene.named(f"load {k}")] = nodal.face_at(mesh, load.body, load.u, model)
         elif isinstance(load, Pressure):
-            found[scene.named(f"load {k}")] = mesh.faces[nodal.face_of(load)]
+            surfaces[scene.named(f"load {k}")] = mesh.faces[nodal.face_of(load)]
     for k, contact in enumerate(model.contacts):
         two = ("first", "second") if len(contact.groups) > 1 else ("",)
         for bodies, which in zip(contact.groups, two, strict=True):
             surface = ["inner" if contact.is_inner(b) else "lateral" for b in bodies]
             own = [mesh.faces[f"rod {b} {what}"] for b, what in zip(bodies, surface, strict=True)]
-            found[f"{scene.named(f'contact {k}')} {which}".strip()] = np.concatenate(own)
+            surfaces[f"{scene.named(f'contact {k}')} {which}".strip()] = np.concatenate(own)
     for k, tie in enumerate(model.ties):
         for what, which in ((tie.slave, "slave"), (tie.master, "master")):
             if not isinstance(what, SolidSurface):
-                found[f"{scene.named(f'tie {k}')} {which}"] = deck_pairs.surface_of(model, mesh, what)[1]
-    return {name: faces for name, faces in found.items() if len(faces)}
+                surfaces[f"{scene.named(f'tie {k}')} {which}"] = deck_pairs.surface_of(model, mesh, what)[1]
+    return {name: faces for name, faces in surfaces.items() if len(faces)}

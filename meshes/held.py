@@ -45,16 +45,16 @@ class Trace:
         near = nodal.reshape(self.space.layers, -1, 3)[self._layers]
         return np.einsum("mj,ml,mjla->ma", self._axial, self._section, near, optimize=True)
 
-    def carriers_of(self, values: Array, held: Any) -> Array:
-        """Return the mean of the carriers among coefficients ``held`` that fit values ``(m, 3)`` best."""
+    def control_point_mean(self, values: Array, held: Any) -> Array:
+        """Return the mean of the control points among coefficients ``held`` that fit values ``(m, 3)`` best."""
         size = self.space.layers * self.space.layer_nodes
         rows = np.zeros((len(self.nodes), size))
         numbers = self._layers[:, :, None] * self.space.layer_nodes + np.arange(self.space.layer_nodes)
         weights = self._axial[:, :, None] * self._section[:, None, :]
         np.add.at(rows, (np.arange(len(rows))[:, None, None], numbers), weights)
         chosen = np.flatnonzero(held.ravel())
-        found = np.linalg.lstsq(rows[:, chosen], values, rcond=None)[0]
-        return np.asarray(found[self.space.is_control_point[chosen]].mean(axis=0))
+        coefficients = np.linalg.lstsq(rows[:, chosen], values, rcond=None)[0]
+        return np.asarray(coefficients[self.space.is_control_point[chosen]].mean(axis=0))
 
 
 class Held:
@@ -77,7 +77,7 @@ class Held:
         support, motion = model.supports[k], model.motions[k]
         assert isinstance(support, Support), "whoever asks has refused mean motions and springs"
         self.motion, self.body = motion, support.body
-        self._share = partial(model.amplitude, motion.clock.table)
+        self._fraction = partial(model.amplitude, motion.clock.table)
         self.first, self.space = int(model.first_node[support.body]), trace.space
         self.components, self.tied = (
             sorted("xyz".index(letter) for letter in letters) for letters in (support.components, support.tied)
@@ -95,19 +95,19 @@ class Held:
 
     def _prescribed(self, factor: float) -> Array:
         nodal = np.zeros((self.space.nodes, 3))
-        nodal.ravel()[self.motion.dofs - 3 * self.first] = self.motion.at(self._share(factor))
+        nodal.ravel()[self.motion.dofs - 3 * self.first] = self.motion.at(self._fraction(factor))
         return nodal
 
     def centre(self, displacement: Array, moved: bool) -> Array:
-        """Return the mean of the held carriers' positions at rest, or the mesh's nodes displaced by ``(nodes, 3)``."""
-        carriers = self.functions & self.space.is_control_point
+        """Return the mean of the held control points at rest, or with the mesh's nodes displaced by ``(nodes, 3)``."""
+        control_points = self.functions & self.space.is_control_point
         if not moved:
-            return np.asarray(self.space.positions[carriers].mean(axis=0))
-        change = self._prescribed(1.0)[carriers].mean(axis=0)
+            return np.asarray(self.space.positions[control_points].mean(axis=0))
+        change = self._prescribed(1.0)[control_points].mean(axis=0)
         free = np.setdiff1d(np.arange(3), self.components)
         if free.size:
-            change[free] = self.trace.carriers_of(displacement[self.nodes], self.functions)[free]
-        return np.asarray(self.space.positions[carriers].mean(axis=0) + change)
+            change[free] = self.trace.control_point_mean(displacement[self.nodes], self.functions)[free]
+        return np.asarray(self.space.positions[control_points].mean(axis=0) + change)
 
 
 def all_of(source: Mesh, model: Model) -> dict[int, Held]:

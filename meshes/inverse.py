@@ -12,7 +12,7 @@ _AROUND, _RADII, _SECTIONS = 12, (0.4, 0.9), 12
 
 _STEPS = 40
 
-# A step that changes parameters by less, of the disk and shares of an element, is the last.
+# A step that changes parameters, of the disk and relative to an element, by less is the last.
 _SMALL = 1e-13
 
 
@@ -24,23 +24,23 @@ def parameters(rod: Rod, points: Array) -> tuple[Array, Array]:
     u = rod.axis.evenly(_SECTIONS)
     disk = np.concatenate([[[0.0, 0.0]], *(radius * circle(_AROUND) for radius in _RADII)])
     guesses = np.column_stack([np.tile(disk, (u.size, 1)), np.repeat(u, len(disk))])
-    found = guesses[cKDTree(rod.grid(disk, u)[0].reshape(-1, 3)).query(points)[1]]
+    parameters = guesses[cKDTree(rod.grid(disk, u)[0].reshape(-1, 3)).query(points)[1]]
     low, high = rod.axis.breaks[[0, -1]]
     length = (high - low) / rod.axis.elements
     scale = np.array([1.0, 1.0, length])
     left = np.arange(len(points))
     for _ in range(_STEPS):
-        here, tangents = _at(rod, found[left])
+        here, tangents = _at(rod, parameters[left])
         step = np.linalg.solve(tangents, (points[left] - here)[:, :, None])[:, :, 0]
         # No farther than a guess can be off.
         step /= np.maximum(1.0, np.abs(step / scale).max(axis=1) / 0.3)[:, None]
-        before = found[left]
-        found[left] = _inside(rod, before + step)
-        going = np.abs((found[left] - before) / scale).max(axis=1) > _SMALL
+        before = parameters[left]
+        parameters[left] = _inside(rod, before + step)
+        going = np.abs((parameters[left] - before) / scale).max(axis=1) > _SMALL
         left = left[going]
         if not left.size:
             break
-    return found, np.linalg.norm(_at(rod, found)[0] - points, axis=1)
+    return parameters, np.linalg.norm(_at(rod, parameters)[0] - points, axis=1)
 
 
 def _inside(rod: Rod, where: Array) -> Array:

@@ -20,14 +20,14 @@ from meshes import occ_rods
 from meshes.mesh import Array
 
 # Sizes of cells on level 1: in rods and bodies as multiples of their thickness (for circles the radius), at the edges
-# of joints as a share of that of the thinner side; what they grow by with the distance from there.
+# of joints as a fraction of that of the thinner side; what they grow by with the distance from there.
 ROD, BODY, NEAR, GROWTH = 1.5, 1.0, 0.5, 0.5
 
-# Shares by which volumes and areas that are to be the same may differ: gmsh tells volumes to 1e-3, areas of facets are
+# Fractions by which equal volumes and areas may differ: gmsh computes volumes to 1e-3, areas of facets are
 # those of polygons.
 _SAME_VOLUME, _SAME_AREA = 0.01, 0.03
 
-# What overlaps, as a share of the smaller one, is more than rounding.
+# Larger overlaps, as a fraction of the smaller volume, are more than rounding.
 _OVERLAP = 1e-4
 
 # Spacing of the points at which joints' edges are looked for, in sizes of cells there.
@@ -36,10 +36,10 @@ _SPACING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RodPart:
-    """A rod: its region, what it is called, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
+    """A rod: its region, its label, rings that are parts of their own, and cuts (`occ_rods.volumes`)."""
 
     name: str
-    said: str
+    label: str
     rod: Rod
     radii: Sequence[float] = (0.0, 1.0)
     cuts: Sequence[float] = ()
@@ -47,10 +47,10 @@ class RodPart:
 
 @dataclass(frozen=True, eq=False)
 class BodyPart:
-    """A body: its region, what it and its STEP file are called, box ``(2, 3)`` and volume of its own mesh."""
+    """A body: its region, its label, its STEP file, box ``(2, 3)`` and volume of its own mesh."""
 
     name: str
-    said: str
+    label: str
     file: str
     step: bytes = field(repr=False)
     box: Array
@@ -71,7 +71,7 @@ class Join:
     points: Array
 
 
-class _Piece(NamedTuple):
+class _Fragment(NamedTuple):
     """A volume after all were cut by each other, and whose it is."""
 
     tag: int
@@ -83,12 +83,12 @@ class Solid:
 
     Attributes
     ----------
-    pieces
+    fragments
         Volumes, each with the number of its part.
     outer, inner
-        Faces of the surface, and between pieces of a part, by part.
+        Faces of the surface, and between fragments of a part, by part.
     joints
-        Faces that two parts share, by tie.
+        Common faces of two parts, by tie.
     curves
         Round these faces, and those of bodies.
 
@@ -101,26 +101,26 @@ class Solid:
     def __init__(self, gmsh: Any, parts: Sequence[Part], joins: Sequence[Join]) -> None:
         self._gmsh, self.parts, self.joins = gmsh, parts, joins
         tools = [(number, one) for number, part in enumerate(parts) for one in _made(gmsh, part)]
-        self.pieces, overlaps = self._fragments(tools)
+        self.fragments, overlaps = self._fragments(tools)
         self._check_volumes()
         sides: dict[int, list[int]] = {}
-        for piece in self.pieces:
-            for _, face in gmsh.model.getBoundary([(3, piece.tag)], combined=False, oriented=False):
-                sides.setdefault(face, []).append(piece.part)
+        for fragment in self.fragments:
+            for _, face in gmsh.model.getBoundary([(3, fragment.tag)], combined=False, oriented=False):
+                sides.setdefault(face, []).append(fragment.part)
         self.outer = {k: [face for face, own in sides.items() if own == [k]] for k in range(len(parts))}
         self.inner = {k: [face for face, own in sides.items() if own == [k, k]] for k in range(len(parts))}
-        shared = {face: (min(own), max(own)) for face, own in sides.items() if len(set(own)) == 2}
+        common = {face: (min(own), max(own)) for face, own in sides.items() if len(set(own)) == 2}
         self.joints: dict[int, list[int]] = {k: [] for k in range(len(joins))}
         for pair in combinations(range(len(parts)), 2):
-            self._join(pair, [face for face, own in shared.items() if own == pair], overlaps.get(pair, 0.0))
+            self._join(pair, [face for face, own in common.items() if own == pair], overlaps.get(pair, 0.0))
         bodies = [own for k, own in self.outer.items() if isinstance(parts[k], BodyPart)]
         faces = [(2, face) for own in (*self.joints.values(), *bodies) for face in own]
         self.curves = sorted({edge for _, edge in gmsh.model.getBoundary(faces, combined=False, oriented=False)})
 
     def _fragments(
         self, tools: Sequence[tuple[int, occ_rods.Volume]]
-    ) -> tuple[list[_Piece], dict[tuple[int, int], float]]:
-        """Cut all by all; return the pieces, and how much of each pair of parts was in both, as a share."""
+    ) -> tuple[list[_Fragment], dict[tuple[int, int], float]]:
+        """Cut all by all; return the fragments, and the overlap of each pair of parts, as a fraction."""
         occ = self._gmsh.model.occ
         given = [(3, one.tag) for _, one in tools]
         self._sizes = {number: 0.0 for number, _ in tools}
@@ -132,29 +132,29 @@ class Solid:
             self._sizes[number] += sign * occ.getMass(3, one.tag)
         origins = occ.fragment(given[:1], given[1:])[1] if len(given) > 1 else [given]
         inside: dict[int, dict[int, int]] = {}
-        for (number, one), found in zip(tools, origins, strict=True):
-            for dimension, piece in found:
+        for (number, one), origin in zip(tools, origins, strict=True):
+            for dimension, fragment in origin:
                 if dimension == 3:
-                    rings = inside.setdefault(piece, {})
+                    rings = inside.setdefault(fragment, {})
                     rings[number] = min(one.ring, rings.get(number, one.ring))
         occ.synchronize()
-        pieces: list[_Piece] = []
+        fragments: list[_Fragment] = []
         overlaps: dict[tuple[int, int], float] = {}
-        for piece, rings in inside.items():
+        for fragment, rings in inside.items():
             of = [number for number, ring in rings.items() if ring > 0]
             if not of:
-                occ.remove([(3, piece)], recursive=True)
+                occ.remove([(3, fragment)], recursive=True)
                 continue
-            size = occ.getMass(3, piece)
+            size = occ.getMass(3, fragment)
             for pair in combinations(sorted(of), 2):
                 overlaps[pair] = overlaps.get(pair, 0.0) + size / min(self._sizes[k] for k in pair)
             owner = self._owner(of)
             for number in of:
                 if number != owner:
                     self._sizes[number] -= size
-            pieces.append(_Piece(piece, owner))
+            fragments.append(_Fragment(fragment, owner))
         occ.synchronize()
-        return pieces, overlaps
+        return fragments, overlaps
 
     def _owner(self, of: Sequence[int]) -> int:
         """Return whose it is where several are: a rod's rather than a body's, a master's rather than a slave's."""
@@ -165,28 +165,28 @@ class Solid:
     def _check_volumes(self) -> None:
         occ = self._gmsh.model.occ
         for number, part in enumerate(self.parts):
-            found = sum(occ.getMass(3, one.tag) for one in self.pieces if one.part == number)
-            if abs(found - self._sizes[number]) > _SAME_VOLUME * self._sizes[number]:
+            volume = sum(occ.getMass(3, one.tag) for one in self.fragments if one.part == number)
+            if abs(volume - self._sizes[number]) > _SAME_VOLUME * self._sizes[number]:
                 raise InputError(
-                    f"{part.said}: gmsh does not cut it by the others rightly: of a volume of "
-                    f"{self._sizes[number]:.5g} {found:.5g} are left; take a simpler geometry"
+                    f"{part.label}: gmsh does not cut it by the others rightly: of a volume of "
+                    f"{self._sizes[number]:.5g} {volume:.5g} are left; take a simpler geometry"
                 )
-            if isinstance(part, BodyPart) and abs(found - part.volume) > _SAME_AREA * part.volume:
+            if isinstance(part, BodyPart) and abs(volume - part.volume) > _SAME_AREA * part.volume:
                 raise InputError(
-                    f"{part.said}: geometry {part.file}: its volume without the rods is {found:.5g}, that of the mesh "
-                    f"{part.volume:.5g}; need the body that is meshed"
+                    f"{part.label}: geometry {part.file}: its volume without the rods is {volume:.5g}, that of the "
+                    f"mesh {part.volume:.5g}; need the body that is meshed"
                 )
 
     def _join(self, pair: tuple[int, int], faces: Sequence[int], overlap: float) -> None:
-        """Note which ties the faces are of that two parts share; raises `InputError` unless all of them are tied."""
+        """Record the ties of the common faces of two parts; raises `InputError` unless all of them are tied."""
         ties = {k: one for k, one in enumerate(self.joins) if {one.slave, one.master} == {*pair}}
         area = sum(self._gmsh.model.occ.getMass(2, face) for face in faces)
-        first, second = (self.parts[k].said for k in pair)
+        first, second = (self.parts[k].label for k in pair)
         if not ties:
             if area > 0.0:
                 raise InputError(f"{first} and {second} touch, on an area of {area:.4g}, and nothing ties them there")
             return
-        wanted, name = sum(one.area for one in ties.values()), next(one.name for one in ties.values())
+        target, name = sum(one.area for one in ties.values()), next(one.name for one in ties.values())
         if not faces:
             raise InputError(
                 f"{name}: the surfaces of {first} and {second} are nowhere the same; make them so, or leave the "
@@ -194,12 +194,12 @@ class Solid:
             )
         # A rod that ends within another has one face in the place of its end, of another size.
         within = overlap > _OVERLAP and all(isinstance(self.parts[k], RodPart) for k in pair)
-        if not within and abs(area - wanted) > _SAME_AREA * wanted:
+        if not within and abs(area - target) > _SAME_AREA * target:
             how = "let the tied surface be all that touches"
-            if area < wanted:
+            if area < target:
                 how = "leave the hole of a rod out of the body's geometry: where both are it is the rod's"
             raise InputError(
-                f"{name}: {first} and {second} are the same surface on an area of {area:.4g}, and {wanted:.4g} are "
+                f"{name}: {first} and {second} are the same surface on an area of {area:.4g}, and {target:.4g} are "
                 f"tied; {how}"
             )
         trees = {k: cKDTree(one.points) for k, one in ties.items()}
@@ -208,7 +208,7 @@ class Solid:
             self.joints[min(trees, key=lambda k: trees[k].query(middle)[0])].append(face)
 
     def faces(self, number: int) -> list[int]:
-        """Return the faces round a part, those that it shares with others too."""
+        """Return the faces round a part, those common with others too."""
         tied = [k for k, one in enumerate(self.joins) if number in (one.slave, one.master)]
         return [*self.outer[number], *(face for k in tied for face in self.joints[k])]
 
@@ -251,12 +251,12 @@ class Solid:
 
     def _entities(self, number: int) -> dict[str, list[int]]:
         """Return volumes, faces, curves and points of a part, as fields name them."""
-        found = {}
-        entities = [(3, piece.tag) for piece in self.pieces if piece.part == number]
+        entities_by_name = {}
+        entities = [(3, fragment.tag) for fragment in self.fragments if fragment.part == number]
         for name in ("VolumesList", "SurfacesList", "CurvesList", "PointsList"):
-            found[name] = sorted({tag for _, tag in entities})
+            entities_by_name[name] = sorted({tag for _, tag in entities})
             entities = self._gmsh.model.getBoundary(entities, combined=False, oriented=False) if entities[0][0] else []
-        return found
+        return entities_by_name
 
     def _thickness(self, number: int) -> float:
         """Return how thick a part is, of a circular rod its radius: volume over half the surface along it."""
@@ -264,9 +264,9 @@ class Solid:
         if isinstance(part, BodyPart):
             faces = {
                 face
-                for piece in self.pieces
-                if piece.part == number
-                for _, face in self._gmsh.model.getBoundary([(3, piece.tag)], combined=False, oriented=False)
+                for fragment in self.fragments
+                if fragment.part == number
+                for _, face in self._gmsh.model.getBoundary([(3, fragment.tag)], combined=False, oriented=False)
             }
             return float(3.0 * self._sizes[number] / sum(occ.getMass(2, face) for face in faces))
         return float(_hydraulic(part.rod) * np.diff(part.radii).min())
@@ -288,25 +288,25 @@ def _made(gmsh: Any, part: Part) -> list[occ_rods.Volume]:
         try:
             return occ_rods.volumes(gmsh, part.rod, part.radii, part.cuts)
         except InputError as problem:
-            raise InputError(f"{part.said}: {problem}") from None
+            raise InputError(f"{part.label}: {problem}") from None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "body.step"
         file.write_bytes(part.step)
         try:
-            found = [tag for dimension, tag in gmsh.model.occ.importShapes(str(file)) if dimension == 3]
+            tags = [tag for dimension, tag in gmsh.model.occ.importShapes(str(file)) if dimension == 3]
         except Exception:
             # gmsh raises nothing else.
-            found = []
-    if not found:
-        raise InputError(f"{part.said}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
+            tags = []
+    if not tags:
+        raise InputError(f"{part.label}: geometry {part.file}: gmsh reads no volume from it; save the body as STEP")
     gmsh.model.occ.synchronize()
-    boxes = np.array([gmsh.model.occ.getBoundingBox(3, tag) for tag in found]).reshape(-1, 2, 3)
+    boxes = np.array([gmsh.model.occ.getBoundingBox(3, tag) for tag in tags]).reshape(-1, 2, 3)
     box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     if np.abs(box - part.box).max() > _SAME_AREA * size:
-        said = ["; ".join(" to ".join(f"{one:.4g}" for one in axis) for axis in both.T) for both in (box, part.box)]
+        extents = ["; ".join(" to ".join(f"{one:.4g}" for one in axis) for axis in both.T) for both in (box, part.box)]
         raise InputError(
-            f"{part.said}: geometry {part.file} reaches from {said[0]}, its mesh from {said[1]}; need the same place "
-            "and unit (STEP is read in mm)"
+            f"{part.label}: geometry {part.file} reaches from {extents[0]}, its mesh from {extents[1]}; need the same "
+            "place and unit (STEP is read in mm)"
         )
-    return [occ_rods.Volume(tag, 1) for tag in found]
+    return [occ_rods.Volume(tag, 1) for tag in tags]

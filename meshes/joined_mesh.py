@@ -15,7 +15,7 @@ from meshes.inverse import parameters
 from meshes.joined import Join, Part, RodPart, Solid
 from meshes.mesh import Array, Index, Mesh
 
-# A face of a rod is where all of its nodes have the parameters of a surface to this share.
+# A face is on a surface of a rod if all of its nodes have the parameters of that to this fraction.
 _ON = 1e-3
 
 # Of a face of the geometry so much, at least or at most, must be of a group.
@@ -67,7 +67,7 @@ class Joined(Mesh):
 def build(
     parts: Sequence[Part], joins: Sequence[Join], groups: Mapping[int, Groups], level: int
 ) -> tuple[Joined, list[str]]:
-    """Return the mesh of a level, and what of it is less curved, in words, if anything is.
+    """Return the mesh of a level, and notes on cells with less curved edges.
 
     Regions are named as the parts are, ``rod 0`` ... and ``solid 0`` ...; faces ``rod 0 start``, ``rod 0 end``, ``rod 0
     lateral`` and ``rod 0 inner`` (of each what is on the surface), ``solid 0 GROUP``, and ``tie 0`` ..., whose normals
@@ -93,9 +93,9 @@ def build(
         made = _Nodes(gmsh, solid)
     rods = [(number, part) for number, part in enumerate(parts) if isinstance(part, RodPart)]
     within, outside = [], []
-    for number, one in rods:
+    for number, rod in rods:
         own = [made.faces[face] for face in (*solid.faces(number), *solid.inner[number])]
-        both = in_rod(made.points, one, made.cells[made.regions[one.name]], own, made.reference)
+        both = in_rod(made.points, rod, made.cells[made.regions[rod.name]], own, made.reference)
         within.append(both[0])
         outside.append(both[1])
     curved = made.points.copy()
@@ -103,7 +103,7 @@ def build(
     for moved in (*within, *outside, *made.on_geometry):
         curved[moved.nodes] = moved.places
     points, thin = relaxed(curved, made.cells, made.reference)
-    said = [f"{thin:,} of {len(made.cells):,} cells have edges that are less curved"] if thin else []
+    notes = [f"{thin:,} of {len(made.cells):,} cells have edges that are less curved"] if thin else []
     by_rod = np.full((len(rods), len(points), 3), np.nan)
     for k, (_, one) in enumerate(rods):
         nodes = np.unique(made.cells[made.regions[one.name]])
@@ -115,11 +115,11 @@ def build(
         if isinstance(part, RodPart):
             faces |= _of_rod(part, by_rod[number], own)
             continue
-        found = _of_body(part, groups[number], own, points)
-        lost = next((name for name in groups[number].needed if name not in found), None)
+        faces_of_groups = _of_body(part, groups[number], own, points)
+        lost = next((name for name in groups[number].needed if name not in faces_of_groups), None)
         if lost is not None:
-            raise InputError(f"{part.said}: group {lost} is on no face of the geometry's surface")
-        faces |= {f"{part.name} {name}": found[name] for name in groups[number].needed}
+            raise InputError(f"{part.label}: group {lost} is on no face of the geometry's surface")
+        faces |= {f"{part.name} {name}": faces_of_groups[name] for name in groups[number].needed}
         every = _of_body(part, groups[number], [made.faces[face] for face in solid.faces(number)], points)
         bodies.append(_alone(points, made, part.name, every))
     for k, join in enumerate(joins):
@@ -147,7 +147,7 @@ def build(
         bodies=bodies,
     )
     mesh.check()
-    return mesh, said
+    return mesh, notes
 
 
 def body_file(folder: str | Path, name: str) -> Path:
@@ -156,12 +156,12 @@ def body_file(folder: str | Path, name: str) -> Path:
 
 
 class _Nodes:
-    """What gmsh made: nodes, tetrahedra of all parts, triangles of each face of the geometry."""
+    """Gmsh's mesh: nodes, tetrahedra of all parts, triangles of each face of the geometry."""
 
     def __init__(self, gmsh: Any, solid: Solid) -> None:
         blocks, self.regions, count = [], {}, 0
         for number, part in enumerate(solid.parts):
-            own, self.reference = elements(gmsh, 3, [one.tag for one in solid.pieces if one.part == number])
+            own, self.reference = elements(gmsh, 3, [one.tag for one in solid.fragments if one.part == number])
             self.regions[part.name] = np.arange(count, count + len(own))
             blocks.append(own)
             count += len(own)
@@ -172,8 +172,8 @@ class _Nodes:
         row = np.full(int(tags.max()) + 1, -1)
         row[used] = np.arange(used.size)
         order = np.argsort(tags)
-        found = order[np.searchsorted(tags, used, sorter=order)]
-        self.points: Array = np.asarray(where).reshape(-1, 3)[found]
+        rows = order[np.searchsorted(tags, used, sorter=order)]
+        self.points: Array = np.asarray(where).reshape(-1, 3)[rows]
         self.faces = {}
         for face in {face for k in range(len(solid.parts)) for face in (*solid.faces(k), *solid.inner[k])}:
             nodes, self.face_reference = elements(gmsh, 2, [face])
@@ -186,21 +186,21 @@ class _Nodes:
 def _of_rod(part: RodPart, own: Array, faces: Sequence[Index]) -> dict[str, Index]:
     """Return a rod's faces by name, and put their nodes' parameters exactly there."""
     low, high = part.rod.axis.breaks[[0, -1]]
-    found: dict[str, list[Index]] = {}
+    faces_of_surfaces: dict[str, list[Index]] = {}
     for nodes in faces:
         # Corners are on the geometry, whatever became of edges.
         name = _surface(part, own[nodes[:, :3].ravel()])
         if name:
-            found.setdefault(name, []).append(nodes)
+            faces_of_surfaces.setdefault(name, []).append(nodes)
     sections = {"start": low, "end": high}
     circles = {"lateral": 1.0, "inner": part.radii[0]}
-    for name, several in found.items():
+    for name, several in faces_of_surfaces.items():
         nodes = np.unique(np.concatenate([one.ravel() for one in several]))
         if name in sections:
             own[nodes, 2] = sections[name]
         else:
             own[nodes, :2] *= circles[name] / np.linalg.norm(own[nodes, :2], axis=1, keepdims=True)
-    return {f"{part.name} {name}": np.concatenate(several) for name, several in found.items()}
+    return {f"{part.name} {name}": np.concatenate(several) for name, several in faces_of_surfaces.items()}
 
 
 def _surface(part: RodPart, where: Array) -> str:
@@ -219,21 +219,21 @@ def _surface(part: RodPart, where: Array) -> str:
 
 def _of_body(part: Part, groups: Groups, faces: Sequence[Index], points: Array) -> dict[str, Index]:
     """Return the facets of a body's groups: of each face of the geometry all or none."""
-    found: dict[str, list[Index]] = {group: [] for group in groups.members}
-    for nodes in faces if found else ():
+    faces_of_groups: dict[str, list[Index]] = {group: [] for group in groups.members}
+    for nodes in faces if faces_of_groups else ():
         corners = points[nodes[:, :3]]
         nearest = _nearest(corners.mean(axis=1), groups.triangles)
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         for group, members in groups.members.items():
-            share = float(area @ members[nearest] / area.sum())
-            if share > _ALL:
-                found[group].append(nodes)
-            elif share > _NONE and group in groups.needed:
+            fraction = float(area @ members[nearest] / area.sum())
+            if fraction > _ALL:
+                faces_of_groups[group].append(nodes)
+            elif fraction > _NONE and group in groups.needed:
                 raise InputError(
-                    f"{part.said}: group {group} is {100 * share:.0f} % of a face of the geometry; need all of it or "
-                    "none: split the face there"
+                    f"{part.label}: group {group} is {100 * fraction:.0f} % of a face of the geometry; need all of it "
+                    "or none: split the face there"
                 )
-    return {group: np.concatenate(several) for group, several in found.items() if several}
+    return {group: np.concatenate(several) for group, several in faces_of_groups.items() if several}
 
 
 def _alone(points: Array, made: "_Nodes", region: str, faces: Mapping[str, Index]) -> Mesh:
@@ -266,8 +266,8 @@ def _distances(points: Array, triangles: Array) -> Array:
     edges = []
     for k in range(3):
         start, along = triangles[..., k, :], triangles[..., (k + 1) % 3, :] - triangles[..., k, :]
-        share = np.clip(((points - start) * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
-        edges.append(((points - start - share[..., None] * along) ** 2).sum(axis=-1))
+        position = np.clip(((points - start) * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
+        edges.append(((points - start - position[..., None] * along) ** 2).sum(axis=-1))
     return np.minimum(inside, np.min(edges, axis=0))
 
 
@@ -277,8 +277,8 @@ def _outward(face: Index, cells: Index, points: Array, flip: Index) -> Index:
     for left_out in range(4):
         own = np.sort(np.delete(cells[:, :4], left_out, axis=1), axis=1)
         rows |= {tuple(three): k for k, three in enumerate(own.tolist())}
-    carrier = np.array([rows[tuple(three)] for three in np.sort(face[:, :3], axis=1).tolist()], dtype=np.int64)
+    cell = np.array([rows[tuple(three)] for three in np.sort(face[:, :3], axis=1).tolist()], dtype=np.int64)
     a, b, c = (points[face[:, k]] for k in range(3))
-    inside = points[cells[carrier, :4]].mean(axis=1)
+    inside = points[cells[cell, :4]].mean(axis=1)
     inward = ((np.cross(b - a, c - a) * (inside - a)).sum(axis=1) > 0.0)[:, None]
     return np.where(inward, face[:, flip], face)

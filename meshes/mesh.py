@@ -81,12 +81,12 @@ class Mesh:
         return float(self._cell_volumes().sum())
 
     def node_volumes(self) -> Array:
-        """Return each node's share of the volume, shape ``(nodes,)``.
+        """Return each node's part of the volume, shape ``(nodes,)``.
 
-        A cell's is shared out equally among its nodes.
+        A cell's is divided equally among its nodes.
         """
-        shares = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
-        return np.asarray(np.bincount(self.cells.ravel(), shares, len(self.points)), dtype=float)
+        volumes = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
+        return np.asarray(np.bincount(self.cells.ravel(), volumes, len(self.points)), dtype=float)
 
     def _cell_volumes(self) -> Array:
         where, weights = gauss(self.shape, 3 * self.order)
@@ -103,7 +103,7 @@ class Mesh:
         inner, _ = gauss(self.shape, 2 * self.order + 1)
         corners = self.reference[np.isin(self.reference, (0.0, 1.0)).all(axis=1)]
         det = self.jacobians(np.concatenate([inner, corners]))
-        # A corner where two edges are tangent has determinant zero and hurts nobody: no quadrature point is there.
+        # A corner where two edges are tangent has determinant zero, which does not matter: it is no quadrature point.
         slack = 1e-9 * np.abs(det).max()
         bad = (det[:, : len(inner)] <= 0.0).any(axis=1) | (det < -slack).any(axis=1)
         if bad.any():
@@ -144,11 +144,11 @@ def lexicographic(order: int, dimension: int) -> Array:
     return np.stack([grid.ravel() for grid in reversed(grids)], axis=1)
 
 
-def match(given: Array, wanted: Array) -> Index:
-    """Return ``p`` with ``given[p] == wanted`` up to rounding: the same reference nodes in another program's order."""
-    distance = np.linalg.norm(wanted[:, None, :] - given[None, :, :], axis=2)
+def match(given: Array, target: Array) -> Index:
+    """Return ``p`` with ``given[p] == target`` up to rounding: the same reference nodes in another program's order."""
+    distance = np.linalg.norm(target[:, None, :] - given[None, :, :], axis=2)
     order = distance.argmin(axis=1)
-    if given.shape != wanted.shape or distance[np.arange(len(order)), order].max() > 1e-6:
+    if given.shape != target.shape or distance[np.arange(len(order)), order].max() > 1e-6:
         raise ValueError("the two sets of reference nodes differ")
     return order.astype(np.int64)
 
@@ -164,7 +164,7 @@ def gradients(shape: CellShape, order: int, nodes: Array, where: Array) -> Array
     # Centred coordinates keep the monomials' Vandermonde matrix well conditioned at the orders in use (1 to 4).
     nodes, where = 2.0 * nodes - 1.0, 2.0 * where - 1.0
     inverse = np.linalg.inv(np.prod(nodes[:, None, :] ** powers, axis=2))
-    # Each coordinate's own powers once: those of every monomial took most of the time that points are found in.
+    # Each coordinate's own powers once: those of every monomial took most of the time of searching points.
     own = where[:, :, None] ** np.arange(order + 1)
     slopes = np.empty((len(where), 3, len(powers)))
     for a in range(3):

@@ -9,7 +9,7 @@ from isorod.model.load import BodyForce, LineLoad, PointLoad, Pressure, SectionL
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, Mesh, gauss
 
-# Gauss points in each direction, and how far from an end a section may be by rounding, a share of the axis.
+# Gauss points in each direction, and how far from an end a section may be by rounding, a fraction of the axis.
 _POINTS = 4
 _SAME = 1e-9
 
@@ -68,7 +68,7 @@ def _rule(dimension: int) -> tuple[Array, Array]:
 
 
 def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
-    """Return the nodal forces at a load factor of what does not follow the surface, shape ``(nodes, 3)``.
+    """Return the nodal forces at a load factor of loads that do not follow the surface, shape ``(nodes, 3)``.
 
     Raises
     ------
@@ -77,18 +77,18 @@ def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
     """
     result = np.zeros_like(mesh.points)
     for k, load in enumerate(model.loads):
-        share = model.amplitude(load.history, factor)
+        fraction = model.amplitude(load.history, factor)
         if isinstance(load, SectionLoad):
             if load.turns and load in model.following:
                 raise InputError(
                     f"load {k}: a moment on a body that turns is not written: CalculiX has no forces that turn with a "
                     "section; a law of small displacements, LinearElastic, takes it"
                 )
-            nodes, shares, areas = on_face(mesh, face_at(mesh, load.body, load.u, model))
+            nodes, values, areas = on_face(mesh, face_at(mesh, load.body, load.u, model))
             size = np.linalg.norm(areas, axis=2)
             size /= size.sum()
-            places = np.einsum("qn,fna->fqa", shares, mesh.points[nodes])
-            forces = np.einsum("fq,qn,fqa->fna", size, shares, _tractions(load, places, size))
+            places = np.einsum("qn,fna->fqa", values, mesh.points[nodes])
+            forces = np.einsum("fq,qn,fqa->fna", size, values, _tractions(load, places, size))
         elif isinstance(load, BodyForce | Weight):
             force = np.array(load.density) if isinstance(load, BodyForce) else _weight(k, load)
             own = functions(mesh.reference, mesh.order)
@@ -106,9 +106,9 @@ def dead(mesh: Mesh, model: Model, factor: float = 1.0) -> Array:
         elif load.follows:
             continue
         else:
-            nodes, shares, areas = on_face(mesh, mesh.faces[face_of(load)])
-            forces = -load.pressure * np.einsum("fqa,qn->fna", areas, shares)
-        np.add.at(result, nodes, share * forces)
+            nodes, values, areas = on_face(mesh, mesh.faces[face_of(load)])
+            forces = -load.pressure * np.einsum("fqa,qn->fna", areas, values)
+        np.add.at(result, nodes, fraction * forces)
     return result
 
 
@@ -130,10 +130,10 @@ def _along(mesh: Mesh, body: int, model: Model) -> tuple[Index, Array]:
     u = begins[:, None] + (ends - begins)[:, None] * where[:, 0]
     speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u.ravel())[1][:, 0, :, 2], axis=-1).reshape(u.shape)
     slices = areas.reshape(len(cells), -1, len(weights))
-    whole = np.zeros(u.shape)
-    np.add.at(whole, layer, slices.sum(axis=1))
+    total = np.zeros(u.shape)
+    np.add.at(total, layer, slices.sum(axis=1))
     lengths = speed * (ends - begins)[:, None] * weights
-    return nodes, (slices * (lengths / whole)[layer][:, None]).reshape(areas.shape) @ own.values
+    return nodes, (slices * (lengths / total)[layer][:, None]).reshape(areas.shape) @ own.values
 
 
 def _at(mesh: Mesh, load: PointLoad, model: Model) -> tuple[Index, Array]:
@@ -162,17 +162,17 @@ def _weight(k: int, load: Weight) -> Array:
     return float(load.of.densities[0]) * np.array(load.acceleration)
 
 
-def _tractions(load: SectionLoad, places: Array, shares: Array) -> Array:
-    """Return what a load does at places of its section, shape ``(f, q, 3)``, per share ``(f, q)`` of its area."""
-    found = np.broadcast_to(np.array(load.force or (0.0, 0.0, 0.0)), places.shape)
+def _tractions(load: SectionLoad, places: Array, fractions: Array) -> Array:
+    """Return the tractions of a load at places of its section, ``(f, q, 3)``, per fraction ``(f, q)`` of its area."""
+    tractions = np.broadcast_to(np.array(load.force or (0.0, 0.0, 0.0)), places.shape)
     if not load.turns:
-        return found
-    arms = places - np.einsum("fq,fqa->a", shares, places)
+        return tractions
+    arms = places - np.einsum("fq,fqa->a", fractions, places)
     # As in isorod: by the mean rotation.
-    inertia = np.einsum("fq,fqa,fqa->", shares, arms, arms) * np.eye(3) - np.einsum(
-        "fq,fqa,fqb->ab", shares, arms, arms
+    inertia = np.einsum("fq,fqa,fqa->", fractions, arms, arms) * np.eye(3) - np.einsum(
+        "fq,fqa,fqb->ab", fractions, arms, arms
     )
-    return found + np.cross(np.linalg.solve(inertia, np.array(load.moment)), arms)
+    return tractions + np.cross(np.linalg.solve(inertia, np.array(load.moment)), arms)
 
 
 def face_at(mesh: Mesh, body: int, u: float | None, model: Model) -> Index:

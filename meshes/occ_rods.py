@@ -1,4 +1,4 @@
-"""Rods as volumes of gmsh's OpenCASCADE kernel: lateral surfaces are the rods' own NURBS, what closes them is plane.
+"""Rods as volumes of gmsh's OpenCASCADE kernel: lateral surfaces are the rods' own NURBS, ends are plane.
 
 An arc of a section between two joints is a conic, so that the surface of a rod is a tensor product of rational
 splines of degree 2 with the axis: nothing is approximated.
@@ -19,7 +19,7 @@ from meshes.mesh import Array
 # How far a section may be from a plane, and rings from those of an ellipse, in radii.
 _PLANE = 1e-5
 
-# Knots so near, as a share of the axis, are the same.
+# Knots so near, as a fraction of the axis, are the same.
 _ROUNDING = 1e-9
 
 # Places in each element of a rod, and points round it, where that is looked at.
@@ -61,15 +61,15 @@ def volumes(gmsh: Any, rod: Rod, radii: Sequence[float], cuts: Sequence[float]) 
     """
     low, high = rod.axis.breaks[[0, -1]]
     kinks = rod.axis.breaks[1:-1][rod.axis.multiplicities[1:-1] >= rod.axis.degree]
-    wanted = {_knot(rod, u) for u in cuts} | {float(u) for u in kinks if _is_plane(rod, float(u))}
+    knots = {_knot(rod, u) for u in cuts} | {float(u) for u in kinks if _is_plane(rod, float(u))}
     if rod.closed:
-        wanted.add(_knot(rod, 0.5 * (low + high)))
+        knots.add(_knot(rod, 0.5 * (low + high)))
     if len(radii) > 2 or radii[0] > 0.0:
         _check_rings(rod, radii)
-    found = []
-    for part in _cut(rod, sorted(u for u in wanted if low < u < high)):
-        found += [Volume(_volume(gmsh, part, radius), k) for k, radius in enumerate(radii) if radius > 0.0]
-    return found
+    solids = []
+    for part in _cut(rod, sorted(u for u in knots if low < u < high)):
+        solids += [Volume(_volume(gmsh, part, radius), k) for k, radius in enumerate(radii) if radius > 0.0]
+    return solids
 
 
 def _knot(rod: Rod, u: float) -> float:
@@ -96,14 +96,14 @@ def _check_rings(rod: Rod, radii: Sequence[float]) -> None:
 
 
 def _cut(rod: Rod, places: Sequence[float]) -> list[Rod]:
-    """Return the rod in pieces, each open."""
+    """Return the segments of the rod, each open."""
     for u in places:
         if not _is_plane(rod, u):
             raise InputError(f"its section at u = {u:g} is not plane, where laws change or it is kinked")
         missing = rod.axis.degree - int(np.count_nonzero(rod.axis.knots == u))
         if missing > 0:
             rod = rod.insert(u, missing)
-    axis, p, found = rod.axis, rod.axis.degree, []
+    axis, p, rods = rod.axis, rod.axis.degree, []
     ends = [axis.breaks[0], *places, axis.breaks[-1]]
     for low, high in pairwise(ends):
         # The layer that is the section at a knot stands before the first of its repetitions.
@@ -112,8 +112,8 @@ def _cut(rod: Rod, places: Sequence[float]) -> list[Rod]:
         inner = axis.knots[(axis.knots > low) & (axis.knots < high)]
         knots = np.concatenate([np.full(p + 1, low), inner, np.full(p + 1, high)])
         own = type(axis)(p, knots, axis.weights[first : last + 1])
-        found.append(Rod(own, rod.control_points[first : last + 1], fitted=rod.fitted))
-    return found
+        rods.append(Rod(own, rod.control_points[first : last + 1], fitted=rod.fitted))
+    return rods
 
 
 def _volume(gmsh: Any, rod: Rod, radius: float) -> int:
@@ -139,9 +139,9 @@ def _volume(gmsh: Any, rod: Rod, radius: float) -> int:
     # All edges but the seam are closed.
     rims = [edge for edge in edges if len(gmsh.model.getBoundary([(1, edge)], combined=True)) == 0]
     ends = [occ.addPlaneSurface([occ.addCurveLoop([rim])]) for rim in rims]
-    found = occ.addVolume([occ.addSurfaceLoop([side, *ends], sewing=True)])
+    volume = occ.addVolume([occ.addSurfaceLoop([side, *ends], sewing=True)])
     occ.remove([(0, tag) for tag in tags])
-    return int(found)
+    return int(volume)
 
 
 def _poles(rod: Rod, radius: float) -> tuple[Array, Array]:

@@ -37,13 +37,13 @@ MOST = 16
 TURN = 45.0
 
 # Cells of order 3 are so many times as short: of torsion and clock springs stresses are 17 and 8 % too high with layers
-# of the others' length, beside held ends and on curved surfaces, which their rates, right to 0.6 %, do not tell.
+# of the others' length, beside held ends and on curved surfaces, which their rates, right to 0.6 %, do not include.
 _CUBIC = 2
 
 # A little more than that, in layers, is no reason for one more: helices turn by a little more than circles.
 _ROUNDING = 0.1
 
-# Where an element turns unevenly, this share of it is taken to turn as where it turns most.
+# Where an element turns unevenly, this fraction of it is taken to turn as where it turns most.
 _UNEVEN = 0.6
 
 # Lengths of cells that are tried in turn, as multiples of their width; the longest in these, and in extents of the
@@ -71,7 +71,7 @@ class Cells(NamedTuple):
 
 
 def build(rods: Sequence[Rod], level: int = 1, order: int = 2, cells: Cells | None = None) -> Mesh:
-    """Return one mesh of hexahedra of all rods, which share no node.
+    """Return one mesh of hexahedra of all rods, which have no node in common.
 
     Regions are named ``rod 0``, ``rod 1`` ...; faces ``rod 0 start`` and ``rod 0 end`` of a rod that is not closed,
     ``rod 0 lateral``, and ``rod 0 inner`` of one with a hole.  Circles between the rings of a section are mesh lines,
@@ -121,7 +121,7 @@ def locking(rod: Rod) -> float:
 def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
     """Return the rod, the axis element and the ring that each cell of a mesh of `build` is in, shape ``(cells, 3)``."""
     assert mesh.parameters is not None
-    found = np.empty((len(mesh.cells), 3), dtype=np.int64)
+    result = np.empty((len(mesh.cells), 3), dtype=np.int64)
     for k, (rod, cells) in enumerate(zip(rods, mesh.regions.values(), strict=True)):
         own = mesh.parameters[mesh.cells[cells]]
         u, breaks = own[:, :, 2], rod.axis.breaks
@@ -130,7 +130,7 @@ def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
             last = np.ptp(u, axis=1, keepdims=True) > 0.5 * np.ptp(breaks)
             u = np.where(last & (u == breaks[0]), breaks[-1], u)
         radius = np.linalg.norm(own[:, :, :2], axis=2).mean(axis=1)
-        found[cells] = np.stack(
+        result[cells] = np.stack(
             [
                 np.full(len(cells), k),
                 np.searchsorted(breaks, u.mean(axis=1)) - 1,
@@ -138,15 +138,15 @@ def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
             ],
             axis=1,
         )
-    return found
+    return result
 
 
 def owners(mesh: Mesh) -> Index:
     """Return the number of the rod that each node of a mesh of `build` belongs to, shape ``(nodes,)``."""
-    found = np.empty(len(mesh.points), dtype=np.int64)
+    result = np.empty(len(mesh.points), dtype=np.int64)
     for k, cells in enumerate(mesh.regions.values()):
-        found[mesh.cells[cells]] = k
-    return found
+        result[mesh.cells[cells]] = k
+    return result
 
 
 def _mesh(rod: Rod, name: str, level: int, order: int, cells: Cells | None) -> Mesh:

@@ -21,7 +21,7 @@ _TEMPLATE = Path(__file__).with_name("script.txt")
 # Load steps of laws for large displacements, at least.
 _STEPS = 4
 
-# A place is that of a node if it is as near, a share of the mesh's size.
+# A place is that of a node if it is as near, a fraction of the mesh's size.
 _SAME = 1e-9
 
 _FUNCTIONS = {"log": "ln"}
@@ -29,9 +29,9 @@ _FUNCTIONS = {"log": "ln"}
 
 def check(scene: Any, model: Model) -> None:
     """Raise `InputError` in one line if something of a scene is not written as a program of dolfinx."""
-    found = next(_missing(scene, model), None)
-    if found:
-        raise InputError(f"{scene.name}: {found}; .msh has the mesh with its groups")
+    missing = next(_missing(scene, model), None)
+    if missing:
+        raise InputError(f"{scene.name}: {missing}; .msh has the mesh with its groups")
 
 
 def _missing(scene: Any, model: Model) -> Any:
@@ -72,7 +72,7 @@ def _missing(scene: Any, model: Model) -> Any:
 
 
 def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[str]]:
-    """Return the program of a scene, whose mesh ``path`` with ``.msh`` is, and what there is to say of it."""
+    """Return the program of a scene, whose mesh ``path`` with ``.msh`` is, and notes on it."""
     check(scene, model)
     names = deck_names.names_of(scene, mesh)
     kinds = list(groups.kinds(mesh, model, names))
@@ -91,7 +91,7 @@ def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[s
     for k in range(len(model.supports)):
         supports.append(_support(scene, model, mesh, k))
         turns = max(turns, float(np.degrees(np.linalg.norm(model.motions[k].turn))))
-    measures, said = _measures(scene, model, mesh)
+    measures, notes = _measures(scene, model, mesh)
     text = _TEMPLATE.read_text()
     for key, value in {
         "TITLE": scene.title.replace('"', "'").replace("\\", "/"),
@@ -105,25 +105,25 @@ def write(scene: Any, model: Model, mesh: Mesh, path: Path) -> tuple[str, list[s
         "MEASURES": "\n".join(measures),
     }.items():
         text = text.replace(f"@{key}@", value)
-    return text, said
+    return text, notes
 
 
 def _energy(law: Material) -> list[str]:
     """Return lines that compute a law's energy of ``F``."""
     expression = law.stored.expression
-    found = {one.name for one in expression.free_symbols}
+    names = {one.name for one in expression.free_symbols}
     constants = dict(zip((one.name for one in law.stored.constants), law.constants, strict=True))
     lines = [f"{', '.join(constants)} = {', '.join(f'{float(value):.12g}' for value in constants.values())}"]
     stretches = {one.name for one in symbols.stretches}
     needed = {"J": "ufl.det(F)", "I1": "ufl.tr(C)", "I2": "(ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2"}
-    if found & ({"I1", "I2"} | stretches) or any(re.fullmatch(r"C\d\d", name) for name in found):
+    if names & ({"I1", "I2"} | stretches) or any(re.fullmatch(r"C\d\d", name) for name in names):
         lines.append("C = F.T * F")
-    lines += [f"{name} = {how}" for name, how in needed.items() if name in found]
-    if found & stretches:
+    lines += [f"{name} = {how}" for name, how in needed.items() if name in names]
+    if names & stretches:
         lines.append(f"{', '.join(sorted(stretches))} = stretches(C)")
-    said = re.sub(r"\b([FC])(\d)(\d)\b", r"\1[\2, \3]", str(expression))
-    said = re.sub(r"\b([a-zA-Z]\w*)\(", lambda one: f"ufl.{_FUNCTIONS.get(one[1], one[1])}(", said)
-    return [f"    {line}" for line in [*lines, f"return {said}"]]
+    text = re.sub(r"\b([FC])(\d)(\d)\b", r"\1[\2, \3]", str(expression))
+    text = re.sub(r"\b([a-zA-Z]\w*)\(", lambda one: f"ufl.{_FUNCTIONS.get(one[1], one[1])}(", text)
+    return [f"    {line}" for line in [*lines, f"return {text}"]]
 
 
 def _vector(values: Any) -> str:
@@ -160,8 +160,8 @@ def _support(scene: Any, model: Model, mesh: Mesh, k: int) -> str:
     words = [f'"{scene.named(f"support {k}")}"', f'"{support.components}"']
     if motion.turn.any():
         nodes = np.asarray(support.nodes)
-        carriers = space.is_control_point[nodes]
-        centre = (space.positions[nodes] - np.asarray(support.arms))[carriers].mean(axis=0)
+        control_points = space.is_control_point[nodes]
+        centre = (space.positions[nodes] - np.asarray(support.arms))[control_points].mean(axis=0)
         shift = [motion.path[-1][motion.dofs % 3 == a][0] for a in range(3)]
         words += [_vector(shift), f"turn={_vector(motion.turn)}", f"centre={_vector(centre)}"]
     else:
@@ -175,8 +175,8 @@ def _support(scene: Any, model: Model, mesh: Mesh, k: int) -> str:
 
 
 def _measures(scene: Any, model: Model, mesh: Mesh) -> tuple[list[str], list[str]]:
-    """Return the lines that print what the scene measures, and those that say what they leave out."""
-    lines, said = [], []
+    """Return the lines that print what the scene measures, and notes on what they leave out."""
+    lines, notes = [], []
     for what, asked in scene.content.get("measure", {}).items():
         component = f'["xyz".index("{asked["component"]}")]' if "component" in asked else ""
         kind = next((one for one in ("reaction", "moment", "displacement", "energy") if one in asked), "")
@@ -202,8 +202,8 @@ def _measures(scene: Any, model: Model, mesh: Mesh) -> tuple[list[str], list[str
         if value:
             lines.append(f'print("{what:16}", {value}, "{asked.get("unit", "")}")')
         else:
-            said.append(f"measure {what}: not in the .py")
-    return lines, said
+            notes.append(f"measure {what}: not in the .py")
+    return lines, notes
 
 
 def _kinds_of(scene: Any, model: Model, mesh: Mesh) -> list[str]:

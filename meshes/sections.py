@@ -30,7 +30,7 @@ _GOOD = 0.7
 # The least at any Gauss point; edges that a smooth outline continues have 0 where they meet.
 _LEAST = 0.02
 
-# How far the outline may be off on level 1: the area between it and edges of order 2, as a share of the section's.
+# How far the outline may be off on level 1: the area between it and edges of order 2, as a fraction of the section's.
 _OFF = 0.015
 
 # Levels on which grids are tried beside the first.
@@ -62,7 +62,7 @@ _POWERS = (0.85, 0.7)
 
 @dataclass(frozen=True)
 class Section:
-    """A way to mesh a section.
+    """A template of a section's mesh.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Section:
     make
         Returns the template of a level and an order.
     quality, off
-        On level 1: the mean scaled Jacobian, of the core where there are layers, and the share of the area that lies
+        On level 1: the mean scaled Jacobian, of the core where there are layers, and the fraction of the area that lies
         between the outline and edges of order 2.
     """
 
@@ -90,7 +90,7 @@ def parts(level: int, order: int) -> int:
 
 
 def sections(rod: Rod, order: int) -> Iterator[Section]:
-    """Yield ways to mesh a rod's section: those that are good by rising numbers of cells, then the rest, best first."""
+    """Yield templates of a rod's section: those that are good by rising numbers of cells, then the rest, best first."""
     u = _stations(rod)
     hollow = rod.rings[0] > 0.0
     # Rings round a core go on from its edges.
@@ -149,16 +149,20 @@ def _stations(rod: Rod) -> Array:
 
 
 def _off(rod: Rod, template: Template, radius: float, u: Array) -> float:
-    """Return the area between the outline and the template's edges of order 2 as a share of what these enclose."""
+    """Return the area between the outline and the template's edges of order 2 as a fraction of what these enclose."""
     angle = np.unwrap(np.arctan2(*template.points[template.rim].T[::-1]), axis=0)
     a, b, c = radius * circle(angle)
     nodes = [rod.grid(xi, u)[0] for xi in (a, b, c)]
     apart, length, inside = 0.0, nodes[2] - nodes[0], nodes[0] - rod.grid([[0.0, 0.0]], u)[0]
-    for share in (0.25, 0.75):
-        functions = (1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)
+    for position in (0.25, 0.75):
+        functions = (
+            (1.0 - position) * (1.0 - 2.0 * position),
+            4.0 * position * (1.0 - position),
+            position * (2.0 * position - 1.0),
+        )
         edge = sum(function * node for function, node in zip(functions, nodes, strict=True))
         # The places on the outline amid the nodes' angles.
-        low, high = (angle[0], angle[1]) if share < 0.5 else (angle[1], angle[2])
+        low, high = (angle[0], angle[1]) if position < 0.5 else (angle[1], angle[2])
         exact, _ = rod.grid(radius * circle(0.5 * (low + high)), u)
         apart = apart + 0.5 * np.linalg.norm(np.cross(edge - exact, length), axis=2).sum(axis=1)
     area = 0.5 * np.linalg.norm(np.cross(inside, length).sum(axis=1), axis=1)
@@ -208,14 +212,14 @@ def _ratio(rod: Rod, u: Array) -> float:
 
 
 def _rings_round(rod: Rod, u: Array) -> Iterator[tuple[str, Maker]]:
-    """Yield ways to mesh a section with a hole, a mesh line at its tip."""
+    """Yield templates of a section with a hole, a mesh line at its tip."""
     turn = _tip(rod, u)
     for around in _AROUND if _ratio(rod, u) < _FLAT else _AROUND_FLAT:
         yield f"annulus of {around} cells", partial(_annulus, around, rod.rings, turn)
 
 
 def _cores(rod: Rod, order: int, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
-    """Yield ways to mesh a section without a hole, or its core inside of a radius: those that fit its shape first."""
+    """Yield templates of a section without a hole, or its core inside of a radius: those that fit its shape first."""
     ratio, section = _ratio(rod, u), plane(rod, float(u[u.size // 2]), radius)
     ends = tips(section)
     round_ones = [

@@ -97,7 +97,7 @@ def fan(along: int, across: int = 1, clustering: float = 1.0, turn: float = 0.0)
 def layered(rod: Rod, section: Triangles, layers: int, grading: float = 1.0) -> Mesh:
     """Return 10-node tetrahedra, every node where the Rod's map puts it.
 
-    The prisms over the triangles are cut such that neighbours share the diagonals of their common faces: a diagonal
+    The prisms over the triangles are cut such that neighbours have the same diagonals on their common faces: a diagonal
     starts at the lowest node of its face (Dompierre, Labbe, Vallet, Camarero, "How to subdivide pyramids, prisms and
     hexahedra into tetrahedra", 8th Int. Meshing Roundtable, 1999).
 

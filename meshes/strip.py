@@ -64,14 +64,14 @@ def grid(points: Array, order: int) -> Template:
     return Template(order, points.reshape(-1, 2), blocks(number, order), edges(_border(number), order))
 
 
-def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
+def paper_section(turn: float = 0.0) -> Template:
     """Return straight quadrilaterals with the counts of Lu & Zhou (2011, section 4.3): 69 nodes and 49 quadrilaterals.
 
     The paper shows no section.  69 nodes and 49 quadrilaterals of a disk have 38 edges on the rim (Euler), which
     neither a grid nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node
     of the front end.
     """
-    plain = strip(16, 3, 1, corners, clustering)
+    plain = strip(16, 3, 1, (4.0, 10.0), 0.0)
     low, inner, high = (17 * (row + 1) - 1 for row in range(3))
     points = plain.points.copy()
     # The node that the cap takes off the rim moves inward, so that no two of the three cells at it are in line.
@@ -106,13 +106,13 @@ def _pull(s: Array, t: Array, back: float, front: float) -> Array:
 
     Its corners go to the angles ``back`` and ``front`` off the diameter.
     """
-    way = 0.5 * (s + 1.0)
+    fraction = 0.5 * (s + 1.0)
     low, high = -np.cos(back), np.cos(front)
-    x = low + way * (high - low)
+    x = low + fraction * (high - low)
     y = t * np.sqrt(1.0 - x * x)
     # The short sides bulge onto the circle, and the lines between them the less the farther they are away.
-    x = x + way * (np.sqrt(1.0 - (t * np.sin(front)) ** 2) - high)
-    x = x - (1.0 - way) * (np.sqrt(1.0 - (t * np.sin(back)) ** 2) + low)
+    x = x + fraction * (np.sqrt(1.0 - (t * np.sin(front)) ** 2) - high)
+    x = x - (1.0 - fraction) * (np.sqrt(1.0 - (t * np.sin(back)) ** 2) + low)
     return np.stack([x, y], axis=-1)
 
 

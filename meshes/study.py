@@ -21,21 +21,21 @@ def _parser() -> argparse.ArgumentParser:
     several = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help=", ".join(SCENES))
     for name, scene in SCENES.items():
         form = argparse.RawDescriptionHelpFormatter
-        it = several.add_parser(name, help=name, description=inspect.getdoc(scene.build), formatter_class=form)
-        _add_options(it, scene.build)
-        it.add_argument("-o", "--output", default=f"{name}.msh", metavar="FILE.msh")
+        subparser = several.add_parser(name, help=name, description=inspect.getdoc(scene.build), formatter_class=form)
+        _add_options(subparser, scene.build)
+        subparser.add_argument("-o", "--output", default=f"{name}.msh", metavar="FILE.msh")
     return parser
 
 
 def _add_options(parser: argparse.ArgumentParser, build: Callable[..., Any]) -> None:
     """Make each parameter that is a number or a word a ``--long-option``."""
-    for name, one in inspect.signature(build).parameters.items():
-        kind = one.annotation
+    for name, parameter in inspect.signature(build).parameters.items():
+        kind = parameter.annotation
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
         if kind in (int, float, str):
-            shown = "" if one.default is None else f"({one.default})"
-            parser.add_argument(f"--{name}", type=kind, default=one.default, metavar=kind.__name__, help=shown)
+            shown = "" if parameter.default is None else f"({parameter.default})"
+            parser.add_argument(f"--{name}", type=kind, default=parameter.default, metavar=kind.__name__, help=shown)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -87,8 +87,8 @@ def o_grid(around: int, rings: int = 1, order: int = 2, core: float | None = Non
     angle = -0.75 * np.pi + 2.0 * np.pi * np.arange(4 * side) / (4 * side)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for k in range(1, rings * order + 1):
-        share = k / (rings * order)
-        points.append((1.0 - share) * inner.reshape(-1, 2)[border] + share * circle)
+        fraction = k / (rings * order)
+        points.append((1.0 - fraction) * inner.reshape(-1, 2)[border] + fraction * circle)
         circles.append(number.size + (k - 1) * 4 * side + np.arange(4 * side))
     radial = np.stack(circles)
     nodes = np.concatenate(points)

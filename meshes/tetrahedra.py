@@ -12,8 +12,8 @@ from meshes.mesh import Array, CellShape, Index, Mesh
 def tetrahedra(rod: Rod, around: int, layers: int, order: int = 2) -> Mesh:
     """Return tetrahedra of order 1 or 2, every node (those amid edges too) where the Rod's map puts it.
 
-    gmsh triangulates the unit disk and extrudes it in layers, so that edges are as long along the rod as the layers
-    say.
+    gmsh triangulates the unit disk and extrudes it in layers, so that edges along the rod are as long as the
+    layers.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def _cylinder(around: int, layers: int, order: int) -> tuple[Array, Index, Array
         center = geometry.addPoint(0, 0, 0)
         rim = [geometry.addPoint(np.cos(a), np.sin(a), 0, size) for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)]
         arcs = [geometry.addCircleArc(rim[k], center, rim[(k + 1) % 3]) for k in range(3)]
-        # An edge count that 3 does not divide is shared out as evenly as it goes.
+        # An edge count that 3 does not divide is distributed as evenly as possible.
         for k, arc in enumerate(arcs):
             geometry.mesh.setTransfiniteCurve(arc, (around * (k + 1)) // 3 - (around * k) // 3 + 1)
         disk = geometry.addPlaneSurface([geometry.addCurveLoop(arcs)])

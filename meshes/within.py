@@ -10,7 +10,7 @@ from meshes.mesh import Array, CellShape, Index, gradients, tetrahedral
 # A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial; that
 # of a coarse tetrahedron may be straight.
 _OUTSIDE = {"hexahedron": 0.05, "tetrahedron": 0.6}
-# How far the rim of a section may be from the cells', as a share of half of its height.
+# How far the rim of a section may be from the cells', as a fraction of half of its height.
 _OFF = 0.2
 _INSIDE = 1e-9
 _NEWTON_STEPS = 12
@@ -122,7 +122,7 @@ class Places:
 class Layers:
     """Bricks of a rod, the same quadrilaterals in layer after layer, in which points are looked for by its parameters.
 
-    Where a point is in its section is told in space: between nodes a cell is nearer to the rod there than by
+    The place of a point in its section is searched in space: between nodes a cell is nearer to the rod there than by
     parameters, which are uneven round flat outlines.
 
     Parameters
@@ -146,10 +146,10 @@ class Layers:
         nodes = parameters[: self._count]
         flat = rod.grid(nodes[..., :2].reshape(-1, 2), [self._u])[0][0]
         self._origin = flat.mean(axis=0)
-        self._ways = np.linalg.svd(flat - self._origin, full_matrices=False)[2][:2]
-        thick = np.ptp(flat @ self._ways[1])
+        self._directions = np.linalg.svd(flat - self._origin, full_matrices=False)[2][:2]
+        thick = np.ptp(flat @ self._directions[1])
         height = np.tile(thick * reference[:, 2], len(nodes))
-        plane = np.column_stack([(flat - self._origin) @ self._ways.T, height]).reshape(nodes.shape)
+        plane = np.column_stack([(flat - self._origin) @ self._directions.T, height]).reshape(nodes.shape)
         self._section = Places("hexahedron", order, reference, plane)
         self._half = 0.5 * thick
 
@@ -162,13 +162,13 @@ class Layers:
             If a point is in no cell.
         """
         xi, which = np.unique(points[:, :2], axis=0, return_inverse=True)
-        flat = (self._rod.grid(xi, [self._u])[0][0] - self._origin) @ self._ways.T
+        flat = (self._rod.grid(xi, [self._u])[0][0] - self._origin) @ self._directions.T
         there = np.column_stack([flat, np.full(len(flat), self._half)])
         quad, where, _ = self._section.search(there)
         # Corners of a grid in a smooth outline are flat, and just outside of them is far in the cell's own terms.
         where = np.clip(where, 0.0, 1.0)
-        shares = lagrange(self._section.order, self._section.reference, where)
-        gap = np.linalg.norm(np.einsum("mn,mna->ma", shares, self._section.nodes[quad]) - there, axis=1)
+        functions = lagrange(self._section.order, self._section.reference, where)
+        gap = np.linalg.norm(np.einsum("mn,mna->ma", functions, self._section.nodes[quad]) - there, axis=1)
         if gap.max() > _OFF * self._half:
             x, y = xi[int(np.argmax(gap))]
             raise InputError(f"mesh: no cell has the point xi ({x:.4g}, {y:.4g})")

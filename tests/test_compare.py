@@ -140,7 +140,7 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     said = capsys.readouterr().out
     assert "my bar: default (polynomials) within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite" in said
     assert "my bar: von Mises stress at surfaces, a diameter and more from edges, 0.44 % from dolfinx' finest" in said
-    assert "which tells to 0.55 %, and" in said and "from isorod's finest space (N+1, 2e); isorod's own" in said
+    assert "which converged to 0.55 %, and" in said and "from isorod's finest space (N+1, 2e); isorod's own" in said
     assert "my bar stress within 1 %: isorod (" in said
     text = (folder / "report.html").read_text()
     for piece in (
@@ -196,7 +196,7 @@ def test_what_finite_elements_refuse_is_one_line_and_nothing_is_written(both, mo
 def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
     with pytest.raises(timing.Failed, match="exit code 2: ") as caught:
         timing.run("comparisons.measure.rod", ["sprig"])
-    assert caught.value.said.startswith("scene 'sprig' is not known; there are")
+    assert caught.value.last_line.startswith("scene 'sprig' is not known; there are")
     with pytest.raises(timing.Failed, match=r"python -m timeit .*: not done after 0\.2 s"):
         timing.run("timeit", ["-n1", "import time; time.sleep(9)"], timeout=0.2)
 
@@ -219,7 +219,7 @@ def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
         (["compare", "none.toml"], "isorod: none.toml: "),
         (
             ["compare", "moves.toml"],
-            "isorod: moves.toml:12: analysis: integrator: finite elements take isorod's implicit steps; say integrator "
+            "isorod: moves.toml:12: analysis: integrator: finite elements take isorod's implicit steps; set integrator "
             '= "implicit" and time_step = ',
         ),
         (["spring", "--ranks", "2"], "comparisons: --ranks 2: only compare takes ranks (see"),
@@ -260,8 +260,8 @@ def canned(error, doubt):
     ("error", "doubt", "said"),
     [
         (1e-3, 1e-4, "yes"),
-        (4.9e-3, 1e-3, "yes, but finite elements tell to 0.1 % only"),
-        (5.5e-3, 1e-3, "no, but finite elements tell to 0.1 % only"),
+        (4.9e-3, 1e-3, "yes, but finite elements converged to 0.1 % only"),
+        (5.5e-3, 1e-3, "no, but finite elements converged to 0.1 % only"),
         (2e-2, 1e-3, "no"),
     ],
 )
@@ -289,7 +289,7 @@ def canned_stress(error, finer, before, measured=()):
         (0.01, 0.004, 5e-3, "yes"),
         # Nearer to dolfinx than to what is finer here.
         (0.01, 0.06, 5e-3, "no"),
-        (0.02, 0.004, 0.025, "yes, but finite elements tell to 2.5 % only"),
+        (0.02, 0.004, 0.025, "yes, but finite elements converged to 2.5 % only"),
     ],
 )
 def test_the_verdict_on_stress_is_against_both_references(error, finer, before, said):
@@ -304,7 +304,7 @@ def test_the_verdict_on_stress_is_against_both_references(error, finer, before, 
 def test_run_times_to_an_error_of_stress_leave_the_reference_out():
     """The finest mesh is nought from itself."""
     said = report._beside(canned_stress(0.01, 0.004, 0.02), "stress")
-    assert said.endswith("the 10,000 ms of dolfinx to 2 % of stress, which is as far as finite elements tell")
+    assert said.endswith("the 10,000 ms of dolfinx to 2 % of stress, which is as far as finite elements converged")
 
 
 def test_stress_has_a_curve_of_its_own(tmp_path):

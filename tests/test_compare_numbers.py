@@ -103,7 +103,7 @@ def places_of(mesh):
 def test_nodes_of_a_mesh_are_found_among_those_of_one_twice_as_fine():
     rod = straight(n=4, height=4.0)
     coarse, fine = (rods.build([rod], level) for level in (1, 2))
-    here, there = sampled.shared(places_of(coarse)[0], places_of(fine)[0])
+    here, there = sampled.common(places_of(coarse)[0], places_of(fine)[0])
     assert here.size == len(coarse.points)
     np.testing.assert_allclose(fine.points[there], coarse.points[here], atol=1e-9)
 

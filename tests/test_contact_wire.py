@@ -12,7 +12,7 @@ from isorod.contact.operator import ContactOperator
 
 def test_gap_opens_across_the_line_of_contact_as_the_curvature_says():
     """Seen from the rods of the piece: the wire's surface is on the core's along a line, and leaves it aside."""
-    core, winding = (body.space.rod for body in wire.piece(arcs=16).bodies)
+    core, winding = (body.space.rod for body in wire.segment(arcs=16).bodies)
     assert np.linalg.norm(core.grid([[1.0, 0.0]], [0.5])[0][0, 0, :2]) == pytest.approx(wire.SCENE.core_radius)
     aside = 0.01
     angles = np.pi + np.array([-aside, 0.0, aside])
@@ -26,7 +26,7 @@ def test_gap_opens_across_the_line_of_contact_as_the_curvature_says():
 
 
 def test_arcs_are_short_at_the_line_alone():
-    for body, angle in zip(wire.piece().bodies, (0.0, np.pi), strict=True):
+    for body, angle in zip(wire.segment().bodies, (0.0, np.pi), strict=True):
         basis = body.space.basis
         lengths = np.diff(basis.joints)
         middles = np.angle(np.exp(1j * (0.5 * (basis.joints[1:] + basis.joints[:-1]) - angle)))
@@ -41,7 +41,7 @@ def test_pressure_of_hertz_is_measured_as_that():
 
     Some eleven points see the patch.
     """
-    model, exact = wire.piece(), wire.exact(wire.LOAD)
+    model, exact = wire.segment(), wire.exact(wire.LOAD)
     (found,) = ContactOperator(model).results(np.zeros(model.dofs))
     radius = np.where(found.body == 0, wire.SCENE.core_radius, wire.SCENE.wire_radius)
     angle = np.angle(np.exp(1j * (found.parameters[:, 1] - np.pi * found.body)))
@@ -55,7 +55,7 @@ def test_pressure_of_hertz_is_measured_as_that():
 @pytest.mark.slow
 def test_peak_pressure_between_core_and_wire_is_that_of_hertz():
     """At the line load of the strand pulled by 0.002: 42.2 per length of wire, which is longer than the line."""
-    (found,) = statics.solve(wire.piece()).contacts
+    (found,) = statics.solve(wire.segment()).contacts
     line = wire.measure(found)
     scene = wire.SCENE
     assert line.load == pytest.approx(42.21 * np.cos(wire.line_angle()) / np.cos(scene.lay_angle), rel=0.05)

@@ -69,7 +69,7 @@ def test_places_within_cells_are_those_of_their_shares():
     mesh = rods.build([rod], 2, 2)
     points = rod.grid([[0.0, 0.0], [0.3, -0.6], [0.0, 0.9]], np.linspace(*rod.axis.breaks[[0, -1]], 7))[0]
     points = points.reshape(-1, 3)
-    nodes, shares = deck_embedded.shares(mesh, mesh.regions["rod 0"], points)
+    nodes, shares = deck_embedded.interpolation(mesh, mesh.regions["rod 0"], points)
     assert shares.sum(axis=1) == pytest.approx(np.ones(len(points)), abs=1e-12)
     assert np.einsum("mn,mna->ma", shares, mesh.points[nodes]) == pytest.approx(points, abs=1e-9)
 

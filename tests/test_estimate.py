@@ -138,7 +138,7 @@ def test_shares_of_random_rods():
     strict, loose = ([estimates.ratio(one, apart) for one in found] for apart in estimates.APART)
     assert strict == [0.5, pytest.approx(10.0), np.inf, None, None, None]
     assert loose[3] == 1.0
-    told = estimates.shares(strict)
+    told = estimates.statistics(strict)
     assert (told["rods"], told["counted"], told["largest"]) == (6, 3, "without an estimate")
     assert told["within 3"] == pytest.approx(1.0 / 3.0)
 

@@ -105,7 +105,7 @@ def test_sweep_about_the_critical_step():
 
     Energy kept below, the blow-up above detected, the critical step named.
     """
-    curves = point.sweeps(list(islice(stepping.run("quick"), 28)))[stepping.SHARE.name]
+    curves = point.sweeps(list(islice(stepping.run("quick"), 28)))[stepping.FRACTION.name]
     small, violent = curves.values()
     assert point.reach(small) == 0.99
     assert point.reach(violent) >= 0.2

@@ -12,7 +12,7 @@ from comparisons.laws import motion
 def test_a_short_motion_keeps_its_energy(law, kind):
     record = motion.moved(law, kind, 100)
     assert motion.keeps(record) and record["steps"] == 100
-    assert record["energy_error"] < (1e-9 if kind.startswith("implicit") else motion.WANTED)
+    assert record["energy_error"] < (1e-9 if kind.startswith("implicit") else motion.TOLERANCE)
     # It moves far enough to strain.
     assert record["stored"] > 0.1
     assert motion.table([record])[1][0][:2] == (law, kind)

@@ -40,7 +40,7 @@ def test_a_law_agrees_where_all_that_is_compared_does(monkeypatch, tmp_path, cap
     asked = ["--law", "ogden", "--law", "gent", "--law", "yeoh", "--scene", "cylinder"]
     assert main(["laws", "--level", "quick", *asked, "--results", str(tmp_path)]) == 0
     table = [
-        "| law | scene |  | isorod | finite elements | they tell to | difference | orders of Newton's method | s | "
+        "| law | scene |  | isorod | finite elements | converged to | difference | orders of Newton's method | s | "
         "s of finite elements |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         "| ogden | cylinder | force | 2.001 | 2 | 2.5 % | 0.05 % | 1.2 2.0 | 0.5 | 20 |",

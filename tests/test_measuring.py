@@ -156,7 +156,7 @@ def test_another_interpreter_has_the_checkout_and_its_own_programs(speaker, tmp_
     ("program", "said"),
     [
         ("/no/such/python", "no such program"),
-        ("mute", r"finite elements do not run there \(nothing said\)"),
+        ("mute", r"finite elements do not run there \(no output\)"),
         ("bare", r"finite elements do not run there \(.*No module named '?\w+"),
         ("same", "is measured already"),
     ],

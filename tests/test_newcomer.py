@@ -40,7 +40,7 @@ def test_a_row_has_lines_error_and_seconds_or_why_there_is_none(study):
     head, _, *rows = (study / "newcomer.md").read_text().splitlines()
     assert head == "| example | lines of file | error at default settings | seconds of isorod run |"
     assert rows == [
-        "| arc | 19 | 0.1 % (finite elements tell to 0.2 %) | 1.2 |",
+        "| arc | 19 | 0.1 % (finite elements converged to 0.2 %) | 1.2 |",
         "| trefoil | 8 | no mesh | 1.2 |",
         "| spring |  | 1 % | 1.2 |",
     ]
@@ -51,7 +51,7 @@ def test_the_page_counts_those_within_half_a_percent(study):
     records = newest(study, "newcomer")
     assert len(part(records, "example")) == 3
     assert report.summary(records) == [
-        "newcomer: 1 of 3 scenes within 0.5 % with nothing chosen, as far as finite elements tell; "
+        "newcomer: 1 of 3 scenes within 0.5 % with nothing chosen, as far as finite elements converged; "
         "not compared: trefoil"
     ]
     assert "no mesh" in "".join(report.section(records, study))

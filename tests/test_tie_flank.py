@@ -41,7 +41,7 @@ def test_the_share_is_the_error(start):
     """Of the compliance, beside one solid; relative to the energy that is found, as estimates are."""
     exact, found = flank.as_one(RADIUS, 0.1), flank.coupled(RADIUS, start, section_degree=4)
     errors = 1.0 - exact / found.compliances
-    assert (found.shares > 0.5 * errors).all() and (found.shares < 2.0 * errors).all()
+    assert (found.estimates > 0.5 * errors).all() and (found.estimates < 2.0 * errors).all()
 
 
 def test_an_estimate_has_the_share_but_of_one_direction():

@@ -18,7 +18,7 @@ from comparisons.measure.work import AS_RUN
 # Largest error of the end forces.
 TARGET = 1e-2
 
-# Meshes of explicit dynamics, coarse to fine: those of one curve.
+# Meshes of explicit dynamics by curve, coarse to fine.
 MESHES = {
     "quick": {
         "P1 tetrahedra": ("--degree 1 --size 0.5", "--degree 1 --size 0.3325"),
@@ -67,35 +67,35 @@ def run(study: Run, steps: Steps) -> None:
     for arguments in dict.fromkeys([REFERENCE[level], *_every(level)]):
         with steps.step(f"biceps, equilibrium: {arguments}"):
             rests[arguments] = timing.run("comparisons.fem", ["biceps", *arguments.split()])
-    wanted = rests[REFERENCE[level]]["end_force"]
-    study.record("converged", {"scene": "biceps", "end_force": wanted, "arguments": REFERENCE[level]})
+    target = rests[REFERENCE[level]]["end_force"]
+    study.record("converged", {"scene": "biceps", "end_force": target, "arguments": REFERENCE[level]})
     for curve, meshes in MESHES[level].items():
         for arguments in meshes:
             with steps.step(f"biceps, steps: {arguments}"):
                 words = [*arguments.split(), "--analysis", "dynamics", "--end-time", f"{SHORT:g}"]
-                found = timing.run("comparisons.fem", ["biceps", *words, "--outputs", str(OUTPUTS)])
-            whole = found["seconds"]["step"] * END_TIME / found["time_step"]
-            values = {"curve": curve, "arguments": arguments, "seconds_motion": whole}
-            error = _error(rests[arguments]["end_force"], wanted)
-            study.record("motion", {key: value for key, value in found.items() if key != "history"} | values | error)
+                record = timing.run("comparisons.fem", ["biceps", *words, "--outputs", str(OUTPUTS)])
+            total = record["seconds"]["step"] * END_TIME / record["time_step"]
+            values = {"curve": curve, "arguments": arguments, "seconds_motion": total}
+            error = _error(rests[arguments]["end_force"], target)
+            study.record("motion", {key: value for key, value in record.items() if key != "history"} | values | error)
     for arguments in OURS:
         with steps.step(f"biceps, motion: isorod {arguments}"):
-            said = arguments if arguments in AS_RUN.arguments else f"{arguments} {_MOTION}"
-            found = timing.run("comparisons.measure.rod", ["biceps", *said.split(), "--repeat", "4"])
+            typed = arguments if arguments in AS_RUN.arguments else f"{arguments} {_MOTION}"
+            record = timing.run("comparisons.measure.rod", ["biceps", *typed.split(), "--repeat", "4"])
         # Without outputs, their balances and critical steps, as theirs.
-        bare = found["seconds"]["setup"] + found["seconds"]["loop"]
-        values = {"curve": "isorod", "arguments": said, "seconds_steps": bare}
-        values["seconds_motion"] = found["seconds"]["total"]
-        study.record("motion", _short(found) | values | _error(found["end_force"], wanted))
+        bare = record["seconds"]["setup"] + record["seconds"]["loop"]
+        values = {"curve": "isorod", "arguments": typed, "seconds_steps": bare}
+        values["seconds_motion"] = record["seconds"]["total"]
+        study.record("motion", _short(record) | values | _error(record["end_force"], target))
 
 
-def _short(found: Record) -> Record:
+def _short(record: Record) -> Record:
     """Return a record without courses in time."""
-    return {key: value for key, value in found.items() if not (isinstance(value, list) and len(value) > 8)}
+    return {key: value for key, value in record.items() if not (isinstance(value, list) and len(value) > 8)}
 
 
-def _error(forces: object, wanted: object) -> dict[str, float]:
-    return {"error": float(np.max(np.abs(np.array(forces) / np.array(wanted) - 1.0)))}
+def _error(forces: object, target: object) -> dict[str, float]:
+    return {"error": float(np.max(np.abs(np.array(forces) / np.array(target) - 1.0)))}
 
 
 def at(records: list[Record], target: float) -> float | None:

@@ -1,6 +1,6 @@
 """Rods with a hole or in layers: a spring of tube, one of core and sheath, and a hollow blade, from files.
 
-Against dolfinx alone: a law for each layer, and stresses at a place, are known to no other program here.
+Against dolfinx alone: no other program here has a law for each layer, or stresses at a place.
 """
 
 from collections.abc import Sequence

@@ -40,7 +40,7 @@ HEAD = (
 
 _NOTES = (
     "Times in brackets are without what only proves a result: checks, and the estimate of the error that "
-    f"`isorod run` makes. *Chosen by hand* is the fastest preset that was found for the error; *{AS_RUN.label}* has "
+    f"`isorod run` makes. *Chosen by hand* is the fastest preset known for the error; *{AS_RUN.label}* has "
     "nothing chosen, and the same space whatever the target error. *In all runs* are the smallest and the largest "
     "share, and of how many runs; a run beside which the machine was busy counts where there is no other."
 )
@@ -52,7 +52,7 @@ def kept() -> list[Record]:
 
 
 def short(records: list[Record]) -> Record:
-    """Return what is kept of the records of a run: each program's fastest within each error."""
+    """Return the entries that are kept of a run's records: each program's fastest within each error."""
     (setup,) = part(records, "opponents")
     rows = []
     for scene in report.scenes(records):
@@ -73,10 +73,10 @@ def short(records: list[Record]) -> Record:
 
 
 def _one(record: Record, seconds: float, bare: float) -> Record:
-    found = {"program": report.program(record), "unknowns": record["dofs"], "seconds": seconds, "bare": bare}
+    entry = {"program": report.program(record), "unknowns": record["dofs"], "seconds": seconds, "bare": bare}
     if not is_ours(record):
-        return found
-    return {**found, "program": "isorod", "how": report.how(record), "family": family(record)} | {
+        return entry
+    return {**entry, "program": "isorod", "how": report.how(record), "family": family(record)} | {
         "error": record["error"],
         "arguments": record["arguments"],
     }
@@ -84,28 +84,28 @@ def _one(record: Record, seconds: float, bare: float) -> Record:
 
 def table(runs: Sequence[Record]) -> str:
     """Return the table, and which runs it is of, as Markdown."""
-    found = []
+    rows = []
     for scene, quantity in report.QUANTITIES.items():
         targets = sorted({row["target"] for run in runs for row in run["rows"] if row["scene"] == scene}, reverse=True)
         for target in targets:
             for how in (report.BY_HAND, AS_RUN.label):
-                found += _row(runs, f"{scene}, {quantity}", (scene, target, how))
-    numbered = [f"{k}. {_told(run)}" for k, run in enumerate(runs, 1)]
-    return "\n".join([markdown(HEAD, found), "", _NOTES, "", *numbered])
+                rows += _row(runs, f"{scene}, {quantity}", (scene, target, how))
+    numbered = [f"{k}. {_reported(run)}" for k, run in enumerate(runs, 1)]
+    return "\n".join([markdown(HEAD, rows), "", _NOTES, "", *numbered])
 
 
 def _row(runs: Sequence[Record], title: str, key: tuple[str, float, str]) -> list[tuple[str, ...]]:
     """Return the row of a scene, an error and how isorod's space was chosen; none if no run has it."""
     every = [(k, *one) for k, run in enumerate(runs, 1) if (one := _sides(run, *key)) is not None]
     quiet = [one for one in every if not _busy(runs[one[0] - 1])]
-    told = quiet or every
-    if not told:
+    counted = quiet or every
+    if not counted:
         return _beyond(runs, title, key)
-    run, ours, theirs = told[-1]
-    shares = sorted(_fastest(one, "dolfinx")["seconds"] / mine["seconds"] for _, mine, one in told)
-    spread = " to ".join(dict.fromkeys(_share(one) for one in (shares[0], shares[-1])))
+    run, ours, theirs = counted[-1]
+    ratios = sorted(_fastest(one, "dolfinx")["seconds"] / mine["seconds"] for _, mine, one in counted)
+    spread = " to ".join(dict.fromkeys(_ratio_text(one) for one in (ratios[0], ratios[-1])))
     dolfinx, best = _fastest(theirs, "dolfinx"), _fastest(theirs, "")
-    other = "" if best is dolfinx else f"{_time(best)}: {_share(best['seconds'] / ours['seconds'])}"
+    other = "" if best is dolfinx else f"{_time(best)}: {_ratio_text(best['seconds'] / ours['seconds'])}"
     return [
         (
             f"{title}, {100 * key[1]:g} %",
@@ -113,8 +113,8 @@ def _row(runs: Sequence[Record], title: str, key: tuple[str, float, str]) -> lis
             ours["family"],
             _time(ours),
             _time(dolfinx),
-            f"**{_share(dolfinx['seconds'] / ours['seconds'])}**",
-            f"{spread} ({len(told)})",
+            f"**{_ratio_text(dolfinx['seconds'] / ours['seconds'])}**",
+            f"{spread} ({len(counted)})",
             other,
             str(run) + ("" if quiet else ", busy"),
         )
@@ -135,7 +135,7 @@ def _beyond(runs: Sequence[Record], title: str, key: tuple[str, float, str]) -> 
 
 
 def _sides(run: Record, scene: str, target: float, how: str) -> tuple[Record, list[Record]] | None:
-    """Return isorod's run, and those of the others, if dolfinx is among them."""
+    """Return isorod's run, and those of other programs, if dolfinx is among them."""
     for row in run["rows"]:
         if (row["scene"], row["target"]) == (scene, target):
             ours = [one for one in row["runs"] if one.get("how") == how]
@@ -153,16 +153,16 @@ def _busy(run: Record) -> bool:
     return run["load"] is not None and run["load"] >= BUSY
 
 
-def _share(ratio: float) -> str:
+def _ratio_text(ratio: float) -> str:
     return precision.ratio(1.0, ratio).removesuffix(" of")
 
 
-def _milliseconds(one: Record) -> str:
+def _milliseconds(record: Record) -> str:
     def text(seconds: float) -> str:
         return f"{1e3 * seconds:.1f}" if seconds < 9.95e-3 else f"{1e3 * seconds:,.0f}"
 
-    bare = f" ({text(one['bare'])})" if one.get("bare", one["seconds"]) < one["seconds"] else ""
-    return text(one["seconds"]) + bare
+    bare = f" ({text(record['bare'])})" if record.get("bare", record["seconds"]) < record["seconds"] else ""
+    return text(record["seconds"]) + bare
 
 
 def _time(one: Record) -> str:
@@ -170,7 +170,7 @@ def _time(one: Record) -> str:
     return f"{named}{_milliseconds(one)}, {one['unknowns']:,}"
 
 
-def _told(run: Record) -> str:
+def _reported(run: Record) -> str:
     """Return which run it is, in words."""
     machine, load = run["machine"], run["load"]
     where = f"{machine['processor']}, {machine['cores']} cores" if machine else "machine not recorded"
@@ -179,7 +179,7 @@ def _told(run: Record) -> str:
 
 
 def write(page: Path, runs: Sequence[Record]) -> None:
-    """Write the table of runs where the page has it.
+    """Write the table of runs into the page.
 
     Raises
     ------
@@ -211,11 +211,11 @@ def main(arguments: Sequence[str]) -> int:
 def _main(arguments: Sequence[str]) -> int:
     parser = Parser(prog="python -m comparisons.bench.recorded", description="The table of run times, of kept runs.")
     parser.add_argument("--add", metavar="DIR", help="keep the newest run of make bench in this folder of results")
-    found: Any = parser.known(arguments)
-    if found.add is not None:
-        records = newest(Path(found.add), "bench")
+    given: Any = parser.known(arguments)
+    if given.add is not None:
+        records = newest(Path(given.add), "bench")
         if not records:
-            raise InputError(f"results {found.add}: no complete run of the bench; run make bench first")
+            raise InputError(f"results {given.add}: no complete run of the bench; run make bench first")
         lines = [*FILE.read_text().splitlines(), json.dumps(short(records))]
         draw(records)
         write_beside(FILE, lambda where: where.write_text("\n".join(dict.fromkeys(lines)) + "\n"))

@@ -56,7 +56,7 @@ def every(
     known: Mapping[float, Mapping[str, Sequence[str]]],
     others: Sequence[str],
 ) -> tuple[Curve, ...]:
-    """Return the curves of isorod and dolfinx; every level measures what is known to be fastest of either."""
+    """Return the curves of isorod and dolfinx; every level measures the fastest known runs of either."""
     sides = {"cylindrical": [curve for curve in ours if curve.method == "cylindrical"], "fem": [*fem_curves(families)]}
     for method, curves in sides.items():
         measured = {arguments for curve in curves for arguments in curve.arguments}
@@ -68,7 +68,7 @@ def every(
 
 
 def with_default(known: Mapping[float, Mapping[str, Sequence[str]]]) -> Known:
-    """Return what is known to be fast of all sides, and isorod with nothing chosen."""
+    """Return the fastest known runs of all sides, and isorod's default."""
     return {target: (*AS_RUN.arguments, *chain.from_iterable(sides.values())) for target, sides in known.items()}
 
 

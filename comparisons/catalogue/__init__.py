@@ -18,7 +18,7 @@ FOLDER = Path(files.__file__).parent / "examples" / "catalogue"
 
 
 class Reference(NamedTuple):
-    """What a file measures, and a value of it that isorod has no part in; `by` is where it is from and how exact."""
+    """A measure of a file, and a value independent of isorod; `by` is its source and accuracy."""
 
     name: str
     measure: str
@@ -57,7 +57,7 @@ REFERENCES = (
 
 
 class Row(NamedTuple):
-    """What came of a reference: the value of isorod, by how much it is off, seconds of the run, warnings."""
+    """A reference's result: isorod's value, its relative error, seconds of the run, warnings."""
 
     reference: Reference
     value: float

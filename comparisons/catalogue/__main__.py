@@ -12,11 +12,11 @@ for name in sys.argv[1:] or dict.fromkeys(one.name for one in REFERENCES):
     rows = list(compare([name]))
     computed = compute(name, [row.reference.measure for row in rows])
     for row in rows:
-        one = row.reference
-        value, known, by = one.value, "stored", one.by
+        reference = row.reference
+        value, known, by = reference.value, "stored", reference.by
         if computed is not None:
-            limit = computed.limits[one.measure]
+            limit = computed.limits[reference.measure]
             value, known, by = limit.values[0], f"{100 * limit.uncertainty:.2g} %", computed.by
         off = 100.0 * (row.value / value - 1.0)
-        said = (name, one.measure, f"{row.value:.6g}", f"{value:.6g}", f"{off:+.2f} %", known, by)
-        print(" | ".join(said), f"{row.seconds:.0f}, {len(row.warnings)}", sep=" | ", flush=True)
+        cells = (name, reference.measure, f"{row.value:.6g}", f"{value:.6g}", f"{off:+.2f} %", known, by)
+        print(" | ".join(cells), f"{row.seconds:.0f}, {len(row.warnings)}", sep=" | ", flush=True)

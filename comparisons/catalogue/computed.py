@@ -28,7 +28,7 @@ APART = {"coat_hanger": Path(__file__).parent / "hanger.toml"}
 
 
 class Computed(NamedTuple):
-    """Limits of what a file measures, and what the finest mesh is, in words."""
+    """Limits of a file's measures, and a description of the finest mesh."""
 
     limits: dict[str, Converged]
     by: str
@@ -39,11 +39,11 @@ def compute(name: str, measures: Sequence[str]) -> Computed | None:
     if name not in BRICKS:
         return None
     file, meshes = APART.get(name, FOLDER / f"{name}.toml"), BRICKS[name]
-    found = [
+    records = [
         timing.run("comparisons.fem", ["rods", str(file), "--degree", str(degree), "--level", str(level)])
         for degree, level in meshes
     ]
-    values = [quantities.values(one, measures) for one in found]
+    values = [quantities.values(one, measures) for one in records]
     limits = quantities.converged([1.0 / level for _, level in meshes], values)
-    by = f"Q{meshes[-1][0]} bricks, {found[-1]['dofs']:,} unknowns"
+    by = f"Q{meshes[-1][0]} bricks, {records[-1]['dofs']:,} unknowns"
     return Computed({one.name: one for one in limits}, by)

@@ -43,7 +43,7 @@ class Capstan:
     radius
         Of the rod's axis where it lies on the cylinder: cylinder and rod, length.
     wrap
-        Angle from one pull's line to the other's [rad], less than 2 pi: pi where both pull the same way.
+        Angle from one pull's line to the other's [rad], less than 2 pi: pi where both pull in the same direction.
     force
         Of each pull.
     half_length
@@ -57,7 +57,7 @@ class Capstan:
     half_length: float = np.inf
 
     def __post_init__(self) -> None:
-        """Refuse what is no wrap."""
+        """Refuse wrap angles that are not between 0 and a whole turn."""
         if not 0.0 < self.wrap < 2.0 * np.pi:
             raise InputError(f"capstan: wrap {self.wrap:.4g} rad; the elastica takes one between 0 and a whole turn")
 

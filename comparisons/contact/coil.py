@@ -1,6 +1,6 @@
 """Compression spring of round wire: Love's helix under large deflections, to where its coils touch.
 
-An inextensible, unshearable wire stays a helix of its own length, so that two numbers tell its shape.  Kept from
+An inextensible, unshearable wire stays a helix of its own length, so that two numbers define its shape.  Kept from
 turning about the axis, one is left: the lead.  Of a solid wire this leaves out what is of the order of (d/D)^2: the
 wire's own curvature in bending and twist, shear and extension, and the ends.  Source: A. E. H. Love, A Treatise on the
 Mathematical Theory of Elasticity (1927), articles 270-271.
@@ -111,7 +111,7 @@ class Coil:
         return float(brentq(self.clearance, 0.0, self.height, xtol=1e-12 * self.height))
 
     def flattened(self, force: float) -> float:
-        """Return what active turns between two rigid ones are shortened by when they press on each other.
+        """Return the shortening of active turns between two rigid ones when they press on each other.
 
         Each is a cylinder between two lines, of load ``q``, which approach its axis by
         ``q (1 - nu^2) / (pi E) (2 ln(4 r / b) - 1)`` each, ``b`` Hertz' half width (K. L. Johnson, Contact Mechanics

@@ -10,9 +10,9 @@ the area in contact and by the second moment of the pressure, which is a fifth o
 force per reference area.
 
 Hertz' approach is that of points of half spaces infinitely far from the patch.  Backs are two radii away, on cylinders:
-what the bodies give way there besides is, far from the patch, linear in the force, whatever the patch.  So the approach
-of backs is ``K F^(2/3) + C F`` with Hertz' ``K``, as long as the patch is small beside the radius, and two pushes tell
-both; told is the force at Hertz' approach without ``C F``.
+what the bodies deform there besides is, far from the patch, linear in the force, whatever the patch.  So the approach
+of backs is ``K F^(2/3) + C F`` with Hertz' ``K``, as long as the patch is small beside the radius, and two pushes give
+both; compared is the force at Hertz' approach without ``C F``.
 """
 
 import argparse
@@ -56,7 +56,7 @@ class Cylinders:
     across: float
 
     def exact(self, force: float = FORCE) -> hertz.PointContact:
-        """Return what Hertz says of a force."""
+        """Return Hertz' solution of a force."""
         return hertz.crossed_cylinders(force, hertz.modulus(E, self.nu, E, self.nu), (RADIUS, RADIUS))
 
     def bars(self, force: float = FORCE) -> list[Space]:
@@ -67,20 +67,20 @@ class Cylinders:
         low, high = Rod(rod.axis, points), Rod(rod.axis, points @ _ACROSS.T + [0.0, 2.0 * RADIUS, 0.0])
         angles = 2.0 * np.pi / 720 * np.arange(720)
         circle_ = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        found = []
-        for one, sign in ((low, 1.0), (high, -1.0)):
-            height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
+        bars = []
+        for bar, sign in ((low, 1.0), (high, -1.0)):
+            height = sign * bar.grid(circle_, [0.5])[0][0, :, 1]
             reach = 1.2 * long
             patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / self.across)
-            found.append(closer(one, [patch]))
-        return found
+            bars.append(closer(bar, [patch]))
+        return bars
 
-    def by_push(self, share: float = 1.0) -> Model:
-        """Return bars whose backs come nearer by a share of Hertz' approach."""
-        low, high = self.bars(FORCE * share**1.5)
+    def by_push(self, fraction: float = 1.0) -> Model:
+        """Return bars whose backs come nearer by a fraction of Hertz' approach."""
+        low, high = self.bars(FORCE * fraction**1.5)
         supports = [
             Support(_back(low, -1.0), "xyz"),
-            Support(_back(high, 1.0), "xyz", (0.0, -share * self.exact().approach, 0.0), 1),
+            Support(_back(high, 1.0), "xyz", (0.0, -fraction * self.exact().approach, 0.0), 1),
         ]
         return self._model(low, high, supports)
 
@@ -94,9 +94,9 @@ class Cylinders:
 
     def lowered(self, model: Model) -> Array:
         """Return displacements ``(dofs,)`` by which the upper bar has come nearer by Hertz' approach."""
-        found = np.zeros((model.dofs // 3, 3))
-        model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_control_point, 1] = -self.exact().approach
-        return found.reshape(-1)
+        displacement = np.zeros((model.dofs // 3, 3))
+        model.nodal(displacement.reshape(-1), 1)[model.bodies[1].space.is_control_point, 1] = -self.exact().approach
+        return displacement.reshape(-1)
 
     def _model(self, low: Space, high: Space, supports: Sequence[Support], loads: Sequence[SectionLoad] = ()) -> Model:
         bodies = [Body(one, LinearElastic(E, self.nu), formulation=self.formulation) for one in (low, high)]
@@ -113,25 +113,25 @@ class Cylinders:
             "peak": result.peak / exact.peak - 1.0,
         }
 
-    def hertzian(self, shares: Sequence[float], forces: Sequence[float]) -> float:
-        """Return the force at Hertz' approach, of two pushes by shares of it, less what is linear in the force."""
+    def hertzian(self, fractions: Sequence[float], forces: Sequence[float]) -> float:
+        """Return the force at Hertz' approach, of two pushes by fractions of it, less the part linear in the force."""
         approach = self.exact().approach
-        given, found = np.array(shares) * approach, np.array(forces)
-        terms = np.stack([found ** (2.0 / 3.0), found], axis=1)
+        given, measured = np.array(fractions) * approach, np.array(forces)
+        terms = np.stack([measured ** (2.0 / 3.0), measured], axis=1)
         return float((approach / np.linalg.solve(terms, given)[0]) ** 1.5)
 
 
 def _back(space: Space, sign: float) -> Index:
     """Return the nodes of a bar's side that looks up, or down if ``sign`` is negative."""
     height = sign * space.positions[:, 1].reshape(space.layers, -1)[0]
-    carriers = np.flatnonzero(space.basis.is_control_point)
+    control_points = np.flatnonzero(space.basis.is_control_point)
     middle = sign * float(space.rod.grid([[0.0, 0.0]], [0.5])[0][0, 0, 1])
-    chosen = carriers[height[carriers] > middle + _BACK * RADIUS]
+    chosen = control_points[height[control_points] > middle + _BACK * RADIUS]
     return np.asarray((np.arange(space.layers)[:, None] * space.layer_nodes + chosen).ravel())
 
 
 def solve(model: Model, begin: Array | None = None) -> ContactResult:
-    """Return the contact of an equilibrium, without warnings of what is compared here."""
+    """Return the contact of an equilibrium, without warnings of the quantities compared here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         (result,) = statics.solve(model, start=begin).contacts
@@ -155,15 +155,16 @@ def main(arguments: Sequence[str]) -> None:
         ):
             start = process_time()
             result = solve(model, begin)
-            told = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
+            differences = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
             print(
-                f"{model.bodies[0].formulation}, {across:g} wanted across, {name} ({result.cells_across:.2g} seen, "
-                f"{model.dofs} degrees of freedom): force {result.force:.4f}, {told}; {process_time() - start:.0f} s",
+                f"{model.bodies[0].formulation}, {across:g} asked across, {name} ({result.cells_across:.2g} seen, "
+                f"{model.dofs} degrees of freedom): force {result.force:.4f}, {differences}; "
+                f"{process_time() - start:.0f} s",
                 flush=True,
             )
             pushes.append(result.force)
         force = pair.hertzian((1.0, 0.25), pushes[:2])
-        print(f"{across:g} wanted across, both pushes: force at Hertz' approach {force:.4f}", flush=True)
+        print(f"{across:g} asked across, both pushes: force at Hertz' approach {force:.4f}", flush=True)
 
 
 if __name__ == "__main__":

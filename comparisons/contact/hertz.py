@@ -46,14 +46,14 @@ def gap(first: tuple[float, float], second: tuple[float, float] = (0.0, 0.0), an
     one, other = first[0] - first[1], second[0] - second[1]
     # Deviators of the two curvature tensors add up like vectors at twice the angle.
     difference = 0.5 * abs(one + other * np.exp(2j * angle))
-    found = Gap(float(0.5 * (total - difference)), float(0.5 * (total + difference)))
-    if found.flat < -1e-12 * abs(found.steep):
-        raise InputError(f"gap: the surfaces cross near the point where they touch, curvature {2.0 * found.flat:.4g}")
-    return found
+    result = Gap(float(0.5 * (total - difference)), float(0.5 * (total + difference)))
+    if result.flat < -1e-12 * abs(result.steep):
+        raise InputError(f"gap: the surfaces cross near the point where they touch, curvature {2.0 * result.flat:.4g}")
+    return result
 
 
 class PointContact(NamedTuple):
-    """What a normal force makes of a touching point."""
+    """Hertz' solution of a point contact under a normal force."""
 
     long: float  # semi-axis along which the gap is flat, length
     short: float  # the other semi-axis, length
@@ -109,7 +109,7 @@ def crossed_cylinders(
 
 
 class LineContact(NamedTuple):
-    """What a force per length makes of a touching line."""
+    """Hertz' solution of a line contact under a force per length."""
 
     half_width: float  # length
     peak: float  # largest pressure, force/area: 4/pi of the mean

@@ -7,7 +7,7 @@ bending stiffness B, tension T in the tails and loop radius R:
 - a circle has the energy ``pi B/R`` and takes ``2 pi R`` from the tails' length: their sum with T is least where
   ``T = B/(2 R^2)``;
 - the same follows along the rod: where contact is frictionless, ``tension + B kappa^2/2`` is the same everywhere, T in
-  the straight tails, ``B/(2 R^2)`` in the circle, which carries no force, as Kirchhoff's equations say of a circle.
+  the straight tails, ``B/(2 R^2)`` in the circle, which carries no force, by Kirchhoff's equations of a circle.
 
 What is left out is of the order of ``sqrt(radius/R)``, the braid's length over the loop's: extrapolate in that.  The
 contact forces are of the order of B/R over the braid's length, so that friction is not small: it changes T by the order

@@ -58,9 +58,9 @@ class _Watch:
     def __call__(self, packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
         """Do what `isorod.contact.force_kernel.add_forces` does."""
         start = perf_counter()
-        found = self._find(packed, positions, forces)
+        pairs = self._find(packed, positions, forces)
         self.seconds += perf_counter() - start
-        return found
+        return pairs
 
 
 def measure(layers: int, section_points: int, parts: int) -> dict[str, Any]:
@@ -145,16 +145,16 @@ def study(folder: Path, chosen: Sequence[int]) -> str:
     for wires in chosen:
         for space in (SPACE, *(finer for most, finer in FINER.items() if wires <= most)):
             arguments = ["--one", *map(str, (LAYERS[wires], *space))]
-            found = timing.run("comparisons.contact.many", arguments, timeout=7200.0)
-            results.append(folder / "many.jsonl", results.provenance() | found)
-            records.append(found)
+            result = timing.run("comparisons.contact.many", arguments, timeout=7200.0)
+            results.append(folder / "many.jsonl", results.provenance() | result)
+            records.append(result)
             (folder / "many.md").write_text(table(records), encoding="utf-8")
             draw(records, folder / "many.png")
     return table(records)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Do what the module says."""
+    """Run the study, or one of its measurements."""
     if arguments[:1] == ["--one"]:
         layers, points, parts = map(int, arguments[1:])
         print(results.line(measure(layers, points, parts)))

@@ -31,7 +31,7 @@ HALF = float(np.sqrt(4.0 * FORCE * RADIUS / (np.pi * MODULUS)))
 PEAK = 2.0 * FORCE / (np.pi * HALF)
 
 
-class Found(NamedTuple):
+class Errors(NamedTuple):
     """Relative errors of half the patch's width, by the pressure's second moment, and of the pressure in the middle."""
 
     half: float
@@ -42,11 +42,11 @@ class Found(NamedTuple):
 def _ticks(points: float) -> Array:
     """Return places of nodes from the middle on: evenly within 1.5 patches, then farther and farther apart."""
     size = HALF / points
-    found = list(np.arange(0.0, 1.5 * HALF, size))
-    while found[-1] < FAR * HALF:
+    ticks = list(np.arange(0.0, 1.5 * HALF, size))
+    while ticks[-1] < FAR * HALF:
         size *= 1.4
-        found.append(found[-1] + size)
-    return np.array(found)
+        ticks.append(ticks[-1] + size)
+    return np.array(ticks)
 
 
 def block(points: float) -> tuple[Solid, Any]:
@@ -56,7 +56,9 @@ def block(points: float) -> tuple[Solid, Any]:
     places = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(len(places)).reshape([one.size for one in ticks])
     low = np.indices([one.size - 1 for one in ticks]).reshape(3, -1)
-    cells = np.stack([number[tuple(low + np.array(way[::-1])[:, None])] for way in product((0, 1), repeat=3)], axis=1)
+    cells = np.stack(
+        [number[tuple(low + np.array(corner[::-1])[:, None])] for corner in product((0, 1), repeat=3)], axis=1
+    )
     mesh = compat.create_mesh(MPI.COMM_WORLD, cells.astype(np.int64), places, "hexahedron", 1)
     space = compat.function_space(mesh, compat.element(mesh, "Lagrange", 2, 3))
     part = space.sub(0)
@@ -87,20 +89,20 @@ def model(points: float) -> Model:
     return Model([Body(space, STEEL)], supports, loads=[weight], contacts=[touching], solids=[solid])
 
 
-def measure(points: float) -> Found:
+def measure(points: float) -> Errors:
     """Return the errors."""
-    one = model(points)
-    (result,) = statics.solve(one).contacts
+    pressed = model(points)
+    (result,) = statics.solve(pressed).contacts
     here = result.pressure > 0.0
     loads, y = result.areas[here] * result.pressure[here], result.positions[here, 1]
     half = 2.0 * float(np.sqrt(loads @ y**2 / loads.sum()))
     middle = np.abs(y) < 0.2 * HALF
     # Of an ellipse the mean over so much of the middle.
-    share = np.mean(np.sqrt(1.0 - np.linspace(-0.2, 0.2, 101) ** 2))
-    peak = float(loads[middle].sum() / result.areas[here][middle].sum()) / share
-    return Found(half / HALF - 1.0, peak / PEAK - 1.0, one.unknowns + 3 * one.solids[0].nodes)
+    mean_height = np.mean(np.sqrt(1.0 - np.linspace(-0.2, 0.2, 101) ** 2))
+    peak = float(loads[middle].sum() / result.areas[here][middle].sum()) / mean_height
+    return Errors(half / HALF - 1.0, peak / PEAK - 1.0, pressed.unknowns + 3 * pressed.solids[0].nodes)
 
 
 if __name__ == "__main__":
-    found = measure(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0)
-    print(f"half width {found.half:+.2%}, pressure {found.peak:+.2%}, {found.unknowns:,} unknowns")
+    result = measure(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0)
+    print(f"half width {result.half:+.2%}, pressure {result.peak:+.2%}, {result.unknowns:,} unknowns")

@@ -35,7 +35,7 @@ FRICTION, WRAP = 0.3, 0.5 * np.pi
 # The heavy rope: its friction, what hangs on the light side over the cylinder's radius, and the strain by the weight of
 # the longest part that this holds on the other side.
 HEAVY_FRICTION, LIGHT, STRAIN, HEAVY_RATIO = 0.2, 1.0, 0.05, 10.0
-SHARES = 0.8, 1.2
+FRACTIONS = 0.8, 1.2
 # What the longer part's end is moved down by to make it slide, over the radius of the centre line.
 HAUL = 0.25
 
@@ -113,9 +113,9 @@ def bent(ratio: float, pull: float, size: float = 1.0) -> Bent:
     load = SectionLoad.end(space, "end", (0.0, -force, 0.0))
     model = Model([Body(space, NeoHookean(E, NU))], supports, loads=[load], contacts=[contact])
     solution = statics.solve(model, load_steps=8)
-    (found,) = solution.contacts
-    angles = np.arctan2(found.positions[:, 0], found.positions[:, 1] + ratio)
-    pressed = found.areas * found.pressure / force
+    (result,) = solution.contacts
+    angles = np.arctan2(result.positions[:, 0], result.positions[:, 1] + ratio)
+    pressed = result.areas * result.pressure / force
     return Bent(*arc_of(angles, pressed), -float(solution.reactions[0, 0]) / force)
 
 
@@ -176,7 +176,7 @@ def laid(ratio: float, wrap: float, start: float, end: float, size: float = 1.0)
 
 
 def hauled(ratio: float, size: float = 1.0) -> Hauled:
-    """Return what a rope without weight is pulled by at its ends, one held, the other hauled until all slips.
+    """Return the pulls at the ends of a rope without weight, one held, the other hauled until all slips.
 
     The ends are four times ``sqrt(B / F)`` off the cylinder.  With ``F`` of about ``ratio`` times ``B / Rb^2`` bending
     matters the less the thinner the rope, and so does strain.
@@ -186,8 +186,8 @@ def hauled(ratio: float, size: float = 1.0) -> Hauled:
     pull = np.array([np.cos(0.5 * WRAP), -np.sin(0.5 * WRAP), 0.0])
     grown = friction_ratio(FRICTION, WRAP)
     # Strain F / (E A) of the end that is hauled, and four fifths of that all along.
-    way = 0.8 * grown * 0.25 / ratio * (2.0 * free + WRAP * ratio) * pull
-    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(way[0], way[1], 0.0))]
+    travel = 0.8 * grown * 0.25 / ratio * (2.0 * free + WRAP * ratio) * pull
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(travel[0], travel[1], 0.0))]
     contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=FRICTION)
     model = Model([Body(space, NeoHookean(E, NU))], supports, contacts=[contact])
     solution = statics.solve(model, load_steps=2)
@@ -195,20 +195,20 @@ def hauled(ratio: float, size: float = 1.0) -> Hauled:
     return Hauled(float((moved @ pull) / (held @ (pull * [-1.0, 1.0, 1.0]))), solution.contacts[0].sticking)
 
 
-def hung(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> Model:
+def hung(ratio: float, fraction: float, haul: float | None = None, size: float = 1.0) -> Model:
     """Return a heavy rope that hangs over the cylinder, one part of it longer than the other.
 
     Parameters
     ----------
     ratio, size
         As in `bent`.
-    share
+    fraction
         Of the longest part that friction holds (`comparisons.contact.capstan.heavy_rope_bound`).
     haul
         What the longer part's end is moved down by, over the radius of the centre line; free where it is not given.
     """
     bound = heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION)
-    space, near = laid(ratio, np.pi, LIGHT * ratio, share * bound, size)
+    space, near = laid(ratio, np.pi, LIGHT * ratio, fraction * bound, size)
     last = Support.end(space, "end", "z")
     if haul is not None:
         last = Support.end(space, "end", displacement=(0.0, -haul * ratio, 0.0))
@@ -221,7 +221,7 @@ def hung(ratio: float, share: float, haul: float | None = None, size: float = 1.
     )
 
 
-def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
+def heavy(ratio: float, fraction: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
     """Return how that rope lies.
 
     Raises
@@ -229,17 +229,17 @@ def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1
     SolveError
         If both ends are free and the rope slides.
     """
-    return statics.solve(hung(ratio, share, haul, size), load_steps=2)
+    return statics.solve(hung(ratio, fraction, haul, size), load_steps=2)
 
 
-def released(ratio: float, share: float, size: float = 1.0, lasting: float = 3.0) -> float:
+def released(ratio: float, fraction: float, size: float = 1.0, lasting: float = 3.0) -> float:
     """Return how fast a heavy rope slides in the end, its longer part's end moved down by a quarter and let go.
 
     In implicit steps, with a damping proportional to mass that bounds the speed.  Speed is that of the longer end in
     the last third of what lasts so many times ``sqrt(Rb / g)``, over ``sqrt(g Rb)``; where it sticks, what is left of
     its swinging.
     """
-    start, model = heavy(ratio, share, HAUL, size), hung(ratio, share, None, size)
+    start, model = heavy(ratio, fraction, HAUL, size), hung(ratio, fraction, None, size)
     time = float(np.sqrt(ratio * heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION) / (STRAIN * E)))
     motion = dynamics.solve(
         model,
@@ -256,12 +256,12 @@ def released(ratio: float, share: float, size: float = 1.0, lasting: float = 3.0
     return float((heights[-2] - heights[-1]) / ratio / (lasting / 3.0))
 
 
-def reserve(ratio: float, share: float, size: float = 1.0) -> float:
+def reserve(ratio: float, fraction: float) -> float:
     """Return the force that makes a heavy rope slide to its longer side, over the weight of the longest part held.
 
     A rope that slides by itself has to be held back: by less than nothing.
     """
-    return -float(heavy(ratio, share, HAUL, size).reactions[1, 1]) / (STRAIN * E * np.pi)
+    return -float(heavy(ratio, fraction, HAUL).reactions[1, 1]) / (STRAIN * E * np.pi)
 
 
 def around(ratio: float) -> Cylinder:
@@ -281,9 +281,9 @@ def main() -> int:
     for ratio in ROPE_RATIOS:
         ropes.append(hauled(ratio))
         print(results.line({"run": "hauled", "ratio": ratio} | ropes[-1]._asdict()), flush=True)
-    for share in SHARES:
-        record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": share, "reserve": reserve(HEAVY_RATIO, share)}
-        print(results.line(record | {"rope": 1.0 - share, "speed": released(HEAVY_RATIO, share)}), flush=True)
+    for fraction in FRACTIONS:
+        record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": fraction, "reserve": reserve(HEAVY_RATIO, fraction)}
+        print(results.line(record | {"rope": 1.0 - fraction, "speed": released(HEAVY_RATIO, fraction)}), flush=True)
     for name, value, expected in limits(rods, ropes):
         line = {"limit": name, "value": value, "expected": expected, "error": value / expected - 1.0}
         print(results.line(line), flush=True)
@@ -291,7 +291,7 @@ def main() -> int:
 
 
 def limits(rods: Sequence[Bent], ropes: Sequence[Hauled]) -> Iterator[tuple[str, float, float]]:
-    """Yield what is extrapolated, its value for a thin rod, and that of an elastica or a rope."""
+    """Yield the extrapolated quantities, their values for a thin rod, and those of an elastica or a rope."""
     thin = Capstan(1.0, 1.0, np.pi, PULL)
     touch = thin.touch()
     expected = Bent(touch.half_angle, touch.line_force / PULL, touch.end_force / PULL, np.sin(touch.half_angle))

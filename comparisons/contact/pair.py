@@ -30,8 +30,8 @@ class TwistedPair:
     turns
         Of the ends round the axis, right-handed.
     tension
-        Force of a section along the rod at that stretch: ``E A (stretch - 1)`` of a beam, of a solid what its law
-        says.
+        Force of a section along the rod at that stretch: ``E A (stretch - 1)`` of a beam, of a solid by its
+        law.
     bending, torsion
         Stiffnesses, force x length^2; moments are those times curvature and twist per length at rest.
     """

@@ -22,18 +22,18 @@ SPACES = (8, 8), (8, 16), (16, 8)
 
 
 def solid(section_points: int, elements: int, steps: int = 10) -> dict[str, Any]:
-    """Return travel to solid and stiffness of the stack, of a space, and what they should be."""
+    """Return travel to solid and stiffness of the stack by a space, and their exact values."""
     scene = scenes.find("coil")(coils=TURNS, section_points=section_points, elements_per_turn=elements)
     wire = Coil(scene.coil_radius, 2.0 * scene.wire_radius, TURNS, scene.lead, scene.E, scene.nu)
-    touch, found = wire.touch(), list[dict[str, Any]]()
+    touch, measured = wire.touch(), list[dict[str, Any]]()
     travels = [touch + share * scene.wire_radius for share in PAST]
     for travel in travels:
         pushed = scenes.find("coil")(
             coils=TURNS, section_points=section_points, elements_per_turn=elements, travel=travel
         )
-        found.append(pushed.measure(statics.solve(pushed.model(), load_steps=steps)))
+        measured.append(pushed.measure(statics.solve(pushed.model(), load_steps=steps)))
     free = wire.force(touch)
-    forces = [one["force"] - free for one in found]
+    forces = [one["force"] - free for one in measured]
     stiffness = (forces[1] - forces[0]) / (travels[1] - travels[0])
     expected = (forces[1] - forces[0]) / (wire.flattened(forces[1]) - wire.flattened(forces[0]))
     return {
@@ -43,7 +43,7 @@ def solid(section_points: int, elements: int, steps: int = 10) -> dict[str, Any]
         "flattened": expected,
         "spring": free / touch,
         "forces": forces,
-        "penetration": max(one["relative_penetration"] for one in found),
+        "penetration": max(one["relative_penetration"] for one in measured),
     }
 
 

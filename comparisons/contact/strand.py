@@ -39,7 +39,7 @@ class Wire(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """Equal wires wound round what is within."""
+    """Equal wires wound round the layers within."""
 
     wires: int
     wire: Wire
@@ -74,15 +74,15 @@ class Strand:
 
         Extension, curvature and torsion [1/length] of a wire of each layer, by axial strain and by turn per length.
         """
-        found = []
-        # Contraction of all that is within, by strain and turn: a layer's radius follows from the wires below it.
+        strains = []
+        # Contraction of the layers within, by strain and turn: a layer's radius follows from the wires below it.
         within = np.array([self.core.nu * self.core.radius, 0.0])
         for layer, radius in zip(self.layers, self.helix_radii, strict=True):
             poisson, slopes = layer.wire.nu * layer.wire.radius, _slopes(radius, 2.0 * np.pi / layer.pitch)
             growth = -(within + poisson * slopes[0, :2]) / (1.0 + poisson * slopes[0, 2])
-            found.append(slopes[:, :2] + np.outer(slopes[:, 2], growth))
-            within = within + 2.0 * poisson * found[-1][0]
-        return np.array(found)
+            strains.append(slopes[:, :2] + np.outer(slopes[:, 2], growth))
+            within = within + 2.0 * poisson * strains[-1][0]
+        return np.array(strains)
 
     def stiffness(self) -> Array:
         """Return the matrix that takes axial strain and turn per length to force and torque, shape (2, 2)."""

@@ -59,13 +59,13 @@ def model(elements: int, degree: int = 3, order: int = 1, section_points: int = 
 def measure(solution: statics.Equilibrium) -> dict[str, float]:
     """Return line load over the exact one, mid-length, and how far the axis is off the helix there, in its radii."""
     pair, contact = exact(), solution.contacts[0]
-    # Axis parameters are shares of the length.
+    # Axis parameters are fractions of the length.
     middle = np.abs(contact.parameters[:, 0] - 0.5) < 0.125
     load = float(contact.pressure[middle] @ contact.areas[middle]) / (0.25 * STRETCH * LENGTH)
     length = np.linspace(0.25, 0.75, 201) * LENGTH
     line = solution.position(0, length / LENGTH)
     away = line - pair.positions(length)
-    # Both ends give way along the axis.
+    # Both ends are free along the axis.
     away[:, 2] -= away[:, 2].mean()
     return {"line load": load / pair.line_load(), "helix": float(np.linalg.norm(away, axis=1).max()) / RADIUS}
 

@@ -1,9 +1,9 @@
 """Pressure between core and wire of a strand, against Hertz' line contact: ``python -m comparisons.contact.wire``.
 
-The strand is the scene's, of 1 + 6 wires, pulled by 0.002; it says how much each length of its lines of contact
-carries.  No mesh of a whole wire sees the patch, a hundredth of the radius wide.  A piece of the core and of one wire,
+The strand is the scene's, of 1 + 6 wires, pulled by 0.002; it gives how much each length of its lines of contact
+carries.  No mesh of a full wire resolves the patch, a hundredth of the radius wide.  A segment of core and one wire,
 of the scene's shape, does: its section functions are short at the line of contact alone, which is at the same angle
-all along.  Backs are drawn together until the middle of the piece carries as much; its ends are free, and many widths
+all along.  Backs are drawn together until the middle of the segment carries as much; its ends are free, and many widths
 of the patch away.  Pressures are force per reference area, which the pressure itself shortens by 0.3 per cent.
 
 Where a straight core touches a wire that winds round it, the gap opens across the line of contact alone, and what it
@@ -35,7 +35,7 @@ from isorod.space.space import Space
 
 SCENE = Strand(strain=0.002)
 
-# Of the piece: its length, elements, about the force per length, and what backs come nearer by at first.
+# Of the segment: its length, elements, about the force per length, and what backs come nearer by at first.
 LENGTH, ELEMENTS, LOAD, PUSH = 2.0, 2, 42.0, 0.0016
 
 # Fine arcs round a section, the last as many as there may be; control points of the rods, and half the width in which
@@ -43,7 +43,7 @@ LENGTH, ELEMENTS, LOAD, PUSH = 2.0, 2, 42.0, 0.0016
 ARCS = 512, 1024, 2048
 POINTS, REACH = 8, 2.0
 
-# Axis parameters up to which the piece is its middle, on either side.
+# Axis parameters up to which the segment is its middle, on either side.
 MIDDLE = 0.2
 
 # Backs are within such an angle of where nothing touches [rad].
@@ -51,7 +51,7 @@ BACK = 1.0
 
 
 class Line(NamedTuple):
-    """What a line of contact carries about the middle of its length."""
+    """The load of a line of contact about the middle of its length."""
 
     load: float  # force per length of the line
     half_width: float  # length, by the second moment of the pressure
@@ -78,13 +78,13 @@ def line_angle() -> float:
 
 def line_load() -> float:
     """Pull the strand and return the force per length of a line of contact, far from the ends."""
-    (found,) = statics.solve(SCENE.model()).contacts
-    middle = np.abs(found.positions[:, 2] / SCENE.length - 0.5) < 0.25
+    (contact,) = statics.solve(SCENE.model()).contacts
+    middle = np.abs(contact.positions[:, 2] / SCENE.length - 0.5) < 0.25
     length = 6.0 * 0.5 * SCENE.length / np.cos(line_angle())
-    return float((found.areas * found.pressure)[middle].sum() / length)
+    return float((contact.areas * contact.pressure)[middle].sum() / length)
 
 
-def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
+def segment(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
     """Return core and wire of a short strand, seen finely along their line of contact, and pushed together."""
     scene, turns = SCENE, LENGTH / SCENE.pitch
     core = straight(LENGTH, degree=4).sweep(circle(POINTS, scene.core_radius), twist=360.0 * turns)
@@ -105,19 +105,19 @@ def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
     return Model(bodies, supports, contacts=[Contact(0, 1)])
 
 
-def measure(found: ContactResult) -> Line:
-    """Return what the middle of the piece's line of contact carries; points of both sides have a part of it."""
-    middle = np.abs(found.parameters[:, 0] - 0.5) < MIDDLE
+def measure(contact: ContactResult) -> Line:
+    """Return the load of the middle of the segment's line of contact, to which points of both sides contribute."""
+    middle = np.abs(contact.parameters[:, 0] - 0.5) < MIDDLE
     scene, carried, moment, peak = SCENE, 0.0, 0.0, 0.0
     for body, radius, slope in ((0, scene.core_radius, 0.0), (1, scene.wire_radius, scene.lay_angle)):
-        mine = middle & (found.body == body)
-        areas, pressure = found.areas[mine], found.pressure[mine]
+        mine = middle & (contact.body == body)
+        areas, pressure = contact.areas[mine], contact.pressure[mine]
         # Of the strand, for which points stand: round a rod, areas add up to the circle by the length of its axis, half
         # of that for either side.
         length = areas.sum() / (np.pi * radius) * np.cos(slope)
         load = areas * pressure * np.cos(line_angle()) / length
         # Round the sections, to which the line is not quite normal.
-        angle = np.angle(np.exp(1j * (found.parameters[mine, 1] - np.pi * body)))
+        angle = np.angle(np.exp(1j * (contact.parameters[mine, 1] - np.pi * body)))
         carried += float(load.sum())
         moment += float(load @ (np.cos(line_angle()) * radius * angle) ** 2)
         peak = max(peak, float(pressure.max()))
@@ -125,15 +125,15 @@ def measure(found: ContactResult) -> Line:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Do what the module says."""
+    """Print the comparison."""
     if arguments:
         raise InputError(f"comparisons.contact.wire: got {arguments[0]}, takes nothing")
-    wanted = line_load()
-    print(f"line load of the strand {wanted:.2f} N/mm")
+    target = line_load()
+    print(f"line load of the strand {target:.2f} N/mm")
     push = PUSH
     for arcs in ARCS:
-        (found,) = statics.solve(piece(push, arcs)).contacts
-        line = measure(found)
+        (contact,) = statics.solve(segment(push, arcs)).contacts
+        line = measure(contact)
         record: dict[str, Any] = {
             "arcs": arcs,
             "push": push,
@@ -143,10 +143,10 @@ def main(arguments: Sequence[str]) -> int:
             "peak": line.peak,
             "peak_exact": line.exact.peak,
             "peak_error": line.peak / line.exact.peak - 1.0,
-            "cells_across": found.cells_across,
+            "cells_across": contact.cells_across,
         }
         print(results.line(record), flush=True)
-        push *= wanted / line.load
+        push *= target / line.load
     return 0
 
 

@@ -1,1 +1,1 @@
-"""What derivatives cost: those of what a scene measures by twenty of its numbers, beside solving it."""
+"""The cost of derivatives: of a scene's measures by twenty of its parameters, relative to its solution."""

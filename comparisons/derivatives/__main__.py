@@ -20,14 +20,14 @@ from isorod.design import derivatives, parameters
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 
-WANTED, RUNS = 20, 3
+NUMBERS, RUNS = 20, 3
 
 _OWN = Path(__file__).parent
 _CATALOGUE = Path(files.__file__).parent / "examples" / "catalogue"
 
 
 def scenes() -> dict[str, Any]:
-    """Return the scenes by what they are: those of nonlinear laws first."""
+    """Return the scenes by their titles, nonlinear laws first."""
     return {
         "hook, Mooney-Rivlin": files.find(str(_OWN / "hook.toml")),
         "bar bent far, Mooney-Rivlin": files.find(str(_OWN / "bar.toml")),
@@ -41,7 +41,7 @@ def scenes() -> dict[str, Any]:
 def measured(scene: Any) -> tuple[int, int, float, float, float]:
     """Return unknowns and numbers of a scene, seconds of its solution, a run, and derivatives by twenty numbers."""
     solve = import_module(f"isorod.{scene.analysis}").solve
-    numbers = dict(list(parameters.parameters(scene).items())[:WANTED])
+    numbers = dict(list(parameters.parameters(scene).items())[:NUMBERS])
     first = dict(list(numbers.items())[:1])
     model = scene.model()
     solution = solve(model, comm=PETSc.COMM_SELF, **scene.settings())
@@ -51,7 +51,7 @@ def measured(scene: Any) -> tuple[int, int, float, float, float]:
     times = [[_seconds(run) for run in runs] for _ in range(RUNS)]
     solved, run, alone, together = (min(row) for row in zip(*times, strict=True))
     each = (together - alone) / max(len(numbers) - 1, 1)
-    return model.unknowns, len(numbers), solved, run, together + (WANTED - len(numbers)) * each
+    return model.unknowns, len(numbers), solved, run, together + (NUMBERS - len(numbers)) * each
 
 
 def _run(scene: Any) -> object:
@@ -73,7 +73,7 @@ def _seconds(run: Callable[[], object]) -> float:
 
 def main() -> None:
     """Print a line a scene."""
-    heads = f"{'unknowns':>9}{'numbers':>8}{'solve s':>9}{'run s':>8}{f'by {WANTED} s':>9}{'solves':>8}{'runs':>6}"
+    heads = f"{'unknowns':>9}{'numbers':>8}{'solve s':>9}{'run s':>8}{f'by {NUMBERS} s':>9}{'solves':>8}{'runs':>6}"
     print(f"{'scene':30}{heads}")
     for name, scene in scenes().items():
         unknowns, numbers, solved, run, rates = measured(scene)

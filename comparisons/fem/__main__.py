@@ -27,7 +27,7 @@ ABOUT = {
     "rods": "any scene of isorod's: its name, or that of a .toml file",
 }
 
-# What configures each scene, in the module that has its run().
+# The configuration of each scene, in the module that has its run().
 RUNS = {
     "spring": "published.Spring",
     "blade": "published.Blade",
@@ -60,28 +60,32 @@ def _parser(scene: str) -> argparse.ArgumentParser:
     )
     scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring, blade, biceps or rods")
     for name, about in ABOUT.items():
-        it = scenes.add_parser(name, help=about)
+        subparser = scenes.add_parser(name, help=about)
         if name == scene:
-            _add_options(it, name)
+            _add_options(subparser, name)
     return parser
 
 
-def _add_options(it: argparse.ArgumentParser, scene: str) -> None:
+def _add_options(parser: argparse.ArgumentParser, scene: str) -> None:
     if scene in PRESETS:
-        it.add_argument("--preset", choices=PRESETS[scene], help="start from a configuration; other options change it")
+        parser.add_argument(
+            "--preset", choices=PRESETS[scene], help="start from a configuration; other options change it"
+        )
     if scene == "rods":
-        it.add_argument("name", metavar="NAME", help="scene or file")
-    add_options(it, _runner(scene)[1])
+        parser.add_argument("name", metavar="NAME", help="scene or file")
+    add_options(parser, _runner(scene)[1])
     for field in dataclasses.fields(Biceps) if scene == "biceps" else ():
         if field.name in BICEPS:
             name = f"--{field.name.replace('_', '-')}"
-            it.add_argument(name, type=type(field.default), default=field.default, help=field.metadata["help"])
+            parser.add_argument(name, type=type(field.default), default=field.default, help=field.metadata["help"])
     if scene in FIELDS:
-        it.add_argument("--fields", metavar="FILE", help=FIELDS[scene])
+        parser.add_argument("--fields", metavar="FILE", help=FIELDS[scene])
     # Those of the biceps suit the analysis.
     flags = "" if scene == "biceps" else " ".join(FAST)
-    it.add_argument("--flags", default=flags, help="C compiler flags, one word: --flags='-O2'")
-    it.add_argument("--repeat", type=positive, default=1, metavar="N", help="runs in this process, the first one cold")
+    parser.add_argument("--flags", default=flags, help="C compiler flags, one word: --flags='-O2'")
+    parser.add_argument(
+        "--repeat", type=positive, default=1, metavar="N", help="runs in this process, the first one cold"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Continuation in a load: from rest to all of it, in steps that Newton's method can take."""
+"""Continuation in a load from rest to full load, in steps in which Newton's method converges."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ def lead(
     begin: float = 0.0,
     reached: Callable[[float], None] | None = None,
 ) -> dict[str, int]:
-    """Lead from a load, as a rule from rest, to another, in a first step of a size.
+    """Continue from one load, usually from rest, to another; the size of the first step is given.
 
     Each step starts from the last two equilibria, extrapolated.  A step that fails is halved, one that was easy doubles
     the next.

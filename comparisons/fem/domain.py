@@ -1,4 +1,4 @@
-"""A `Mesh` handed to dolfinx: partitioned over the ranks, its named faces found again as facets."""
+"""A `Mesh` handed to dolfinx: partitioned over the ranks, its named faces recognised as facets."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +12,7 @@ from isorod.errors import InputError
 from isorod.fenics import compat
 from meshes.mesh import Array, Index, Mesh, match
 
-# Vertices are recognised by position, to this share of the mesh's extent.
+# Vertices are recognised by position, to this fraction of the mesh's extent.
 _SAME_PLACE = 1e-9
 
 
@@ -59,12 +59,12 @@ class Domain:
         """Return this rank's facets of a named face."""
         if name not in self.faces:
             raise InputError(f"support: got face {name!r}, need one of {', '.join(self.faces)}")
-        found = self._with_vertices(name)
+        facets = self._with_vertices(name)
         if name == "lateral":
             # Where a section is a single cell, all vertices of its end faces lie on the lateral surface too.
             ends = [self._with_vertices(other) for other in self.faces if other != name]
-            found = np.setdiff1d(found, np.concatenate([*ends, np.empty(0, dtype=found.dtype)]))
-        return found
+            facets = np.setdiff1d(facets, np.concatenate([*ends, np.empty(0, dtype=facets.dtype)]))
+        return facets
 
     def _with_vertices(self, name: str) -> Index:
         where = self.faces[name]

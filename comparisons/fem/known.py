@@ -1,4 +1,4 @@
-"""What finite elements of any rods have a counterpart of, told before anything is meshed or solved; without dolfinx."""
+"""What finite elements of rods do not have is refused before anything is meshed or solved; without dolfinx."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,11 +45,11 @@ class Steps:
         return self.end_time / self.outputs / self.count
 
     def level(self, time: float) -> float:
-        """Return the share of the full activation at a time."""
+        """Return the fraction of the full activation at a time."""
         return 1.0 if self.ramp <= 0.0 else float(np.clip(time / self.ramp, 0.0, 1.0))
 
 
-# What is known of each analysis, by the names of its settings.
+# Settings of each analysis that finite elements have.
 _SETTINGS = {"statics": ("load_steps", "end_time"), "modal": ("modes",), "dynamics": tuple(Steps.__dataclass_fields__)}
 
 
@@ -62,23 +62,23 @@ def settings_of(scene: Any) -> dict[str, Any]:
 
 
 def with_pressures(model: Model) -> list[int]:
-    """Return the bodies of a model whose pressures are unknowns of finite elements: those of isorod's own that are.
+    """Return the bodies of a model whose pressures are unknowns of finite elements: those that are mixed in isorod.
 
     Bodies whose volumetric energy is no square are left out unless they are incompressible.
     """
-    found = []
+    mixed = []
     for b, body in enumerate(model.bodies):
         if body.formulation != "mixed":
             continue
         bent = [np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic for law in body.laws]
         if not any(bent):
-            found.append(b)
+            mixed.append(b)
         elif any(not np.isfinite(law.lame) for law in body.laws):
             raise InputError(
                 f"material of body {b}: incompressible beside one whose volumetric energy is no square of ln J, which "
                 "finite elements with pressures do not have"
             )
-    return found
+    return mixed
 
 
 def refuse_scene(scene: Any, model: Model) -> None:
@@ -89,16 +89,18 @@ def refuse_scene(scene: Any, model: Model) -> None:
         _refuse_loaded(model, scene.settings())
     if scene.analysis == "dynamics":
         if settings.get("integrator") != "implicit" or settings.get("time_step") is None:
-            raise InputError(f"integrator: finite elements take isorod's implicit steps; {_wanted(model, settings)}")
+            raise InputError(
+                f"integrator: finite elements take isorod's implicit steps; {_suggested_steps(model, settings)}"
+            )
         Steps(**settings)
 
 
-def _wanted(model: Model, settings: Mapping[str, Any]) -> str:
-    """Return what a file would have to say of its steps."""
+def _suggested_steps(model: Model, settings: Mapping[str, Any]) -> str:
+    """Return the settings of steps that a file needs."""
     from isorod.command import steps
 
     step = steps.implicit(model, settings["end_time"], settings.get("outputs", 50), "").time_step
-    return f'say integrator = "implicit" and time_step = {step:.2g}, which follows the lowest frequency and the tables'
+    return f'set integrator = "implicit" and time_step = {step:.2g}, which follows the lowest frequency and the tables'
 
 
 def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
@@ -164,7 +166,7 @@ def refuse(model: Model, analysis: str, bodies: Sequence[OfBody] = ()) -> None:
 
 
 def _refuse_beside_memory(model: Model, analysis: str) -> None:
-    """Raise `InputError` for what finite elements do not know of laws with memory."""
+    """Raise `InputError` for what finite elements do not have beside laws with memory."""
     beside = {
         "modes and motions": analysis != "statics",
         "nearly incompressible bodies": any(body.formulation == "mixed" for body in model.bodies),
@@ -173,8 +175,8 @@ def _refuse_beside_memory(model: Model, analysis: str) -> None:
         "mean motions and springs": any(isinstance(one, MeanSupport) for one in model.supports),
         "loads that turn with the body, and spin": bool(model.following) or model.spin is not None,
     }
-    for what, found in beside.items():
-        if found:
+    for what, present in beside.items():
+        if present:
             raise InputError(f"material: a law has a memory, beside which finite elements have no {what}")
 
 
@@ -209,9 +211,9 @@ def _refuse_tied(model: Model, bodies: Sequence[OfBody]) -> None:
             axis = model.bodies[load.body].space.axis
             if not np.isclose(load.u, axis.breaks[[0, -1]], rtol=0.0, atol=1e-12).any():
                 raise InputError(f"load {k}: a section within a rod is not loaded here; load an end, or a length")
-    for one in bodies:
-        if one.geometry is None:
-            raise one.place.error(
+    for body in bodies:
+        if body.geometry is None:
+            raise body.place.error(
                 "geometry is missing: rods and bodies are meshed anew as one solid; name the STEP file of the body, "
                 'geometry = "NAME.step", beside its mesh'
             )

@@ -156,13 +156,13 @@ def solve(
 def _moments(newton: Newton) -> Array:
     """Return `Equilibrium.moments` after reactions."""
     force, comm = newton.force.array_r, newton.force.getComm().tompi4py()
-    found = np.zeros((len(newton.supports), 3))
-    for row, one in zip(found, newton.supports, strict=True):
-        if isinstance(one, Support):
-            total = comm.allreduce(np.append(one.places.sum(axis=0), len(one.places)), op=MPI.SUM)
-            arms = one.places - total[:3] / total[3]
-            row[:] = np.cross(arms, np.eye(3)[one.components] * force[one.dofs, None]).sum(axis=0)
-    return np.asarray(comm.allreduce(found, op=MPI.SUM))
+    moments = np.zeros((len(newton.supports), 3))
+    for row, support in zip(moments, newton.supports, strict=True):
+        if isinstance(support, Support):
+            total = comm.allreduce(np.append(support.places.sum(axis=0), len(support.places)), op=MPI.SUM)
+            arms = support.places - total[:3] / total[3]
+            row[:] = np.cross(arms, np.eye(3)[support.components] * force[support.dofs, None]).sum(axis=0)
+    return np.asarray(comm.allreduce(moments, op=MPI.SUM))
 
 
 def element(mesh: Any, degree: int) -> Any:
@@ -172,7 +172,7 @@ def element(mesh: Any, degree: int) -> Any:
 
 
 def stored(state: Any, law: Material, activation: Any = 1.0) -> Any:
-    """Return the density whose stationary point is sought, of displacement and pressure."""
+    """Return the density, of displacement and pressure, whose integral is stationary at equilibrium."""
     if np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic:
         raise InputError(
             "law: its volumetric energy is no square of ln J; these elements take it as incompressible only"
@@ -221,10 +221,10 @@ class _Guide:
         self.unit = value.x.array[in_plain[own]]
 
 
-def _support(space: Any, domain: Domain, one: Held | Guided, factor: float) -> "Support | _Guide":
-    if isinstance(one, Guided):
-        return _Guide(space, domain, one, factor)
-    wanted = one.displacement
-    if callable(wanted):
-        return Support(space, domain, Held(one.face, lambda x: factor * wanted(x)))
-    return Support(space, domain, Held(one.face, tuple(factor * np.array(wanted))))
+def _support(space: Any, domain: Domain, held: Held | Guided, factor: float) -> "Support | _Guide":
+    if isinstance(held, Guided):
+        return _Guide(space, domain, held, factor)
+    displacement = held.displacement
+    if callable(displacement):
+        return Support(space, domain, Held(held.face, lambda x: factor * displacement(x)))
+    return Support(space, domain, Held(held.face, tuple(factor * np.array(displacement))))

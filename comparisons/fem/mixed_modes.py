@@ -1,4 +1,4 @@
-"""Vibration modes near and at incompressibility: isorod with nothing chosen beside Taylor-Hood bricks in dolfinx.
+"""Vibration modes near and at incompressibility: isorod's default spaces beside Taylor-Hood bricks in dolfinx.
 
 ``python -m comparisons.fem.mixed_modes`` prints a table: a free cylinder, the clamped blade, and the scene's spring
 about its pulled state.
@@ -81,7 +81,7 @@ def modes(
     body = Body(
         state, ufl.split(state)[0], stored, density, None, free, degree, settings, whole=False, pressures=pressures
     )
-    return lowest(domain, body, count, 0 if held else RIGID, settings, begin)
+    return lowest(body, count, 0 if held else RIGID, settings, begin)
 
 
 def cylinder() -> Rod:
@@ -123,17 +123,17 @@ class Case:
         return self.young / 1.3 * (1.0 + nu), nu
 
     def ours(self, nu: float, **space: Any) -> modal.Modes:
-        """Return isorod's modes, of a space that is chosen but for what is given."""
+        """Return isorod's modes, of its default space with these options."""
         where = Space(self.rod(), **space)
         law = (NeoHookean if self.pull else LinearElastic)(*self.constants(nu))
         ends = [model.Support.end(where, face) for face in self.held]
         if self.pull:
             ends[-1] = model.Support.end(where, self.held[-1], displacement=(0.0, 0.0, self.pull))
-        whole = model.Model([model.Body(where, law, self.density)], ends)
-        return modal.solve(whole, MODES, state=statics.solve(whole) if self.pull else None)
+        rod_model = model.Model([model.Body(where, law, self.density)], ends)
+        return modal.solve(rod_model, MODES, state=statics.solve(rod_model) if self.pull else None)
 
     def theirs(self, nu: float, fine: bool) -> Modes:
-        """Return those of Taylor-Hood bricks."""
+        """Return the modes of Taylor-Hood bricks."""
         domain, law = Domain.distribute(self.mesh(fine)), NeoHookean(*self.constants(nu))
         about = None
         if self.pull:
@@ -172,7 +172,7 @@ CASES = {
 
 
 class Row(NamedTuple):
-    """What is compared at one Poisson's ratio.
+    """The comparison at one Poisson's ratio.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class Row(NamedTuple):
 
 
 def row(case: Case, nu: float) -> Row:
-    """Return what is compared at one Poisson's ratio."""
+    """Return the comparison at one Poisson's ratio."""
     case.ours(nu)
     begin = perf_counter()
     ours = case.ours(nu)
@@ -220,11 +220,11 @@ def _apart(frequencies: Array, fine: Modes) -> float:
     return float(np.abs(frequencies / fine.frequencies[fine.rigid :] - 1.0).max())
 
 
-def _line(one: Row) -> str:
-    own = "" if one.estimate is None else f"{100.0 * one.estimate:.2f} %"
+def _line(result: Row) -> str:
+    own = "" if result.estimate is None else f"{100.0 * result.estimate:.2f} %"
     return (
-        f"{one.nu:8g} {100.0 * one.error:9.3f} % {100.0 * one.mesh:9.3f} % {own:>9} "
-        f"{one.unknowns[0]:9,} {one.unknowns[1]:9,} {one.seconds[0]:8.2f} {one.seconds[1]:8.1f}"
+        f"{result.nu:8g} {100.0 * result.error:9.3f} % {100.0 * result.mesh:9.3f} % {own:>9} "
+        f"{result.unknowns[0]:9,} {result.unknowns[1]:9,} {result.seconds[0]:8.2f} {result.seconds[1]:8.1f}"
     )
 
 

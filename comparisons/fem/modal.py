@@ -77,12 +77,10 @@ class Modes:
 
     Attributes
     ----------
-    domain
-        What was solved on: a `Domain`, or whatever the body was made from.
     shapes
         Mode shapes ``x^T M x = 1``, a PETSc vector each, on the degrees of freedom that are free.
-    displacement, carry
-        Displacement as a UFL expression, and the function that makes it that of such a vector.
+    carry
+        Sets the body's state from such a vector.
     frequencies
         ``omega / 2 pi``, cycles per time, shape ``(modes,)``.
     eigenvalues
@@ -107,9 +105,7 @@ class Modes:
         Largest resident set of a rank so far, bytes.
     """
 
-    domain: Any
     shapes: list[PETSc.Vec]
-    displacement: Any
     carry: Callable[[PETSc.Vec], None]
     frequencies: Array
     eigenvalues: Array
@@ -161,11 +157,11 @@ def solve(
     settings = settings or Settings()
     begin = perf_counter()
     body = _body(domain, solid, held, element or Element(), settings)
-    return lowest(domain, body, modes, 0 if held else RIGID, settings, begin)
+    return lowest(body, modes, 0 if held else RIGID, settings, begin)
 
 
-def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
-    """Return the lowest modes of a body with some rigid motions, which was begun to be made at a time."""
+def lowest(body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
+    """Return the lowest modes of a body with ``rigid`` rigid motions; ``begin`` is when its making started."""
     times = [begin]
     if modes < 1 or modes + rigid > body.unknowns:
         raise InputError(f"modes: got {modes}, need 1 to {body.unknowns - rigid} (the unknowns there are)")
@@ -175,24 +171,22 @@ def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings
     shift = pencil.shift()
     if shift is None:
         raise SolveError("modes of a free body: no flexible mode was found to place the shift by; give one (-st_shift)")
-    found = pencil.solve(modes + rigid, shift, settings.check)
+    result = pencil.solve(modes + rigid, shift, settings.check)
     times.append(perf_counter())
     for matrix in (pencil.stiffness, pencil.mass, body.matrix):
         matrix.destroy()
     setup, assembly, solving = np.diff(times)
     return Modes(
-        domain=domain,
-        shapes=found.vectors,
-        displacement=body.displacement,
+        shapes=result.vectors,
         carry=body.carry,
-        frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
-        eigenvalues=found.eigenvalues,
-        residuals=found.residuals,
+        frequencies=np.sqrt(np.maximum(result.eigenvalues, 0.0)) / (2.0 * np.pi),
+        eigenvalues=result.eigenvalues,
+        residuals=result.residuals,
         rigid=rigid,
-        below=found.below,
+        below=result.below,
         dofs=body.dofs,
         unknowns=body.unknowns,
-        iterations=found.iterations,
+        iterations=result.iterations,
         seconds={
             "forms": body.symbolic,
             "setup": setup - body.symbolic,
@@ -200,7 +194,7 @@ def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings
             "solve": solving - pencil.check_seconds,
             "check": pencil.check_seconds,
         },
-        options=found.options,
+        options=result.options,
         peak_memory=body.comm.allreduce(peak_memory(), op=MPI.MAX),
     )
 
@@ -285,7 +279,7 @@ class Body:
         return PETSc.IS().createBlock(blocks, rows, comm=self.comm)
 
     def _reduced(self, matrix: PETSc.Mat, blocks: int, kind: str) -> PETSc.Mat:
-        """Take out the rows and columns of what is held and convert to the type that is factored."""
+        """Remove the rows and columns of held unknowns and convert to the type that is factored."""
         if self.unknowns < self.dofs:
             rows = self._rows(blocks)
             whole, matrix = matrix, matrix.createSubMatrix(rows, rows)
@@ -309,7 +303,7 @@ class Body:
             mass,
             rigid=rigid,
             pressures=self.pressures,
-            # Incompatible modes have no mass, and what has none wants to be purified.
+            # Incompatible modes have no mass, and unknowns without mass have to be purified.
             factors=options if self.plain else {**options, "eps_purify": True},
             entries=self._mass_by_blocks if mass.getType() != stiffness.getType() else None,
             structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
@@ -330,9 +324,9 @@ class Body:
             return self._mass_by_blocks()
         matrix = compat.create_matrix(self.mass_form, None)
         compat.assemble_matrix(matrix, self.mass_form, [])
-        one = self._reduced(matrix, 1, "aij")
-        result = _declare(componentwise(one, 3), definite=True)
-        one.destroy()
+        component = self._reduced(matrix, 1, "aij")
+        result = _declare(componentwise(component, 3), definite=True)
+        component.destroy()
         return result
 
     def _mass_by_blocks(self) -> PETSc.Mat:
@@ -345,7 +339,7 @@ class Body:
         return _declare(self._reduced(matrix, self.blocks, self.final), definite=False)
 
     def carry(self, shape: PETSc.Vec) -> None:
-        """Make a vector of the free unknowns the state."""
+        """Set the state from a vector of the free unknowns."""
         own = compat.petsc_vector(self.state)
         own.set(0.0)
         own.array[:].reshape(-1, self.blocks)[self.free] = shape.array_r.reshape(-1, self.blocks)
@@ -355,8 +349,8 @@ class Body:
 def _declare(matrix: PETSc.Mat, definite: bool) -> PETSc.Mat:
     """Tell PETSc that a matrix is symmetric, and whether it is positive definite."""
     option: Any = PETSc.Mat.Option
-    for one in (option.SYMMETRIC, option.SYMMETRY_ETERNAL, *([option.SPD] if definite else [])):
-        matrix.setOption(one, True)
+    for flag in (option.SYMMETRIC, option.SYMMETRY_ETERNAL, *([option.SPD] if definite else [])):
+        matrix.setOption(flag, True)
     return matrix
 
 

@@ -6,7 +6,7 @@ from meshes.mesh import Array, Index
 
 
 class Numbered:
-    """What has a space of displacements of a mesh's own order, perhaps among other unknowns.
+    """A space of displacements of a mesh's own order, perhaps among other unknowns.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Numbered:
         return self.places
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns, zero for what is no displacement."""
+        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns, zero for other unknowns."""
         result = np.zeros(self.unknowns)
         result[self.places] = nodal
         return result

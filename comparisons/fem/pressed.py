@@ -48,7 +48,7 @@ class Nodal(Protocol):
 
 
 class Touching(Protocol):
-    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or what acts on a section."""
+    """A contact: `comparisons.fem.contact.surfaces.Contact`, one with a rigid obstacle, or an action on a section."""
 
     penalty: float
 
@@ -90,7 +90,7 @@ class Pressed(Newton):
             held[support.dofs] = 1.0
         self._is_held = nodal.to_nodes(held).ravel() > 0.0
         if contacts:
-            # Contact couples nodes of which the forms know nothing.
+            # Contact couples nodes that the forms do not.
             self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
 
     def positions(self) -> Array:
@@ -110,7 +110,7 @@ class Pressed(Newton):
         return pressings
 
     def add_forces(self, out: PETSc.Vec) -> None:
-        """Add forces that no form knows."""
+        """Add forces that no form has."""
         self.press(out)
 
     def add_stiffness(self, matrix: PETSc.Mat) -> None:
@@ -131,7 +131,7 @@ class Pressed(Newton):
             self._pattern = union
             add_rows(matrix, csr, known)
             if not known:
-                # PETSc later than 3.18 (found in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
+                # PETSc later than 3.18 (seen in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
                 # takes its pattern for the old one and puts its numbers where the old factors were.
                 self.snes.getKSP().getPC().reset()
         self.contact_seconds += perf_counter() - start
@@ -163,7 +163,7 @@ def rows_of(parts: Sequence[sparse.coo_array], numbers: Index, matrix: PETSc.Mat
 
 
 def add_rows(matrix: PETSc.Mat, csr: sparse.csr_array, known: bool = False) -> None:
-    """Add this rank's rows to a matrix; ``known`` says that it has all their entries already."""
+    """Add this rank's rows to a matrix; ``known`` if it has all their entries already."""
     indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
     size = matrix.getLocalSize()[0], matrix.getSize()[0]
     add = PETSc.Mat().createAIJ((size, size), csr=(*indices, csr.data), comm=matrix.getComm())

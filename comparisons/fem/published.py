@@ -56,13 +56,13 @@ class Spring(runs.Configuration):
         options = statics.DIRECT if self.solver is None else self.solver
         return statics.solve(where, law, held, self.element, options, self.flags, self.matrix)
 
-    def measure(self, found: Equilibrium) -> dict[str, Any]:
-        """Return what the record of a run has of its solution."""
+    def measure(self, result: Equilibrium) -> dict[str, Any]:
+        """Return the entries of a record of its solution."""
         return {
-            "force": float(found.reactions[1, 2]),
-            "newton_iterations": found.newton_iterations,
-            "linear_iterations": found.linear_iterations,
-            "residual_norms": found.residual_norms,
+            "force": float(result.reactions[1, 2]),
+            "newton_iterations": result.newton_iterations,
+            "linear_iterations": result.linear_iterations,
+            "residual_norms": result.residual_norms,
         }
 
 
@@ -113,14 +113,14 @@ class Blade(runs.Configuration):
         solid = modal.Solid(scene.E, scene.nu, scene.density)
         return modal.solve(where, solid, ["start"], self.modes, self.element, settings)
 
-    def measure(self, found: modal.Modes) -> dict[str, Any]:
-        """Return what the record of a run has of its modes; ``check`` of its ``seconds`` is the Sturm count."""
+    def measure(self, result: modal.Modes) -> dict[str, Any]:
+        """Return the entries of a record of its modes; ``check`` of its ``seconds`` is the Sturm count."""
         return {
-            "frequencies": found.frequencies,
-            "residuals": found.residuals,
-            "sturm_count": found.below,
-            "unknowns": found.unknowns,
-            "iterations": found.iterations,
+            "frequencies": result.frequencies,
+            "residuals": result.residuals,
+            "sturm_count": result.below,
+            "unknowns": result.unknowns,
+            "iterations": result.iterations,
         }
 
 

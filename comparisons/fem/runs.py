@@ -1,4 +1,4 @@
-"""What finite element runs share: options that fit together, meshes on all ranks, repeated timing, the record."""
+"""Common to all finite element runs: options that fit together, meshes on all ranks, repeated timing, the record."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,13 +20,13 @@ from meshes.mesh import Mesh
 
 FAMILIES = ("Lagrange", "S", "enhanced")
 
-Found = TypeVar("Found", bound=timing.Timed)
+Result = TypeVar("Result", bound=timing.Timed)
 Built = TypeVar("Built")
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A mesh of a scene, an element on it, and how the equations are solved; a scene adds its mesh and what it asks.
+    """A mesh of a scene, an element on it, and how the equations are solved; a scene adds its mesh and analysis.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ class Configuration:
 
     def options(self, shape: str) -> dict[str, Any]:
         """Return all options, as they are on cells of a shape, for the record."""
-        found = {"order": self.geometry_order, "quadrature": self.element.rule(shape), "flags": list(self.flags)}
-        return asdict(self) | found
+        derived = {"order": self.geometry_order, "quadrature": self.element.rule(shape), "flags": list(self.flags)}
+        return asdict(self) | derived
 
     def mesh(self) -> Mesh:
         """Return the mesh."""
@@ -89,8 +89,8 @@ class Configuration:
         """Return the solution on a mesh."""
         raise NotImplementedError
 
-    def measure(self, found: Any) -> dict[str, Any]:
-        """Return what the record of a run has of a solution."""
+    def measure(self, result: Any) -> dict[str, Any]:
+        """Return the entries of a record of a solution."""
         raise NotImplementedError
 
 
@@ -109,27 +109,27 @@ def check_element(bricks: bool, degree: int, family: str, quadrature: int | str 
 
 
 def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> Domain:
-    """Build a mesh on rank 0 and share it out; an `InputError` is raised on every rank."""
+    """Build a mesh on rank 0 and distribute it; an `InputError` is raised on every rank."""
     return Domain.distribute(_first(build, comm), comm)
 
 
-def shared(build: Callable[[], Built], comm: MPI.Comm) -> Built:
-    """Build something on rank 0 and give it to every rank; an `InputError` is raised on every one."""
-    found: Built = comm.bcast(_first(build, comm), root=0)
-    return found
+def broadcast(build: Callable[[], Built], comm: MPI.Comm) -> Built:
+    """Build an object on rank 0 and broadcast it; an `InputError` is raised on every rank."""
+    built: Built = comm.bcast(_first(build, comm), root=0)
+    return built
 
 
 def _first(build: Callable[[], Built], comm: MPI.Comm) -> Built | None:
-    found, problem = None, None
+    built, problem = None, None
     if comm.rank == 0:
         try:
-            found = build()
+            built = build()
         except InputError as error:
             problem = str(error)
     problem = comm.bcast(problem, root=0)
     if problem is not None:
         raise InputError(problem)
-    return found
+    return built
 
 
 def run(configuration: Configuration, repeat: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> dict[str, Any]:
@@ -140,22 +140,22 @@ def run(configuration: Configuration, repeat: int = 1, comm: MPI.Comm = MPI.COMM
     start = perf_counter()
     where = distribute(configuration.mesh, comm)
     meshing = perf_counter() - start
-    found, record = measured(lambda: configuration.solve(where), repeat, comm, meshing)
+    result, record = measured(lambda: configuration.solve(where), repeat, comm, meshing)
     return {
         "scene": configuration.scene,
         "analysis": configuration.analysis,
-        **configuration.measure(found),
-        "dofs": found.dofs,
+        **configuration.measure(result),
+        "dofs": result.dofs,
         "cells": where.cells,
         "options": configuration.options(where.shape),
-        "petsc_options": found.options,
+        "petsc_options": result.options,
         **record,
     }
 
 
 def timed(
-    solve: Callable[[], Found], repeat: int, comm: MPI.Comm
-) -> tuple[Found, list[dict[str, float]], dict[str, float]]:
+    solve: Callable[[], Result], repeat: int, comm: MPI.Comm
+) -> tuple[Result, list[dict[str, float]], dict[str, float]]:
     """Solve ``repeat`` times in this process.
 
     Returns what `comparisons.measure.timing.repeated` does, the seconds of each part being those of the slowest rank.
@@ -165,21 +165,21 @@ def timed(
         PETSc.garbage_cleanup()
         comm.Barrier()
 
-    found, own = timing.repeated(solve, repeat, begin)
-    runs = [{name: comm.allreduce(value, op=MPI.MAX) for name, value in one.items()} for one in own]
-    return found, runs, timing.median(runs)
+    result, own = timing.repeated(solve, repeat, begin)
+    runs = [{name: comm.allreduce(value, op=MPI.MAX) for name, value in run.items()} for run in own]
+    return result, runs, timing.median(runs)
 
 
-def measured(solve: Callable[[], Found], repeat: int, comm: MPI.Comm, meshing: float) -> tuple[Found, dict[str, Any]]:
-    """Return what the last of `timed` runs found, and what every record says of them; ``meshing`` in seconds."""
-    found, every, median = timed(solve, repeat, comm)
-    return found, {
+def measured(solve: Callable[[], Result], repeat: int, comm: MPI.Comm, meshing: float) -> tuple[Result, dict[str, Any]]:
+    """Return the result of the last of `timed` runs, and the entries common to all records; ``meshing`` in seconds."""
+    result, every, median = timed(solve, repeat, comm)
+    return result, {
         "method": "fem",
         "seconds": {"mesh": meshing} | median,
         "warm": repeat > 1,
         "runs": every,
         "ranks": comm.size,
-        "peak_memory": found.peak_memory,  # type: ignore[attr-defined]
+        "peak_memory": result.peak_memory,  # type: ignore[attr-defined]
         **provenance(),
     }
 

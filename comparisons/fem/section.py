@@ -2,7 +2,7 @@
 
 ``python -m comparisons.fem.section blade --u 0 --level 2``.
 
-The strains and curvatures of the axis are given here and their warping is found, stretch, twist and both curvatures
+Strains and curvatures of the axis are given here and their warping is solved for: stretch, twist and both curvatures
 first, then curvatures that grow along the prism, which is shear (D. Iesan, On Saint-Venant's problem, Arch. Rational
 Mech. Anal. 91 (1986) 363-373); isorod gives forces and solves for strains and warping together.  What both have in
 common is the energy of the six states under unit forces, here integrated from the stresses of these.
@@ -40,7 +40,7 @@ _EVEN, _SHEAR = (0, 3, 4, 5), (1, 2)
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What `isorod.output.section_properties.SectionProperties` has, about the section's centroid.
+    """The finite elements' `isorod.output.section_properties.SectionProperties`, about the section's centroid.
 
     Attributes
     ----------
@@ -79,16 +79,16 @@ def solve(body: Body, u: float, level: int = 2, degree: int = 3, flags: Sequence
     states = _States(body, u, level, degree, flags)
     bare = [State(np.zeros_like(motion), motion) for motion in states.motions[list(_EVEN)]]
     even = [states.warped(state.rate) for state in bare]
-    # Of each state what it carries of the four forces, and the mixtures that carry a unit of each.
+    # The four forces of each state, and the combinations that carry a unit of each.
     mixtures = np.linalg.inv(states.energies(even, bare))
-    found = {force: _mixed(even, row) for force, row in zip(_EVEN, mixtures, strict=True)}
+    unit_states = {force: _mixed(even, row) for force, row in zip(_EVEN, mixtures, strict=True)}
     # A shear force is the growth of a moment: M1' = Q2, M2' = -Q1.
     for force, moment, sign in ((1, 5, -1.0), (2, 4, 1.0)):
-        growth = _mixed([found[moment]], [sign])
+        growth = _mixed([unit_states[moment]], [sign])
         sheared = states.warped(growth.warping, growth)
         others = -states.energies([sheared], bare)[0] @ mixtures
-        found[force] = _mixed([sheared, *even], [1.0, *others])
-    units = [found[force] for force in range(6)]
+        unit_states[force] = _mixed([sheared, *even], [1.0, *others])
+    units = [unit_states[force] for force in range(6)]
     compliance = states.energies(units, units)
     return Section(np.linalg.inv(compliance), states.mass(), states.unknowns, states.cells)
 
@@ -100,9 +100,9 @@ class State(NamedTuple):
     rate: Array
 
 
-def _mixed(states: Sequence[State], shares: Sequence[float] | Array) -> State:
-    """Return the sum of states times their shares."""
-    return State(*(sum(s * one for s, one in zip(shares, part, strict=True)) for part in zip(*states, strict=True)))
+def _mixed(states: Sequence[State], factors: Sequence[float] | Array) -> State:
+    """Return the sum of states times factors."""
+    return State(*(sum(s * one for s, one in zip(factors, part, strict=True)) for part in zip(*states, strict=True)))
 
 
 class _States:
@@ -159,9 +159,9 @@ class _States:
 
     def _on_cells(self, values: Sequence[float] | Array, ring: Index) -> Any:
         """Return a function that is constant on each cell, of the values of rings."""
-        found = dolfinx.fem.Function(compat.function_space(self.mesh, ("DG", 0)))
-        found.x.array[:] = np.asarray(values, dtype=float)[ring]
-        return found
+        function = dolfinx.fem.Function(compat.function_space(self.mesh, ("DG", 0)))
+        function.x.array[:] = np.asarray(values, dtype=float)[ring]
+        return function
 
     def _stress(self, gradient: Any) -> Any:
         strain = ufl.sym(gradient)
@@ -170,11 +170,11 @@ class _States:
     def _rigid(self) -> Array:
         """Return the rigid motions, linear in the coordinates of the nodes, at which the cells are as well."""
         y, z, _ = self.space.tabulate_dof_coordinates().T
-        found = np.zeros((6, len(y), 3))
-        found[0, :, 2] = found[1, :, 0] = found[2, :, 1] = 1.0
-        found[3, :, 0], found[3, :, 1] = -z, y
-        found[4, :, 2], found[5, :, 2] = z, -y
-        return found.reshape(6, -1)
+        motions = np.zeros((6, len(y), 3))
+        motions[0, :, 2] = motions[1, :, 0] = motions[2, :, 1] = 1.0
+        motions[3, :, 0], motions[3, :, 1] = -z, y
+        motions[4, :, 2], motions[5, :, 2] = z, -y
+        return motions.reshape(6, -1)
 
     def _factorise(self) -> None:
         """Hold the section: a node, and another one, farthest from it, across the line to it; and factorise."""
@@ -191,21 +191,21 @@ class _States:
         self._factor.setFactorSolverType("mumps")
 
     def _set(self, *states: State) -> None:
-        """Put states into the forms."""
+        """Set the fields of the forms."""
         parts = [part for state in states for part in state]
         for field, part in zip(self._fields, parts, strict=True):
             field.x.array[:] = part
 
     def warped(self, rate: Array, growth: State | None = None) -> State:
-        """Return the state in balance whose displacements change at a rate, and whose stresses as those of a state."""
+        """Return the state in equilibrium with a rate of displacements, and with the rate of stresses of ``growth``."""
         nothing = np.zeros_like(rate)
         self._set(State(nothing, rate), growth or State(nothing, nothing))
         force = self._matrix.createVecLeft()
         compat.assemble_vector(force, self._load)
         force.array[self._held] = 0.0
-        found = force.duplicate()
-        self._factor.apply(force, found)
-        return State(found.array.copy(), rate)
+        displacement = force.duplicate()
+        self._factor.apply(force, displacement)
+        return State(displacement.array.copy(), rate)
 
     def energies(self, states: Sequence[State], others: Sequence[State]) -> Array:
         """Return the work of the stresses of states on the strains of others, shape ``(states, others)``."""
@@ -217,12 +217,12 @@ class _States:
         return self._products(self._inertia, rigid, rigid)
 
     def _products(self, form: Any, states: Sequence[State], others: Sequence[State]) -> Array:
-        found = np.empty((len(states), len(others)))
+        products = np.empty((len(states), len(others)))
         for i, state in enumerate(states):
             for j, other in enumerate(others):
                 self._set(state, other)
-                found[i, j] = dolfinx.fem.assemble_scalar(form)
-        return found
+                products[i, j] = dolfinx.fem.assemble_scalar(form)
+        return products
 
 
 def _along(rate: Any) -> Any:
@@ -249,15 +249,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not 0 <= given.rod < len(bodies):
             raise InputError(f"rod: got {given.rod}, need 0 to {len(bodies) - 1}")
         body = bodies[given.rod]
-        found = solve(body, given.u, given.level, given.degree)
+        result = solve(body, given.u, given.level, given.degree)
         own = isorod.section_properties(body, given.u)
         record = {
             **vars(given),
-            **vars(found),
+            **vars(result),
             "isorod": own.stiffness,
             "functions": own.functions,
             "estimated": own.error,
-            "apart": apart(found.stiffness, own.stiffness),
+            "apart": apart(result.stiffness, own.stiffness),
             **runs.provenance(),
         }
         print(results.line(record))

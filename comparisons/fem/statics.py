@@ -32,12 +32,12 @@ DIRECT = {
 }
 NEWTON = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15}
 
-# Preconditioners that want to know the rigid motions.
+# Preconditioners that need the rigid motions.
 ALGEBRAIC = ("gamg", "ml", "hypre")
 
 
 class Faces(Protocol):
-    """What knows the facets of named faces, as `Domain`."""
+    """An object with facets of named faces, such as `Domain`."""
 
     def facets(self, name: str) -> Any:
         """Return this rank's facets of a face."""
@@ -94,8 +94,6 @@ class Equilibrium:
     ----------
     displacement
         The dolfinx function.
-    domain, energy
-        What was solved.
     reactions
         Force of each support on the body, shape ``(supports, 3)``, the same on every rank.
     dofs
@@ -114,8 +112,6 @@ class Equilibrium:
     """
 
     displacement: Any
-    domain: Domain
-    energy: Energy
     reactions: Array
     dofs: int
     newton_iterations: int
@@ -148,7 +144,7 @@ def solve(
     element
         Displacement element and quadrature.
     options
-        PETSc options that the user's own override; MUMPS if not given; Newton steps are undamped either way.
+        PETSc options that the user's own override; MUMPS if not given; Newton steps are undamped in both cases.
     flags
         C compiler flags for the forms.
     matrix_type
@@ -180,8 +176,6 @@ def solve(
     solving = clock.seconds["solve"] - newton.seconds
     return Equilibrium(
         displacement=state.sub(0).collapse() if element.family == "enhanced" else state,
-        domain=domain,
-        energy=energy,
         reactions=reactions,
         dofs=dofmap.index_map.size_global * dofmap.index_map_bs,
         newton_iterations=iterations[0],
@@ -231,11 +225,11 @@ class Support:
         mixed = space.num_sub_spaces == 2
         plain = space.sub(0).collapse()[0] if mixed else space
         value = dolfinx.fem.Function(plain)
-        wanted = held.displacement
-        if callable(wanted):
-            value.interpolate(wanted)
+        displacement = held.displacement
+        if callable(displacement):
+            value.interpolate(displacement)
         else:
-            constant = np.array(wanted, dtype=float)[:, None]
+            constant = np.array(displacement, dtype=float)[:, None]
             value.interpolate(lambda x: np.repeat(constant, x.shape[1], axis=1))
         if mixed:
             dofs, in_plain = dolfinx.fem.locate_dofs_topological((space.sub(0), plain), 2, facets)
@@ -256,9 +250,9 @@ class Support:
 
 
 class Newton:
-    """SNES on compiled forms; a subclass may add forces that no form knows, and their derivative.
+    """SNES on compiled forms; a subclass may add forces that no form has, and their derivative.
 
-    ``definite`` says that the tangent is positive definite, on which its factors then count: the solver is made here.
+    ``definite``: the tangent is positive definite, which its factorisation relies on.
     """
 
     def __init__(
@@ -300,7 +294,7 @@ class Newton:
         self._copy(x)
         compat.assemble_vector(out, self.residual)
         self.add_forces(out)
-        # Only the first state falls short of the supports, and only then is there anything to lift.
+        # Only the first state does not fulfil the conditions of supports, so that only then is there anything to lift.
         if snes.getIterationNumber() == 0:
             compat.lift(out, self.tangent, self.conditions, self.state)
         out.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

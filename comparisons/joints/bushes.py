@@ -14,13 +14,12 @@ from scipy.interpolate import make_lsq_spline
 import isorod
 from comparisons.fem.statics import Held
 from comparisons.joints import whole
-from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, pieces, volumes
+from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, fragments, volumes
 from comparisons.joints.whole import BLOCK, ROD, Layers, Problem, Whole
 from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Model
 from isorod.model.tie import LateralSurface, SolidSurface
-from isorod.space.choice import boundary_layers
 
 # Of the wire and its coil; length of its legs, and of the bends between these and the coil.
 RADIUS, COIL, PITCH, TURNS, LEG, BEND = 1.0, 8.0, 4.0, 6.0, 8.0, 8.0
@@ -90,8 +89,8 @@ class Spring(Scene):
     @cached_property
     def _rises(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """``z`` between which the blocks are."""
-        found = self.rod.points([[0.0, 0.0]], np.ravel(self._ends))[..., 2].ravel()
-        return (found[0], found[1]), (found[2], found[3])
+        heights = self.rod.points([[0.0, 0.0]], np.ravel(self._ends))[..., 2].ravel()
+        return (heights[0], heights[1]), (heights[2], heights[3])
 
     def place(self, along: float, points: Array) -> Array:
         """Return where points of the section are."""
@@ -121,12 +120,12 @@ class Spring(Scene):
         return {name: whole.facets(mesh, self._outside(k)) for k, name in enumerate(("lower", "upper"))}
 
     def problem(self) -> Problem:
-        """Return what holds the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("lower"), Held("upper", self.push)])
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the force on the upper block."""
-        return np.asarray(found.reactions[1, 2:])
+        return np.asarray(solution.reactions[1, 2:])
 
     def bush(self, k: int, radius: float) -> int:
         """Make a cylinder round a leg in gmsh's kernel; return its tag."""
@@ -135,13 +134,13 @@ class Spring(Scene):
 
     def edges(self, sizes: Sizes) -> str:
         """Return the size of gmsh's cells in blocks."""
-        found = f"{sizes.far}"
+        size = f"{sizes.far}"
         for z in np.ravel(self._rises):
-            found = f"Min({found},{sizes.near}+0.5*Sqrt((Sqrt((x-{COIL})^2+y*y)-{RADIUS})^2+(z-({z}))^2))"
-        return found
+            size = f"Min({size},{sizes.near}+0.5*Sqrt((Sqrt((x-{COIL})^2+y*y)-{RADIUS})^2+(z-({z}))^2))"
+        return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh: the wire is a pipe along its centre line."""
+        """Return wire and blocks meshed as one solid, by gmsh: the wire is a pipe along its centre line."""
         axis = self.rod.axis
         knots, times = np.unique(axis.knots, return_counts=True)
         centers = self.rod.control_points.mean(axis=1)
@@ -154,7 +153,7 @@ class Spring(Scene):
             wire = occ.addPipe([(2, disk)], occ.addWire([curve]))
             occ.remove([(2, disk)])
             bushes = [(3, self.bush(k, BLOCK_RADIUS)) for k in range(2)]
-            volumes(pieces([*bushes, wire[0]], [BLOCK, BLOCK, ROD]))
+            volumes(fragments([*bushes, wire[0]], [BLOCK, BLOCK, ROD]))
             (_, low), (high, _) = self._rises
             between = f"1000*(Max(0,{low}-z)+Max(0,z-({high})))"
             return f"Min({self.edges(sizes)},{sizes.wire}+{between})"
@@ -177,17 +176,12 @@ class Spring(Scene):
         return [by_gmsh(lambda k=k: make(k), True)[0] for k in range(2)]  # type: ignore[misc]
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds a block."""
+        """Return the supports of a block."""
         return [fixed(space, self._outside(block), self.push if block else (0.0, 0.0, 0.0))]
 
     def space(self, **chosen: Any) -> Space:
         """Return a space with joints of elements where the blocks begin."""
-        kinks = (self._ends[0][1], self._ends[1][0])
-        knots = tuple(sorted(2 * kinks))
-        if "elements" not in chosen:
-            layers = boundary_layers(self.rod, chosen.get("degree"), kinks)
-            knots = tuple(sorted([*{*layers}.difference(kinks), *knots]))
-        return Space(self.rod, **{"knots": knots} | chosen)
+        return self.jointed((self._ends[0][1], self._ends[1][0]), **chosen)
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
         """Return wire and blocks."""
@@ -200,5 +194,5 @@ class Spring(Scene):
         return Model([Body(space, self.laws[ROD])], [], ties=ties, solids=solids)
 
     def of_coupled(self, solution: statics.Equilibrium) -> Array:
-        """Return the force on the upper block, which balances what the tie passes on."""
+        """Return the force on the upper block, which balances the tie's."""
         return -solution.ties[1].force[2:]

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 import isorod
 from comparisons.fem.statics import Held
 from comparisons.joints import whole
-from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, pieces, volumes
+from comparisons.joints.scene import Array, Scene, Sizes, by_gmsh, fixed, fragments, volumes
 from comparisons.joints.whole import BLOCK, ROD, Layers, Problem, Whole
 from isorod import Material, NeoHookean, Rod, Space, Tie, statics
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.model.tie import EndFace, LateralSurface, SolidSurface
-from isorod.space.choice import boundary_layers
 
 
 class Column(Scene):
@@ -52,17 +51,17 @@ class Column(Scene):
         """Return the size of gmsh's cells."""
         ends = [z for z in self.block if self.rise[0] - 1e-9 <= z <= self.rise[1] + 1e-9]
         edge = [f"{sizes.near}+0.5*Sqrt((Sqrt(x*x+y*y)-{self.radius})^2+(z-({z}))^2)" for z in ends]
-        found = f"{sizes.far}"
+        size = f"{sizes.far}"
         for one in edge:
-            found = f"Min({found},{one})"
-        return found
+            size = f"Min({size},{one})"
+        return size
 
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh."""
+        """Return rod and block meshed as one solid, by gmsh."""
 
         def make() -> str:
             box, rod = self._box(), (3, self._cylinder(*self.rise))
-            volumes(pieces([box, rod], [BLOCK, ROD]))
+            volumes(fragments([box, rod], [BLOCK, ROD]))
             return f"Min({self._edge(sizes)},{sizes.wire or sizes.far}+1000*Max(0,Sqrt(x*x+y*y)-{1.001 * self.radius}))"
 
         mesh, tags = by_gmsh(make, True)
@@ -116,15 +115,15 @@ class Tendon(Column):
         }
 
     def problem(self) -> Problem:
-        """Return what holds the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("bottom"), Held("hand", self.hand)])
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the force at the hand, along and across."""
-        return np.asarray(found.reactions[1, [2, 0]])
+        return np.asarray(solution.reactions[1, [2, 0]])
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds the block."""
+        """Return the supports of the block."""
         return [fixed(space, lambda x: np.abs(x[2] + 12.0) < 1e-6)]
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
@@ -169,25 +168,21 @@ class Screw(Column):
         }
 
     def problem(self) -> Problem:
-        """Return what holds and loads the solid."""
+        """Return the problem of the solid."""
         return Problem(self.laws, [Held("sides")], self.pull)
 
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return how far the end rises."""
-        return found.moved[2:]
+        return solution.moved[2:]
 
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds the plate."""
+        """Return the supports of the plate."""
         return [fixed(space, self._sides)]
 
     def space(self, **chosen: Any) -> Space:
         """Return a space with joints of elements where the plate begins and ends."""
         low, high = (z / self.rise[1] for z in self.block)
-        kinks: tuple[float, ...] = (low, low, high, high)
-        if "elements" not in chosen:
-            layers = boundary_layers(self.rod, chosen.get("degree"), (low, high))
-            kinks = tuple(sorted([*{*layers}.difference(kinks), *kinks]))
-        return Space(self.rod, **{"knots": kinks} | chosen)
+        return self.jointed((low, high), **chosen)
 
     def model(self, space: Space, solids: Sequence[Solid]) -> Model:
         """Return screw and plate."""

@@ -119,8 +119,8 @@ class Axial:
         rod, sleeve = self._columns(a, 0), self._columns(a, 1)
         outer = self._columns(b, 1)[2:4] if loaded else self._columns(b, 1)[:2]
         matrix = np.block([[rod[:4], -sleeve[:4]], [np.zeros((2, 2)), outer]])
-        found = np.linalg.solve(matrix, [0.0] * 5 + [1.0])
-        self._coefficients = found[:2], found[2:]
+        coefficients = np.linalg.solve(matrix, [0.0] * 5 + [1.0])
+        self._coefficients = coefficients[:2], coefficients[2:]
 
     @property
     def k(self) -> float:
@@ -348,15 +348,15 @@ def in_sleeve(
 
 
 def roots(function: Callable[[float], float], step: float, count: int) -> list[float]:
-    """Return the lowest positive roots of a function, none of which are closer than a step."""
-    found: list[float] = []
+    """Return the lowest positive roots of a function, at least a step apart."""
+    roots: list[float] = []
     low = 1e-3 * step
-    while len(found) < count:
+    while len(roots) < count:
         high = low + 0.2 * step
         if function(low) * function(high) < 0.0:
-            found.append(float(brentq(function, low, high, xtol=1e-15, rtol=1e-14)))
+            roots.append(float(brentq(function, low, high, xtol=1e-15, rtol=1e-14)))
         low = high
-    return found
+    return roots
 
 
 class Uniform:

@@ -1,7 +1,7 @@
 """A strut welded to the flank of a column: compliances at the strut's end, coupled and meshed as one solid.
 
 ``python -m comparisons.joints.flank [RADIUS ...]`` prints them for struts of some radii (0.3, 0.6), whose ends are on
-the column's axis, half way, and where their rims are on its surface; the column's radius is 1.
+the column's axis, halfway, and where their rims are on its surface; the column's radius is 1.
 """
 
 import sys
@@ -29,14 +29,14 @@ LAW = LinearElastic(1000.0, 0.3)
 FORCE = 1e-3
 
 
-class Found(NamedTuple):
+class Coupled(NamedTuple):
     """Displacements of the strut's end along its force, over it: along the strut, across both, along the column.
 
-    ``shares`` are those of `isorod.checks.embedded`, of each force.
+    ``estimates`` are the errors by `isorod.checks.embedded`, of each force.
     """
 
     compliances: Array
-    shares: Array
+    estimates: Array
 
 
 def model(radius: float, start: float, axis: int, **space: object) -> Model:
@@ -50,14 +50,14 @@ def model(radius: float, start: float, axis: int, **space: object) -> Model:
     return Model(bodies, supports, loads=[load], ties=[Tie(EndFace(1, "start"), LateralSurface(0))])
 
 
-def coupled(radius: float, start: float, **space: object) -> Found:
-    """Return what rods say."""
-    compliances, shares = [], []
+def coupled(radius: float, start: float, **space: object) -> Coupled:
+    """Return the compliances of rods tied to each other."""
+    compliances, estimates = [], []
     for axis in range(3):
         solved = statics.solve(model(radius, start, axis, **space))
         compliances.append(float(solved.at(1, "end")[axis]) / FORCE)
-        shares.append(embedded.of(solved).error)
-    return Found(np.array(compliances), np.array(shares))
+        estimates.append(embedded.of(solved).error)
+    return Coupled(np.array(compliances), np.array(estimates))
 
 
 def as_one(radius: float, near: float) -> Array:
@@ -78,24 +78,25 @@ def as_one(radius: float, near: float) -> Array:
         "high": whole.facets(mesh, lambda x: np.abs(x[2] - HALF) < 1e-6),
         "pulled": whole.facets(mesh, lambda x: np.abs(x[0] - 1.0 - LENGTH) < 1e-6),
     }
-    found = []
+    compliances = []
     for force in FORCE * np.eye(3):
         problem = Problem({ROD: LAW}, [Held("low"), Held("high")], (force[0], force[1], force[2]))
-        found.append(whole.solve(Whole(mesh, tags, faces), problem).moved @ force / FORCE**2)
-    return np.array(found)
+        compliances.append(whole.solve(Whole(mesh, tags, faces), problem).moved @ force / FORCE**2)
+    return np.array(compliances)
 
 
 def main(arguments: list[str]) -> None:
-    """Print compliances, errors in per cent and shares."""
+    """Print compliances, errors in per cent and their estimates."""
     options.initialize([])
     for radius in map(float, arguments or ("0.3", "0.6")):
         exact = as_one(radius, 0.05)
         print(f"strut {radius:g}, one solid", exact)
         for start in (0.0, 0.5, float(np.sqrt(1.0 - radius**2))):
-            found = coupled(radius, start, section_degree=6)
-            errors = 100.0 * (found.compliances / exact - 1.0)
+            result = coupled(radius, start, section_degree=6)
+            errors = 100.0 * (result.compliances / exact - 1.0)
             print(
-                f"  from {start:.3g}: errors {errors.round(1)} %, told {(100.0 * found.shares).round(1)} %", flush=True
+                f"  from {start:.3g}: errors {errors.round(1)} %, estimated {(100.0 * result.estimates).round(1)} %",
+                flush=True,
             )
 
 

@@ -62,8 +62,8 @@ def stent(**space: Any) -> Frame:
     section = isorod.circle(8, WIRE)
     spaces = []
     for k in range(STRUTS):
-        way = np.array([middles[k], corners[k], middles[(k + 1) % STRUTS]])
-        spaces.append(Space(isorod.polyline(way, fillet=BEND).sweep(section), **space))
+        corner_points = np.array([middles[k], corners[k], middles[(k + 1) % STRUTS]])
+        spaces.append(Space(isorod.polyline(corner_points, fillet=BEND).sweep(section), **space))
     ties = [Tie(EndFace((k + 1) % STRUTS, "start"), EndFace(k, "end")) for k in range(STRUTS)]
     return Frame(spaces, ties)
 
@@ -77,14 +77,14 @@ def frequencies_of_bricks(count: int, level: int) -> tuple[Array, int]:
     """Return the same of bricks of the closed ring, and their unknowns."""
     rod = isorod.polyline(_zigzag(), fillet=BEND, closed=True).sweep(isorod.circle(8, WIRE))
     model = Model([Body(Space(rod), LAW, 1.0)])
-    found = solve_bricks(model, bricks.build([rod], level, 2), "modal", count)
-    return np.asarray(found.frequencies)[-count:], found.dofs
+    solution = solve_bricks(model, bricks.build([rod], level, 2), "modal", count)
+    return np.asarray(solution.frequencies)[-count:], solution.dofs
 
 
 def lattice(cells: int, **space: Any) -> Frame:
     """Return a block of cells: columns along z at all corners, struts along x and y between them on all levels.
 
-    Columns have short elements where struts are tied, as those of files, if nothing is said of spaces.
+    Columns have short elements where struts are tied, as those of files, unless spaces are given.
     """
     every, high = range(cells + 1), CELL * cells + 2.0 * COLUMN
     levels = [(COLUMN + CELL * level) / high for level in every]
@@ -101,10 +101,10 @@ def lattice(cells: int, **space: Any) -> Frame:
     pairs = [(at, to) for at in column for to in ((at[0] + 1, at[1]), (at[0], at[1] + 1)) if to in column]
     for at, to in pairs:
         start, end = (CELL * np.array([*one, 0.0]) for one in (at, to))
-        way = inside * (end - start) / CELL
+        along = inside * (end - start) / CELL
         for level in every:
             up = np.array([0.0, 0.0, CELL * level])
-            line = isorod.straight(start=start + way + up, end=end - way + up)
+            line = isorod.straight(start=start + along + up, end=end - along + up)
             for which, one in (("start", at), ("end", to)):
                 ties.append(Tie(EndFace(len(spaces), which), LateralSurface(column[one])))
             spaces.append(Space(line.sweep(isorod.circle(8, STRUT)), **space))
@@ -133,13 +133,15 @@ def as_one(cells: int, size: float) -> Whole:
     def make() -> str:
         occ, every = gmsh.model.occ, range(cells + 1)
         high = CELL * cells + 2.0 * COLUMN
-        found = [(3, occ.addCylinder(CELL * i, CELL * j, -COLUMN, 0, 0, high, COLUMN)) for i in every for j in every]
+        cylinders = [
+            (3, occ.addCylinder(CELL * i, CELL * j, -COLUMN, 0, 0, high, COLUMN)) for i in every for j in every
+        ]
         for level in every:
             for j in every:
                 # Struts in a line are one cylinder: what is within the columns is theirs already.
-                found.append((3, occ.addCylinder(0, CELL * j, CELL * level, CELL * cells, 0, 0, STRUT)))
-                found.append((3, occ.addCylinder(CELL * j, 0, CELL * level, 0, CELL * cells, 0, STRUT)))
-        occ.fuse(found[:1], found[1:])
+                cylinders.append((3, occ.addCylinder(0, CELL * j, CELL * level, CELL * cells, 0, 0, STRUT)))
+                cylinders.append((3, occ.addCylinder(CELL * j, 0, CELL * level, 0, CELL * cells, 0, STRUT)))
+        occ.fuse(cylinders[:1], cylinders[1:])
         occ.synchronize()
         volumes({ROD: [tag for _, tag in gmsh.model.getEntities(3)]})
         # Seams are of one face, the edges of ends of a plane one too.
@@ -163,37 +165,48 @@ PROBLEM = Problem({ROD: LAW}, [Held("low"), Held("high", (_SHEAR, 0.0, 0.0))])
 
 
 def main() -> None:
-    """Print what the command line asks for."""
+    """Run the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("frame", choices=("stent", "lattice"))
     parser.add_argument("cells", type=int, nargs="*")
     parser.add_argument("--one", type=float, nargs="*", default=[], help="sizes of tetrahedra")
     parser.add_argument("--levels", type=int, nargs="*", default=[1, 2], help="of the ring's bricks")
     parser.add_argument("--space", type=json.loads, default={}, help="options of the rods' spaces, as JSON")
-    found = parser.parse_args()
-    options = found.space
-    if found.frame == "stent":
+    given = parser.parse_args()
+    options = given.space
+    if given.frame == "stent":
         for _ in range(2):
             frame = stent(**options)
             start = perf_counter(), process_time()
             values = frequencies(frame, 6)
             print("rods", 3 * sum(one.nodes for one in frame.spaces), values, *_since(start), flush=True)
-        for level in found.levels:
+        for level in given.levels:
             start = perf_counter(), process_time()
             values, unknowns = frequencies_of_bricks(6, level)
             print("bricks", level, unknowns, values, *_since(start), flush=True)
         return
-    for cells in found.cells:
+    for cells in given.cells:
         frame = lattice(cells, **options)
         for _ in range(2):
             start = perf_counter(), process_time()
-            one = sheared(frame, cells)
+            solution = sheared(frame, cells)
             took = _since(start)
-        force = float(one.reactions[1::2, 0].sum())
+        force = float(solution.reactions[1::2, 0].sum())
         count = len(frame.spaces)
         unknowns = 3 * sum(space.nodes for space in frame.spaces)
-        print("lattice", cells, count, len(frame.ties), unknowns, force, took, took[1] / count, one.seconds, flush=True)
-        for size in found.one:
+        print(
+            "lattice",
+            cells,
+            count,
+            len(frame.ties),
+            unknowns,
+            force,
+            took,
+            took[1] / count,
+            solution.seconds,
+            flush=True,
+        )
+        for size in given.one:
             mesh = as_one(cells, size)
             start = perf_counter(), process_time()
             solid = whole.solve(mesh, PROBLEM)

@@ -1,4 +1,4 @@
-"""How much of what tractions do the two sides of a weld see, whichever is the slave: its inf-sup constant in numbers.
+"""The inf-sup constant of a weld in numbers: how much of tractions' work the discrete sides resolve, by slave.
 
 ``python -m comparisons.joints.infsup [end] [sleeve]``.  Multipliers are the traces of the slave.  Tractions among these
 do work on what they do to both bodies, in the discrete spaces and, nearly, in all displacements; the square of the
@@ -37,7 +37,7 @@ CONTRASTS = (1.0, 10.0, 0.1)
 # How far coarse facets may be from the rod's surface.
 _GAP = 0.9
 
-# Springs to the ground of a rod that nothing holds, in shares of its stiffness.
+# Springs to the ground of a free rod, in fractions of its stiffness.
 _SOFT = 1e-3
 
 
@@ -49,7 +49,7 @@ class Side(NamedTuple):
     functions: Any
 
     def compliance(self, values: Array, weighted: Array, points: Array) -> Array:
-        """Return the work of multipliers ``(q, k)``, of each along each axis, on what others do, ``(3 k, 3 k)``."""
+        """Return the work of multipliers ``(q, k)`` along each axis on the displacements by others, ``(3 k, 3 k)``."""
         nodes, functions = self.functions(points)
         count = self.free.size // 3
         start = np.arange(len(points) + 1) * nodes.shape[1]
@@ -116,11 +116,11 @@ class Pair(NamedTuple):
         values, trace = tied.multipliers[0].values.toarray(), tied.trace
         weights = trace.weights[:, None]
         rod, solid, fine = (side.compliance(values, weights, trace.points) for side in self.sides)
-        found = []
+        lowest = []
         for contrast in CONTRASTS:
-            seen, whole = rod / contrast + solid, fine / contrast + fine
-            found.append(float(np.sqrt(eigh(seen, whole, eigvals_only=True, subset_by_index=(0, 0))[0])))
-        return found
+            seen, full = rod / contrast + solid, fine / contrast + fine
+            lowest.append(float(np.sqrt(eigh(seen, full, eigvals_only=True, subset_by_index=(0, 0))[0])))
+        return lowest
 
 
 def ends() -> Iterator[tuple[float, Pair]]:
@@ -139,7 +139,7 @@ def ends() -> Iterator[tuple[float, Pair]]:
         side = of_solid(solid, facets)
         for degree in (1, 2, 4, 8):
             space = Space(rod, section_degree=degree, elements=3, degree=3)
-            # Quadratic cells are half as wide as they are; polynomials share the diameter.
+            # Spacing of functions: half a quadratic cell; for polynomials the diameter over their number.
             sides = of_rod(space, ("end",)), side, fine
             yield near * degree / 4.0, Pair(space, solid, facets, sides, EndFace(0, "start"))
 
@@ -169,8 +169,8 @@ def main(parts: list[str]) -> None:
     for part in parts or ["end", "sleeve"]:
         for ratio, pair in ends() if part == "end" else sleeves():
             for slave in ("rod", "solid"):
-                found = " ".join(f"{one:.3f}" for one in pair.constants(slave))
-                print(f"{part:7s} size of solid to rod {ratio:6.3f}, slave {slave:5s}: {found}", flush=True)
+                text = " ".join(f"{one:.3f}" for one in pair.constants(slave))
+                print(f"{part:7s} size of solid to rod {ratio:6.3f}, slave {slave:5s}: {text}", flush=True)
 
 
 if __name__ == "__main__":

@@ -62,16 +62,16 @@ def ring(
     Parameters
     ----------
     cells
-        Bricks in radius, angle and length; each is six tetrahedra where ``shape`` says so.
+        Bricks in radius, angle and length; each is six tetrahedra if that is ``shape``.
     order
         Degree of the geometry, 1 or 2.
     """
     radial, around, along = cells
     count = [order * radial + 1, order * around, order * along + 1]
-    share = np.linspace(0.0, 1.0, count[0])
+    fraction = np.linspace(0.0, 1.0, count[0])
     angle = 2.0 * np.pi * np.arange(count[1]) / count[1]
     hole = circle(inner)(angle)
-    section = hole + share[:, None, None] * (outer(angle) - hole)
+    section = hole + fraction[:, None, None] * (outer(angle) - hole)
     points = np.zeros((*count, 3))
     points[..., :2] = section[:, :, None]
     points[..., 2] = np.linspace(0.0, length, count[2])

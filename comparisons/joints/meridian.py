@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 # Of the cells next to a singular edge, in those before.
 _RATIO = 0.15
 
+# Poisson's ratio of rods on blocks and in sleeves.
+_NU = 0.3
+
 
 class Block(NamedTuple):
     """A rectangle ``r, z`` of the meridian plane with its Young's modulus and Poisson's ratio."""
@@ -49,17 +52,17 @@ class Held(NamedTuple):
 
 
 def graded(marks: Array, layers: int, singular: Sequence[float]) -> Array:
-    """Return breaks between marks, so many layers of cells graded to those that are singular."""
-    found = [marks]
+    """Return breaks between marks, with layers of cells graded towards singular marks."""
+    ticks = [marks]
     for low, high in pairwise(marks):
         both = low in singular and high in singular
         size = (high - low) * (0.5 if both else 1.0)
         steps = size * _RATIO ** np.arange(0 if both else 1, layers + 1)
         if low in singular:
-            found.append(low + steps)
+            ticks.append(low + steps)
         if high in singular:
-            found.append(high - steps)
-    return np.unique(np.concatenate(found).round(12))
+            ticks.append(high - steps)
+    return np.unique(np.concatenate(ticks).round(12))
 
 
 class Meridian:
@@ -110,7 +113,7 @@ class Meridian:
         self.points = np.stack([lines[0][used // wide], lines[1][used % wide]], axis=1)
 
     def compliance(self, load: Load) -> float:
-        """Return the displacement that is conjugate to a load: its work on what it does."""
+        """Return the displacement conjugate to a unit load: the load's work on its displacements."""
         force = self._force(load)
         return float(force @ self.solve(load))
 
@@ -206,11 +209,11 @@ class Meridian:
 
     def _fixed(self, n: int) -> Array:
         """Return the degrees of freedom that are held, and that are nothing on the axis."""
-        found = [3 * np.flatnonzero(self.points[:, 0] < 1e-12) + (0 if n == 0 else 2)]
+        dofs = [3 * np.flatnonzero(self.points[:, 0] < 1e-12) + (0 if n == 0 else 2)]
         for held in self._held:
             on = np.flatnonzero(held.where(self.points.T))
-            found += [3 * on + "rtz".index(letter) for letter in held.components]
-        return np.unique(np.concatenate(found))
+            dofs += [3 * on + "rtz".index(letter) for letter in held.components]
+        return np.unique(np.concatenate(dofs))
 
 
 def _lobatto(degree: int) -> Array:
@@ -228,10 +231,10 @@ def _between(breaks: Array, nodes: Array) -> Array:
 
 def _lagrange(nodes: Array, s: Array) -> tuple[Array, Array]:
     """Return Lagrange's polynomials of nodes at points, and their slopes, shape ``(q, nodes)``."""
-    whole = legendre.legvander(nodes, len(nodes) - 1)
+    vandermonde = legendre.legvander(nodes, len(nodes) - 1)
     slopes = np.stack([legendre.Legendre.basis(k).deriv()(s) for k in range(len(nodes))], axis=1)
     values = legendre.legvander(s, len(nodes) - 1)
-    return np.linalg.solve(whole.T, values.T).T, np.linalg.solve(whole.T, slopes.T).T
+    return np.linalg.solve(vandermonde.T, values.T).T, np.linalg.solve(vandermonde.T, slopes.T).T
 
 
 AXIAL = Load(0, 0.0, 1.0, lambda r: (0.0, 0.0, 1.0 / np.pi))
@@ -241,30 +244,25 @@ MOMENT = Load(1, 0.0, 1.0, lambda r: (0.0, 0.0, 4.0 * r / np.pi))
 LOADS = {"axial": AXIAL, "torsion": TORSION, "transverse": TRANSVERSE, "moment": MOMENT}
 
 
-def weld(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
+def weld(E: tuple[float, float], **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod ``r < 1``, 8 long, on a block ``r < 4``, 4 high, held below; rod and block."""
-    body = Meridian(
-        [
-            Block((0.0, 1.0), (4.0, 12.0), E[0], nu[0]),
-            Block((0.0, 1.0), (0.0, 4.0), E[1], nu[1]),
-            Block((1.0, 4.0), (0.0, 4.0), E[1], nu[1]),
-        ],
-        [Held(lambda x: np.isclose(x[1], 0.0), "rtz")],
-        ((1.0, 4.0), (0.0, 4.0, 12.0)),
-        **accuracy,
-    )
-    return {name: body.compliance(load._replace(z=12.0)) for name, load in LOADS.items()}
+    return _compliances(E, 1, Held(lambda x: np.isclose(x[1], 0.0), "rtz"), accuracy)
 
 
-def through(E: tuple[float, float], nu: tuple[float, float] = (0.3, 0.3), **accuracy: int) -> dict[str, float]:
+def through(E: tuple[float, float], **accuracy: int) -> dict[str, float]:
     """Return the compliances of a rod from 0 to 12, bonded below 4 in a sleeve to r = 4 held outside; rod, sleeve."""
+    return _compliances(E, 0, Held(lambda x: np.isclose(x[0], 4.0), "rtz"), accuracy)
+
+
+def _compliances(E: tuple[float, float], lower: int, held: Held, accuracy: dict[str, int]) -> dict[str, float]:
+    """Return the compliances of a rod in or on a block; ``lower`` is the body on the axis below 4, rod 0 or block 1."""
     body = Meridian(
         [
-            Block((0.0, 1.0), (4.0, 12.0), E[0], nu[0]),
-            Block((0.0, 1.0), (0.0, 4.0), E[0], nu[0]),
-            Block((1.0, 4.0), (0.0, 4.0), E[1], nu[1]),
+            Block((0.0, 1.0), (4.0, 12.0), E[0], _NU),
+            Block((0.0, 1.0), (0.0, 4.0), E[lower], _NU),
+            Block((1.0, 4.0), (0.0, 4.0), E[1], _NU),
         ],
-        [Held(lambda x: np.isclose(x[0], 4.0), "rtz")],
+        [held],
         ((1.0, 4.0), (0.0, 4.0, 12.0)),
         **accuracy,
     )

@@ -29,7 +29,7 @@ E, NU, RADIUS, OUTER, LENGTH = (10.0, 1.0), (0.3, 0.3), 1.0, 4.0, 8.0
 # Loads are times this, so that strains are small.
 SIZE = 1e-4
 
-# Terms of the series: their sums are of Lanczos, so that what is left oscillates little.
+# Terms of the series, summed with Lanczos' factors, so that the remainder oscillates little.
 _TERMS = 4000
 
 
@@ -62,7 +62,7 @@ def forces(z: Array) -> Array:
         k = (2 * n + 1) * np.pi / (2.0 * LENGTH)
         smooth = np.sinc((2 * n + 1) / (2.0 * _TERMS))
         total += smooth * 2.0 * np.pi * RADIUS * _shear(k) / k * np.sin(k * z)
-    # The force of half the load is spent by the shear on the way.
+    # The shear carries the force of half the load.
     return -0.5 - total
 
 
@@ -75,8 +75,8 @@ def _shear(k: float) -> float:
     # With sin kz: u_r and s_rr; with cos kz: u_z and s_rz, of opposite sign to those of `_columns`.
     matrix = np.block([[rod, -inner], [np.zeros((2, 2)), outer[:2]]])
     right = np.array([0.0, own, lam * k * own, 0.0, 0.0, 0.0])
-    found = np.linalg.solve(matrix, right)
-    return float(-(rod @ found[:2])[3])
+    solution = np.linalg.solve(matrix, right)
+    return float(-(rod @ solution[:2])[3])
 
 
 def _columns(k: float, r: float, body: int) -> Array:
@@ -101,7 +101,7 @@ def _columns(k: float, r: float, body: int) -> Array:
 
 
 class Pulled(NamedTuple):
-    """What is measured of a unit force: mean displacement of the loaded section, and the rod's force at places."""
+    """Results of a unit force: mean displacement of the loaded section, and the rod's force at places."""
 
     mean: float
     forces: Array
@@ -111,7 +111,7 @@ class Pulled(NamedTuple):
 def solve(
     space: Space, cells: tuple[int, int, int], z: Array, element: str = "P2 bricks", slave: str = "solid"
 ) -> Pulled:
-    """Return what a rod's space and a sleeve of so many cells give, the cells graded to the load."""
+    """Return the results of a rod's space and a sleeve of cells graded to the load."""
     shape, degree, geometry = sleeve.ELEMENTS[element]
     made = ring(RADIUS, circle(OUTER), LENGTH, cells, shape, geometry)
     x = made.mesh.geometry.x
@@ -141,9 +141,9 @@ def solve(
         ties=[Tie(hole, own_surface, 0.5) if slave == "solid" else Tie(own_surface, hole, 0.5)],
         solids=[solid],
     )
-    found = statics.solve(model)
-    work = float((load.nodal(space) * found.displacement.reshape(-1, 3)).sum())
-    along = [found.section_forces(0, one / LENGTH).force[2] for one in z]
+    solution = statics.solve(model)
+    work = float((load.nodal(space) * solution.displacement.reshape(-1, 3)).sum())
+    along = [solution.section_forces(0, one / LENGTH).force[2] for one in z]
     return Pulled(2.0 * work / SIZE**2, np.array(along) / SIZE, (3 * space.nodes, 3 * solid.nodes))
 
 

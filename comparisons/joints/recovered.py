@@ -22,28 +22,28 @@ class Case(NamedTuple):
     estimate: float
 
 
-def of_meshes(found: Any) -> float:
+def of_meshes(solution: Any) -> float:
     """Return the estimate of an equilibrium's meshes alone."""
-    stored = sum(found.energy(b) for b in range(len(found.model.bodies)))
-    return float(estimate.of_solids(found.model, found.solids, stored)[0].work or 0.0)
+    stored = sum(solution.energy(b) for b in range(len(solution.model.bodies)))
+    return float(estimate.of_solids(solution.model, solution.solids, stored)[0].work or 0.0)
 
 
 def welds(near: float, contrast: tuple[float, float], slave: str = "rod", degree: int = 2) -> Iterator[Case]:
-    """Yield what is known of a rod on a block under its four loads."""
+    """Yield true and estimated errors of a rod on a block under its four loads."""
     made = weld.block(near, 1.5, hole=False, order=degree)
-    found = weld.solve(made, weld.rod_space(False), contrast, False, slave, degree=degree)
+    result = weld.solve(made, weld.rod_space(False), contrast, False, slave, degree=degree)
     exact = meridian.weld(contrast)
-    for name, equilibrium in found.equilibria.items():
-        true = abs(found.compliances[name] / exact[name] - 1.0)
+    for name, equilibrium in result.equilibria.items():
+        true = abs(result.compliances[name] / exact[name] - 1.0)
         what = f"weld {name}, {contrast[0]:g}:{contrast[1]:g}, size {near}, P{degree}, {slave}"
         yield Case(what, true, of_meshes(equilibrium))
 
 
-def sleeve_case(name: str, element: str, cells: tuple[int, int, int], slave: str = "rod") -> Case:
-    """Return what is known of a rod in a sleeve."""
+def sleeve_case(name: str, element: str, cells: tuple[int, int, int]) -> Case:
+    """Return true and estimated error of a rod in a sleeve."""
     problem = sleeve.torsion() if name == "torsion" else sleeve.axial()
-    found = sleeve.solve(problem, sleeve.rod_space(problem.length), cells, element, slave)
-    return Case(f"{name}, {element} {cells}, {slave}", abs(found.energy), of_meshes(found.equilibrium))
+    result = sleeve.solve(problem, sleeve.rod_space(problem.length), cells, element)
+    return Case(f"{name}, {element} {cells}, rod", abs(result.energy), of_meshes(result.equilibrium))
 
 
 def cases(part: str) -> Iterator[Case]:

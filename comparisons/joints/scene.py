@@ -1,4 +1,4 @@
-"""Rods with blocks, coupled and meshed as one solid: what every such scene has, and meshes by gmsh."""
+"""Rods with blocks, coupled and meshed as one solid: the base of such scenes, and meshes by gmsh."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +16,7 @@ from isorod import Material, Rod, Space, statics
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.model import Model
+from isorod.space.choice import boundary_layers
 
 Array = NDArray[np.float64]
 
@@ -40,13 +41,13 @@ class Sizes(NamedTuple):
     rings: int = 1
 
 
-class Coupled(NamedTuple):
-    """What the coupled model gives: quantities, unknowns of rod and blocks, processor time, and the solution."""
+class Outcome(NamedTuple):
+    """Of a run: quantities, unknowns of rod and finite elements, processor time, and the solution where coupled."""
 
     values: Array
     unknowns: tuple[int, int]
     seconds: float
-    solution: Any
+    solution: Any = None
 
 
 class Scene(ABC):
@@ -65,8 +66,16 @@ class Scene(ABC):
     laws: ClassVar[Mapping[int, Material]]
 
     def space(self, **chosen: Any) -> Space:
-        """Return a space on the rod; what is not given is chosen as scene files do."""
+        """Return a space on the rod; other options are chosen as of scene files."""
         return Space(self.rod, **chosen)
+
+    def jointed(self, kinks: tuple[float, float], **chosen: Any) -> Space:
+        """Return a space with joints of elements at two axis parameters, across which it is continuous alone."""
+        knots = tuple(sorted(2 * kinks))
+        if "elements" not in chosen:
+            layers = boundary_layers(self.rod, chosen.get("degree"), kinks)
+            knots = tuple(sorted([*{*layers}.difference(kinks), *knots]))
+        return Space(self.rod, **{"knots": knots} | chosen)
 
     @abstractmethod
     def section(self, sizes: Sizes) -> whole.Section:
@@ -86,20 +95,20 @@ class Scene(ABC):
 
     @abstractmethod
     def problem(self) -> Problem:
-        """Return what holds and loads the solid."""
+        """Return the problem of the solid: laws, supports and load."""
 
     @abstractmethod
-    def of_whole(self, found: whole.Found) -> Array:
+    def of_whole(self, solution: whole.Solution) -> Array:
         """Return the quantities of a solution of one solid."""
 
     def bricks(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by bricks."""
+        """Return rod and blocks meshed as one solid, by bricks."""
         mesh, tags = whole.bricks(self.section(sizes), self.layers(sizes), self.place)
         return Whole(mesh, tags, self.faces(mesh))
 
     @abstractmethod
     def tetrahedra(self, sizes: Sizes) -> Whole:
-        """Return all of it meshed as one, by gmsh."""
+        """Return rod and blocks meshed as one solid, by gmsh."""
 
     @abstractmethod
     def blocks(self, sizes: Sizes, shape: str) -> Sequence[Any]:
@@ -115,9 +124,9 @@ class Scene(ABC):
 
     @abstractmethod
     def held(self, block: int, space: Any) -> list[Any]:
-        """Return what holds a block, conditions of dolfinx."""
+        """Return the supports of a block, conditions of dolfinx."""
 
-    def coupled(self, space: Space, meshes: Sequence[Any], petsc: Mapping[str, object] | None = None) -> Coupled:
+    def coupled(self, space: Space, meshes: Sequence[Any]) -> Outcome:
         """Return the coupled model's solution; time is without meshes and compilation of forms."""
         start = process_time()
         spaces = [compat.function_space(mesh, compat.element(mesh, "Lagrange", 2, 3)) for mesh in meshes]
@@ -125,16 +134,16 @@ class Scene(ABC):
         begun = process_time()
         solids = [Solid(V, self.laws[BLOCK], conditions=c) for V, c in zip(spaces, conditions, strict=True)]
         compiled = process_time() - begun
-        solution = statics.solve(self.model(space, solids), petsc=petsc)
+        solution = statics.solve(self.model(space, solids))
         seconds = process_time() - start - compiled
         unknowns = 3 * space.nodes, sum(3 * one.nodes for one in solids)
-        return Coupled(self.of_coupled(solution), unknowns, seconds, solution)
+        return Outcome(self.of_coupled(solution), unknowns, seconds, solution)
 
 
 def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
-    """Return the mesh of tetrahedra of what is made in gmsh's own kernel, and tags of its cells.
+    """Return the mesh of tetrahedra of a geometry made in gmsh's own kernel, and tags of its cells.
 
-    What is made has physical groups of volumes, and says the size of cells by position.
+    ``make`` makes physical groups of volumes, and returns the size of cells by position.
     """
     gmsh.initialize()
     try:
@@ -146,7 +155,7 @@ def by_gmsh(make: Callable[[], str], curved: bool) -> tuple[Any, Any]:
 
 
 def tetrahedra(size: str, order: int = 2) -> None:
-    """Mesh what gmsh has open, with cells of a size by position."""
+    """Mesh the open geometry of gmsh, with cells of a size by position."""
     for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
         gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
     field = gmsh.model.mesh.field.add("MathEval")
@@ -162,16 +171,16 @@ def volumes(tags: Mapping[int, Sequence[int]]) -> None:
         gmsh.model.addPhysicalGroup(3, volumes, tag)
 
 
-def pieces(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[int, list[int]]:
-    """Fragment volumes of gmsh, and return those of each tag: of what several were, that of the last."""
+def fragments(solids: Sequence[tuple[int, int]], tags: Sequence[int]) -> dict[int, list[int]]:
+    """Fragment volumes of gmsh, and return those of each tag; a common fragment has the last volume's tag."""
     _, origins = gmsh.model.occ.fragment(solids[:1], solids[1:])
     of: dict[int, int] = {}
     for tag, origin in zip(tags, origins, strict=True):
-        of |= {piece: tag for dimension, piece in origin if dimension == 3}
-    return {tag: [piece for piece, own in of.items() if own == tag] for tag in set(of.values())}
+        of |= {fragment: tag for dimension, fragment in origin if dimension == 3}
+    return {tag: [fragment for fragment, own in of.items() if own == tag] for tag in set(of.values())}
 
 
 def fixed(space: Any, on: Callable[[Array], Any], displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-    """Return dolfinx's condition that moves the facets where a function says."""
+    """Return dolfinx's condition that moves the facets that fulfil a condition."""
     nodes = fem.locate_dofs_topological(space, 2, whole.facets(space.mesh, on))
     return fem.dirichletbc(np.array(displacement), nodes, space)

@@ -89,7 +89,7 @@ def composite(E: tuple[float, float] = (10.0, 1.0), nu: tuple[float, float] = (0
 
 
 def patch() -> Problem:
-    """A constant strain of rod and box of one law: what is left is the error of the hole's shape."""
+    """A constant strain of rod and box of one law: the only error is that of the hole's shape."""
     gradient = np.array([[0.8, -0.5, 0.0], [0.3, -0.4, 0.0], [0.0, 0.0, 0.6]])
     return Problem(exact.Uniform(1.0, 0.3, gradient), (1.0, 1.0), (0.3, 0.3), square(3.0), 2.0, "xyz")
 
@@ -98,8 +98,8 @@ PROBLEMS = {"torsion": torsion, "axial": axial, "inclusion": inclusion, "composi
 
 
 @dataclass(frozen=True)
-class Found:
-    """What one solution is worth.
+class Result:
+    """The errors of a solution.
 
     Attributes
     ----------
@@ -128,14 +128,14 @@ class Found:
     equilibrium: Any = field(repr=False)
 
 
-def rod_space(length: float, elements: int = 4, order: int = 2, points: int = POINTS, degree: int = 3) -> Space:
+def rod_space(length: float, elements: int = 4, order: int = 2, degree: int = 3) -> Space:
     """Return a space on the rod."""
-    rod = isorod.straight(length).sweep(isorod.circle(points, RADIUS))
+    rod = isorod.straight(length).sweep(isorod.circle(POINTS, RADIUS))
     return Space(rod, order=order, elements=elements, degree=degree)
 
 
 def sleeve(problem: Problem, cells: tuple[int, int, int], element: str) -> tuple[Ring, Solid]:
-    """Return the mesh of the sleeve, and the sleeve with what is prescribed."""
+    """Return the mesh of the sleeve, and the sleeve with its boundary conditions."""
     shape, degree, geometry = ELEMENTS[element]
     made = ring(RADIUS, problem.outline, problem.length, cells, shape, geometry)
     mesh = made.mesh
@@ -164,18 +164,18 @@ def vectors(mesh: Any, degree: int) -> Any:
 
 def pinned(space: Any, radius: float) -> list[Any]:
     """Return conditions at three points of the outer surface that hold what symmetry holds."""
-    found = []
+    conditions = []
     for letter, place in (("y", (radius, 0.0)), ("y", (-radius, 0.0)), ("x", (0.0, radius))):
         part = space.sub("xyz".index(letter))
         own, _ = compat.collapsed(part)
         at = np.array([*place, 0.0])[:, None]
         dofs = fem.locate_dofs_geometrical((part, own), lambda x, at=at: np.linalg.norm(x - at, axis=0) < 1e-9)
-        found.append(fem.dirichletbc(fem.Function(own), dofs, part))
-    return found
+        conditions.append(fem.dirichletbc(fem.Function(own), dofs, part))
+    return conditions
 
 
 def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
-    """Return what is prescribed of the rod's ends, which is linear in the positions."""
+    """Return the supports of the rod's ends, whose displacements are linear in the positions."""
     layers = np.arange(space.nodes).reshape(space.layers, -1)
     supports = []
     for which in ("start", "end"):
@@ -192,7 +192,7 @@ def rod_supports(problem: Problem, space: Space) -> Sequence[Support]:
 
 def solve(
     problem: Problem, space: Space, cells: tuple[int, int, int], element: str, slave: str = "rod", gap: float = 0.5
-) -> Found:
+) -> Result:
     """Return the errors of a rod's space in a sleeve of so many cells; slave is the ``"rod"`` or the ``"solid"``."""
     made, solid = sleeve(problem, cells, element)
     own, hole = LateralSurface(0), SolidSurface(0, made.hole)
@@ -204,31 +204,31 @@ def solve(
         solids=[solid],
     )
     start = perf_counter()
-    found = statics.solve(model)
+    solution = statics.solve(model)
     seconds = perf_counter() - start
-    energy = found.energy(0) + solid.energy(found.solids[0], 1.0)
-    carried = found.ties[0]
+    energy = solution.energy(0) + solid.energy(solution.solids[0], 1.0)
+    carried = solution.ties[0]
     expected = problem.solution.traction(carried.points) * (1.0 if slave == "rod" else -1.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     along = np.linspace(0.0, 1.0, 21)
     xi = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     where = space.rod.grid(xi, along)[0]
     moved = problem.solution.displacement(where.reshape(-1, 3), 0).reshape(where.shape)
-    return Found(
+    return Result(
         energy=energy / AMPLITUDE**2 / stored(problem) - 1.0,
-        rod=distance(found.at(0, along, xi) / AMPLITUDE, moved),
+        rod=distance(solution.at(0, along, xi) / AMPLITUDE, moved),
         traction=distance(carried.traction / AMPLITUDE, expected),
         jump=carried.jump / (AMPLITUDE * float(np.abs(moved).max())),
         gap=carried.gap / RADIUS,
         unknowns=(3 * space.nodes, 3 * solid.nodes),
         seconds=seconds,
-        equilibrium=found,
+        equilibrium=solution,
     )
 
 
-def distance(found: Array, expected: Array) -> float:
+def distance(values: Array, expected: Array) -> float:
     """Return the relative distance of fields, in the mean of squares of points."""
-    return float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+    return float(np.linalg.norm(values - expected) / np.linalg.norm(expected))
 
 
 def stored(problem: Problem) -> float:

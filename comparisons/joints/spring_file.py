@@ -58,7 +58,7 @@ unit = "N"
 
 
 def write(folder: Path, sizes: Sizes = SIZES) -> Path:
-    """Write the scene and what it names; return its file."""
+    """Write the scene and the files it names; return its path."""
     spring = Spring()
     axis = spring.rod.axis
     np.savetxt(folder / "wire.txt", spring.rod.control_points.mean(axis=1))

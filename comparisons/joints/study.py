@@ -8,7 +8,7 @@ joint's edges are: there stresses are singular, and errors fall with the size of
 import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from comparisons.fem.runs import provenance
 from comparisons.joints import whole
 from comparisons.joints.bushes import Spring
 from comparisons.joints.columns import Screw, Tendon
-from comparisons.joints.scene import Scene, Sizes
+from comparisons.joints.scene import Outcome, Scene, Sizes
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
 
@@ -33,17 +33,9 @@ REPEAT, LONG = 2, 20.0
 TURNS = 3
 
 
-class Outcome(NamedTuple):
-    """What a run finds: quantities, unknowns of the rod and of finite elements, and processor time."""
-
-    values: Array
-    unknowns: tuple[int, int]
-    seconds: float
-
-
 @dataclass(frozen=True)
 class Work:
-    """One way to solve a scene.
+    """A method to solve a scene.
 
     Attributes
     ----------
@@ -64,7 +56,7 @@ class Work:
 
     @property
     def label(self) -> str:
-        """What it is, in words."""
+        """A description in words."""
         rod = ", ".join(f"{name} {value}" for name, value in self.space.items()) or "default rod"
         cells = "bricks" if self.shape == "hexahedron" else "tetrahedra"
         near = f"{self.sizes.near:g} to {self.sizes.far:g}"
@@ -73,27 +65,22 @@ class Work:
         return f"{cells} {near}, wire {self.sizes.wire:g}" if self.side == "one solid" else f"{cells} {near}; {rod}"
 
     def ready(self, scene: Scene) -> Callable[[], Outcome]:
-        """Return what solves it, meshes made."""
+        """Make the meshes, and return the function that solves on them."""
         if self.side == "one solid":
             mesh = scene.bricks(self.sizes) if self.shape == "hexahedron" else scene.tetrahedra(self.sizes)
 
             def one() -> Outcome:
-                found = whole.solve(mesh, scene.problem())
-                return Outcome(scene.of_whole(found), (0, found.unknowns), found.seconds)
+                solution = whole.solve(mesh, scene.problem())
+                return Outcome(scene.of_whole(solution), (0, solution.unknowns), solution.seconds)
 
             return one
         space, meshes = scene.space(**self.space), scene.blocks(self.sizes, self.shape)
-
-        def coupled() -> Outcome:
-            found = scene.coupled(space, meshes)
-            return Outcome(found.values, found.unknowns, found.seconds)
-
-        return coupled
+        return lambda: scene.coupled(space, meshes)._replace(solution=None)
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A scene with what is run of it, coarse to fine on each side; ``converged`` are two meshes of one solid."""
+    """A scene with its runs, coarse to fine on each side; ``converged`` are two meshes of one solid."""
 
     name: str
     title: str
@@ -179,21 +166,21 @@ class _Comparison:
 
     def run(self) -> None:
         """Record the converged values, all work, and the fastest of both sides within each target."""
-        found = []
+        meshes = []
         for sizes in self.subject.converged:
             with self.steps.step(f"{self.subject.name}: converged, bricks of {sizes.near:g} to {sizes.far:g}"):
-                found.append(self._measured(Work("one solid", BRICKS, sizes), 1))
-        coarse, fine = (np.array(one["values"]) for one in found)
+                meshes.append(self._measured(Work("one solid", BRICKS, sizes), 1))
+        coarse, fine = (np.array(one["values"]) for one in meshes)
         limit = 2.0 * fine - coarse
-        said = {"scene": self.subject.name, "title": self.subject.title, "names": self.subject.scene.quantities}
+        subject = {"scene": self.subject.name, "title": self.subject.title, "names": self.subject.scene.quantities}
         uncertainty = float(np.abs(fine / limit - 1.0).max())
-        self._record("converged", said | {"values": limit.tolist(), "uncertainty": uncertainty, "meshes": found})
+        self._record("converged", subject | {"values": limit.tolist(), "uncertainty": uncertainty, "meshes": meshes})
         done = []
         for work in self.subject.work:
             with self.steps.step(f"{self.subject.name}, {work.side}: {work.label}"):
-                one = self._measured(work, REPEAT)
-                one["error"] = float(np.abs(np.array(one["values"]) / limit - 1.0).max())
-                done.append((work, self._record("work", said | one)))
+                record = self._measured(work, REPEAT)
+                record["error"] = float(np.abs(np.array(record["values"]) / limit - 1.0).max())
+                done.append((work, self._record("work", subject | record)))
         for target in TARGETS:
             with self.steps.step(f"{self.subject.name}: side by side within {100 * target:g} %"):
                 self._beside(done, target)
@@ -217,9 +204,9 @@ class _Comparison:
     def _measured(self, work: Work, repeat: int) -> dict[str, Any]:
         solve, times = work.ready(self.subject.scene), []
         for _ in range(repeat):
-            found = _once(solve)
-            times.append(found.seconds)
-            if found.seconds > LONG:
+            outcome = _once(solve)
+            times.append(outcome.seconds)
+            if outcome.seconds > LONG:
                 break
         return {
             "side": work.side,
@@ -227,8 +214,8 @@ class _Comparison:
             "shape": work.shape,
             "sizes": work.sizes._asdict(),
             "space": work.space,
-            "values": found.values.tolist(),
-            "unknowns": list(found.unknowns),
+            "values": outcome.values.tolist(),
+            "unknowns": list(outcome.unknowns),
             "seconds": min(times[1:] or times),
         }
 
@@ -237,7 +224,7 @@ class _Comparison:
 
 
 def _once(solve: Callable[[], Outcome]) -> Outcome:
-    """Return what a call returns, without what the last one left."""
+    """Return the outcome of a call, after the garbage of the last one is collected."""
     gc.collect()
     return solve()
 
@@ -248,12 +235,12 @@ def fastest(done: Sequence[tuple[Work, Record]], target: float) -> tuple[Work, R
     On coarse meshes errors of the section and of the axis can cancel.
     """
 
-    def is_finer(one: Work, than: Work) -> bool:
-        alike = (one.side, one.shape, one.space) == (than.side, than.shape, than.space)
+    def is_finer(work: Work, than: Work) -> bool:
+        alike = (work.side, work.shape, work.space) == (than.side, than.shape, than.space)
         return (
             alike
-            and one.sizes.around >= than.sizes.around
-            and all(a <= b for a, b in zip(one.sizes[:3], than.sizes[:3], strict=True))
+            and work.sizes.around >= than.sizes.around
+            and all(a <= b for a, b in zip(work.sizes[:3], than.sizes[:3], strict=True))
         )
 
     held = [

@@ -14,6 +14,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 import isorod
+from comparisons.joints.scene import tetrahedra
 from comparisons.joints.traction import Traction
 from isorod import LinearElastic, Space, Tie, statics
 from isorod.fenics import compat
@@ -97,15 +98,15 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
     try:
         gmsh.option.setNumber("General.Verbosity", 1)
         occ = gmsh.model.occ
-        whole = occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, RADIUS)
+        cylinder = occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, RADIUS)
         if hole:
-            occ.cut([(3, whole)], [(3, occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, 1.0))])
+            occ.cut([(3, cylinder)], [(3, occ.addCylinder(0, 0, 0, 0, 0, HEIGHT, 1.0))])
         elif outline:
-            occ.fragment([(3, whole)], [(2, occ.addDisk(0, 0, HEIGHT, 1.0, 1.0))])
+            occ.fragment([(3, cylinder)], [(2, occ.addDisk(0, 0, HEIGHT, 1.0, 1.0))])
         occ.synchronize()
         groups: dict[str, list[int]] = {"held": [], "joined": [], "free": []}
-        for _, one in gmsh.model.getEntities(2):
-            box = gmsh.model.getBoundingBox(2, one)
+        for _, face in gmsh.model.getEntities(2):
+            box = gmsh.model.getBoundingBox(2, face)
             low, high, wide = box[2], box[5], box[3]
             upright = high - low > 0.5 * HEIGHT
             if hole:
@@ -113,22 +114,14 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
             else:
                 on_top = not upright and low > 0.5 * HEIGHT and (wide < 1.5 or not outline)
                 kind = "joined" if on_top else "held" if high < 0.5 * HEIGHT else "free"
-            groups[kind].append(one)
+            groups[kind].append(face)
         gmsh.model.addPhysicalGroup(3, [one for _, one in gmsh.model.getEntities(3)], 1)
         for tag, kind in enumerate(("held", "joined", "free"), 1):
             gmsh.model.addPhysicalGroup(2, groups[kind], tag)
         away = f"Abs(z-{HEIGHT})"
         height = f"Min({away},z)" if hole else away
         edge = f"Sqrt((Sqrt(x*x+y*y)-1)^2+({height})^2)"
-        size = gmsh.model.mesh.field
-        size.add("MathEval", 1)
-        size.setString(1, "F", f"Min({far},{near}+0.4*{edge})")
-        size.setAsBackgroundMesh(1)
-        for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
-            gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
-        gmsh.model.mesh.generate(3)
-        if order > 1:
-            gmsh.model.mesh.setOrder(order)
+        tetrahedra(f"Min({far},{near}+0.4*{edge})", order)
         mesh, _, facets = compat.from_gmsh(gmsh.model)[:3]
     finally:
         gmsh.finalize()
@@ -136,7 +129,7 @@ def block(near: float, far: float, hole: bool, outline: bool = True, order: int 
 
 
 @dataclass(frozen=True)
-class Found:
+class Result:
     """Compliances of a joint.
 
     Attributes
@@ -150,7 +143,7 @@ class Found:
     seconds
         Of one load.
     balance
-        Largest relative difference of the tie's force and moment to what the load says, over all loads.
+        Largest relative difference of the tie's force and moment from those of the load, over all loads.
     """
 
     compliances: dict[str, float]
@@ -162,13 +155,13 @@ class Found:
 
 
 def rod_space(hole: bool, **space: Any) -> Space:
-    """Return a space on the rod, of ``z`` from 4 or, in a hole, from 0, to 12; what is not given is chosen."""
+    """Return a space on the rod, of ``z`` from 4 or, in a hole, from 0, to 12; other options are chosen."""
     line = isorod.straight(HEIGHT + ROD) if hole else isorod.straight(ROD, start=(0.0, 0.0, HEIGHT))
     rod = line.sweep(isorod.circle(8, 1.0))
     if hole:
         rod = choice.with_rim(rod)
-        share = HEIGHT / (HEIGHT + ROD)
-        layers = share + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
+        start = HEIGHT / (HEIGHT + ROD)
+        layers = start + np.array([-0.5, -0.2, 0.0, 0.0, 0.2, 0.5]) / (HEIGHT + ROD)
         space.setdefault("knots", (*(np.array([0.2, 0.5]) / 12.0), *layers))
     return Space(rod, **space)
 
@@ -181,7 +174,7 @@ def solve(
     slave: str = "rod",
     degree: int = 2,
     loads: tuple[str, ...] = tuple(LOADS),
-) -> Found:
+) -> Result:
     """Return the compliances of a rod welded on a block or through a sleeve; rod and block."""
     V = compat.function_space(made.mesh, compat.element(made.mesh, "Lagrange", degree, 3))
     held = fem.dirichletbc(fem.Function(V), fem.locate_dofs_topological(V, 2, made.held))
@@ -190,26 +183,26 @@ def solve(
     joined = SolidSurface(0, made.joined)
     tie = Tie(own, joined, _GAP) if slave == "rod" else Tie(joined, own, _GAP)
     body = Body(space, LinearElastic(E[0], _NU))
-    found, equilibria, jump, balance = {}, {}, 0.0, 0.0
+    compliances, equilibria, jump, balance = {}, {}, 0.0, 0.0
     for name in loads:
         load = Traction(EndFace(0, "end"), _scaled(LOADS[name]))
         start = perf_counter()
-        one = statics.solve(Model([body], loads=[load], ties=[tie], solids=[solid]))
+        solution = statics.solve(Model([body], loads=[load], ties=[tie], solids=[solid]))
         seconds = perf_counter() - start
         nodal = load.nodal(space)
-        found[name] = float((nodal * one.displacement.reshape(-1, 3)).sum()) / SIZE**2
-        equilibria[name] = one
-        moved = np.abs(one.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
-        jump = max(jump, one.ties[0].jump / moved)
-        balance = max(balance, _balance(one, nodal, space, 1.0 if slave == "rod" else -1.0))
-    return Found(found, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
+        compliances[name] = float((nodal * solution.displacement.reshape(-1, 3)).sum()) / SIZE**2
+        equilibria[name] = solution
+        moved = np.abs(solution.at(0, "end", np.array([[1.0, 0.0], [0.0, 1.0]]))).max()
+        jump = max(jump, solution.ties[0].jump / moved)
+        balance = max(balance, _balance(solution, nodal, space, 1.0 if slave == "rod" else -1.0))
+    return Result(compliances, (3 * space.nodes, 3 * solid.nodes), float(jump), seconds, balance, equilibria)
 
 
-def _balance(one: Any, nodal: Array, space: Space, sign: float) -> float:
-    """Return how far the tie's resultants are from what balances a load, relative to force times the rod's length."""
-    tie = one.ties[0]
-    carriers = space.is_control_point[:, None]
-    force = (carriers * nodal).sum(axis=0)
-    moment = np.cross(space.positions - carriers * tie.center, nodal).sum(axis=0)
+def _balance(solution: Any, nodal: Array, space: Space, sign: float) -> float:
+    """Return how far the tie's resultants are from balancing a load, relative to force times the rod's length."""
+    tie = solution.ties[0]
+    control_points = space.is_control_point[:, None]
+    force = (control_points * nodal).sum(axis=0)
+    moment = np.cross(space.positions - control_points * tie.center, nodal).sum(axis=0)
     largest = max(np.abs(force).max() * ROD, np.abs(moment).max())
     return float(max(np.abs(sign * tie.force + force).max() * ROD, np.abs(sign * tie.moment + moment).max()) / largest)

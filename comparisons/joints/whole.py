@@ -35,7 +35,7 @@ _GROWTH = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """A mesh with what it is made of.
+    """A mesh with tags of its cells and named faces.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ def rectangle(half: tuple[float, float]) -> Callable[[Array], Array]:
     """
 
     def outline(angle: Array) -> Array:
-        side, way = np.divmod(angle + 0.25 * np.pi, 0.5 * np.pi)
-        along = way / (0.25 * np.pi) - 1.0
+        side, position = np.divmod(angle + 0.25 * np.pi, 0.5 * np.pi)
+        along = position / (0.25 * np.pi) - 1.0
         corner = np.stack([np.ones_like(along), along], axis=1)
         turned = np.stack([-corner[:, 1], corner[:, 0]], axis=1)
         quarter = np.mod(np.rint(side), 4)[:, None]
@@ -108,8 +108,8 @@ def section(
     angle = np.arctan2(disk.points[rim, 1], disk.points[rim, 0])
     edge = outline(angle)
     width = float(np.linalg.norm(edge - radius * disk.points[rim], axis=1).mean())
-    share = spaced((0.0, width), far, (near, None))[1:, None, None] / width
-    points = (1.0 - share) * radius * disk.points[rim] + share * edge
+    fraction = spaced((0.0, width), far, (near, None))[1:, None, None] / width
+    points = (1.0 - fraction) * radius * disk.points[rim] + fraction * edge
     number = np.concatenate([rim[None], len(disk.points) + np.arange(points[..., 0].size).reshape(-1, rim.size)])
     rest = blocks(np.concatenate([number, number[:, :1]], axis=1).T, 2)
     inner = np.repeat([True, False], [len(disk.quads), len(rest)])
@@ -130,9 +130,9 @@ def spaced(ends: tuple[float, float], far: float, near: tuple[float | None, floa
     low, high = ends
     t = np.linspace(low, high, 2001)
     size = np.full(t.size, far)
-    for small, way in zip(near, (t - low, high - t), strict=True):
+    for small, distance in zip(near, (t - low, high - t), strict=True):
         if small is not None:
-            size = np.minimum(size, small + _GROWTH * way)
+            size = np.minimum(size, small + _GROWTH * distance)
     passed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (1.0 / size[1:] + 1.0 / size[:-1]))])
     count = max(1, int(np.ceil(passed[-1] - 0.1)))
     corners = np.interp(np.linspace(0.0, passed[-1], count + 1), passed, t)
@@ -170,9 +170,9 @@ def bricks(cut: Section, layers: Sequence[Layers], place: Callable[[float, Array
     along = np.concatenate([layers[0].along, *(one.along[1:] for one in layers[1:])])
     points = np.concatenate([place(float(t), cut.points) for t in along])
     cells, tags, first = [], [], 0
-    for one in layers:
-        count = (one.along.size - 1) // 2
-        tag = np.where(cut.inner, one.inner, one.outer)
+    for part in layers:
+        count = (part.along.size - 1) // 2
+        tag = np.where(cut.inner, part.inner, part.outer)
         quads = cut.quads[tag > 0]
         numbers = len(cut.points) * (first + 2 * np.arange(count)[:, None] + np.arange(3))
         cells.append((numbers[:, None, :, None] + quads[:, None]).reshape(-1, 27))
@@ -188,14 +188,14 @@ def bricks(cut: Section, layers: Sequence[Layers], place: Callable[[float, Array
 
 
 def facets(mesh: Any, on: Callable[[Array], Any]) -> NDArray[np.int32]:
-    """Return the exterior facets all of whose corners ``(3, m)`` are where a function says."""
+    """Return the exterior facets all of whose corners ``(3, m)`` fulfil a condition."""
     mesh.topology.create_connectivity(2, 3)
     return np.asarray(dolfinx.mesh.locate_entities_boundary(mesh, 2, on), dtype=np.int32)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is asked of a solid.
+    """A problem of a solid.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Found:
+class Solution:
     """A solution.
 
     Attributes
@@ -234,7 +234,7 @@ class Found:
     seconds: float
 
 
-def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None = None, degree: int = 2) -> Found:
+def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None = None, degree: int = 2) -> Solution:
     """Return the equilibrium, in one load step.
 
     Parameters
@@ -278,4 +278,4 @@ def solve(whole: Whole, problem: Problem, options: Mapping[str, object] | None =
     moved = np.full(3, np.nan)
     if pull is not None:
         moved = np.array([dolfinx.fem.assemble_scalar(one) for one in pull]) / area
-    return Found(reactions, moved, 3 * int(space.dofmap.index_map.size_global), seconds)
+    return Solution(reactions, moved, 3 * int(space.dofmap.index_map.size_global), seconds)

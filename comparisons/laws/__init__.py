@@ -15,13 +15,13 @@ from isorod.output.results import write_beside
 MESHES = {"quick": (2, 3), "full": (2, 3, 4)}
 
 # How far a law may be from finite elements, relative; how far finite elements may be from their own limit is beside it.
-WANTED = 1e-3
+TOLERANCE = 1e-3
 
 TABLE = "laws.md"
 
 
 def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
-    """Solve scenes with laws (all where none is named) both ways; record each pair, and write the table too.
+    """Solve scenes with laws (all where none is named) by both methods; record each pair, and write the table too.
 
     Raises
     ------
@@ -41,17 +41,17 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
         if laws and not taken:
             raise InputError(f"--scene {scenes[0]}: {law} is compared on {', '.join(scenes_of(law))} alone")
         pairs += [(law, scene) for scene in taken]
-    found = []
+    records = []
     with study.progress(len(pairs)) as steps:
         for law, scene in pairs:
             with steps.step(f"{law}, {scene}"):
-                found.append(study.record("pair", pair(law, scene, MESHES[study.level])))
-    text = markdown(*table(found))
+                records.append(study.record("pair", pair(law, scene, MESHES[study.level])))
+    text = markdown(*table(records))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
 def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
-    """Return the record of a scene with a law: what both programs find, and how long they take."""
+    """Return the record of a scene with a law: results and times of both programs."""
     from comparisons.fem.rods import solve
     from comparisons.laws import scenes
     from isorod import statics
@@ -66,15 +66,15 @@ def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
         meshes = [solve(model, one.mesh(level), "statics", load_steps=scenes.STEPS) for level in levels]
     except SolveError as problem:
         return record | {"failure": str(problem)}
-    told = [one.measure(solution) for solution in meshes]
+    measured = [one.measure(solution) for solution in meshes]
     quantities = []
     for name, value in one.measure(own).items():
-        limit = convergence.extrapolate([1.0 / level for level in levels], [found[name] for found in told])
+        limit = convergence.extrapolate([1.0 / level for level in levels], [values[name] for values in measured])
         quantities.append(
             {
                 "name": name,
                 "isorod": value,
-                "meshes": [found[name] for found in told],
+                "meshes": [values[name] for values in measured],
                 "limit": limit.value,
                 "order": limit.order,
                 "uncertainty": limit.distance / abs(limit.value),
@@ -101,7 +101,7 @@ def table(records: Iterable[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[t
         "": lambda row: row.get("failure") or row["name"],
         "isorod": _if_solved(lambda row: f"{row['isorod']:.6g}"),
         "finite elements": _if_solved(lambda row: f"{row['limit']:.6g}"),
-        "they tell to": _if_solved(lambda row: f"{100.0 * row['uncertainty']:.2g} %"),
+        "converged to": _if_solved(lambda row: f"{100.0 * row['uncertainty']:.2g} %"),
         "difference": _if_solved(lambda row: f"{100.0 * row['difference']:.2g} %"),
         "orders of Newton's method": _if_solved(lambda row: " ".join(f"{one:.1f}" for one in row["newton_orders"])),
         "s": _if_solved(lambda row: f"{row['seconds']['isorod']:.2g}"),
@@ -115,5 +115,5 @@ def _if_solved(of: Callable[[Any], str]) -> Callable[[Any], str]:
 
 
 def agrees(record: Mapping[str, Any]) -> bool:
-    """Whether all that is compared of a pair is within `WANTED`."""
-    return "failure" not in record and all(abs(one["difference"]) <= WANTED for one in record["quantities"])
+    """Whether all that is compared of a pair is within `TOLERANCE`."""
+    return "failure" not in record and all(abs(one["difference"]) <= TOLERANCE for one in record["quantities"])

@@ -1,4 +1,4 @@
-"""What laws cost: tangents and explicit forces beside those of the neo-Hookean law.
+"""The cost of laws: tangents and explicit forces relative to the neo-Hookean law's.
 
 ``python -m comparisons.laws.cost`` prints ratios to that, of runs in turn in one process, and
 how long the first process compiles a law, and the next one reads it.
@@ -28,7 +28,7 @@ ROUNDS = 100
 
 
 def tangent(model: Model) -> Callable[[], object]:
-    """Return what assembles a tangent of a model in a strained state."""
+    """Return the function that assembles a tangent of a model in a strained state."""
     assembler = Assembler(model)
     matrix = assembler.matrix()
     x = matrix.createVecRight()
@@ -38,7 +38,7 @@ def tangent(model: Model) -> Callable[[], object]:
 
 
 def forces(model: Model) -> Callable[[], object]:
-    """Return what evaluates the internal forces of a model as an explicit step does."""
+    """Return the function that evaluates the internal forces of a model as an explicit step does."""
     system = System(model.in_motion("explicit"))
     u = 1e-4 * np.random.default_rng(0).normal(size=model.dofs)
     return lambda: [system.forces(u, 1.0) for _ in range(10)]

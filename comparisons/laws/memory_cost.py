@@ -1,4 +1,4 @@
-"""What laws with memory cost: steps of motions and tangents of a bar beside those of the same bar of neo-Hooke.
+"""The cost of laws with memory: steps of motions and tangents of a bar relative to the same bar of neo-Hooke.
 
 ``python -m comparisons.laws.memory_cost`` prints processor times in turn in one process.  A step is all of an explicit
 one, of a copper bar that is pulled by a uniform rate, or hits a wall at 60 m/s and is crushed there to p = 2.  All have
@@ -100,7 +100,7 @@ def ratios(works: dict[str, Callable[[], float]]) -> dict[str, float]:
     for _ in range(ROUNDS):
         for name, work in works.items():
             times[name].append(work())
-    least = {name: min(found) for name, found in times.items()}
+    least = {name: min(values) for name, values in times.items()}
     return {name: time / least["NeoHookean"] for name, time in least.items()}
 
 

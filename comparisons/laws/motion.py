@@ -46,10 +46,10 @@ SLOW = 0.01
 # Steps of each kind; an implicit one is a hundredth of the slowest period or so, an explicit one a tenth of a critical
 # one: its error of energy goes with the square of it, and does not grow with time.
 STEPS = {"quick": 200, "full": 10_000}
-IMPLICIT, SHARE = 0.1, 0.1
+IMPLICIT, STEP_FRACTION = 0.1, 0.1
 
 # Error of the energy that is asked for.
-WANTED = 1e-4
+TOLERANCE = 1e-4
 
 # Poisson's ratios, of displacements alone and with pressures.
 RATIOS = {"displacement": 0.4, "mixed": 0.5}
@@ -95,13 +95,13 @@ TABLE = "motion.md"
 def run(study: Run, laws: Sequence[str] = ()) -> None:
     """Set cylinders of these laws (all where none is named) in motion; record each, and write the table too."""
     options.initialize([])
-    wanted = [(law, kind) for law in laws or LAWS for kind in KINDS if not (law in WHOLE and kind.endswith("mixed"))]
-    found = []
-    with study.progress(len(wanted)) as steps:
-        for law, kind in wanted:
+    chosen = [(law, kind) for law in laws or LAWS for kind in KINDS if not (law in WHOLE and kind.endswith("mixed"))]
+    records = []
+    with study.progress(len(chosen)) as steps:
+        for law, kind in chosen:
             with steps.step(f"{law}, {kind}"):
-                found.append(study.record("motion", moved(law, kind, STEPS[study.level])))
-    text = markdown(*table(found))
+                records.append(study.record("motion", moved(law, kind, STEPS[study.level])))
+    text = markdown(*table(records))
     write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
@@ -126,7 +126,7 @@ def moved(law: str, kind: str, steps: int) -> dict[str, Any]:
     try:
         step = IMPLICIT
         if integrator == "explicit":
-            step = SHARE * dynamics.solve(model, 1e-9, outputs=1).critical_step
+            step = STEP_FRACTION * dynamics.solve(model, 1e-9, outputs=1).critical_step
         clock = Clock()
         history = dynamics.solve(model, steps * step, step, 50, velocity=thrown(model), integrator=integrator)
         clock.lap("motion")
@@ -162,8 +162,8 @@ def table(records: Iterable[dict[str, Any]]) -> tuple[tuple[str, ...], list[tupl
 
 
 def keeps(record: dict[str, Any]) -> bool:
-    """Whether a motion keeps its energy within `WANTED`."""
-    return "failure" not in record and record["energy_error"] <= WANTED
+    """Whether a motion keeps its energy within `TOLERANCE`."""
+    return "failure" not in record and record["energy_error"] <= TOLERANCE
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -176,10 +176,10 @@ def _main(arguments: Sequence[str]) -> int:
     parser.add_argument("--level", choices=LEVELS, default="full", help="quick: two hundred steps; full: ten thousand")
     parser.add_argument("--law", action="append", choices=LAWS, default=[], help="this law alone (repeat for more)")
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and table (results)")
-    found = parser.known(arguments)
-    results.check_folder(found.results)
-    study = Run("laws", found.level, results.make_folder(found.results))
-    run(study, found.law)
+    given = parser.known(arguments)
+    results.check_folder(given.results)
+    study = Run("laws", given.level, results.make_folder(given.results))
+    run(study, given.law)
     print((study.folder / TABLE).read_text(), end="")
     return 0
 

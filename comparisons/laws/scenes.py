@@ -136,7 +136,7 @@ class Scene:
     layers
         Of finite elements along the rod on level 1: a multiple of the axis elements.
     motion
-        Displacement of its end [length] and rotation vector [rad] by the share of what happens, and by how many times
+        Displacement of its end [length] and rotation vector [rad] by the fraction of the motion, and by how many times
         as long as at rest the centre line is of a scene whose length is free.
     measured
         Names of what is compared, and where it is among `Scene.measure`'s.
@@ -161,22 +161,22 @@ class Scene:
         Its end sections have the shape that the section amid the rod takes on: were they held as they are, stress at
         their edges would grow without limit, and finite elements converge on no mesh as they do elsewhere.
         """
-        share = SMALL if law.linear else 1.0
-        loads = [Pressure(share * self.pressure, "inner", follows=True)] if self.pressure else []
+        fraction = SMALL if law.linear else 1.0
+        loads = [Pressure(fraction * self.pressure, "inner", follows=True)] if self.pressure else []
         elements, degree, across = self.space
         space = Space(self.rod(), elements, degree, degree - 1, section_degree=across)
-        move, turn = self.motion(share, 1.0)
+        move, turn = self.motion(fraction, 1.0)
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=move, turn=turn)
         lengths, forces = [1.0], []
         for _ in range(ROUNDS):
             model = Model([Body(space, law, formulation=formulation)], ends, loads=loads)
             solution = statics.solve(model, load_steps=STEPS)
             if self.free:
-                step = np.subtract(self.motion(share, lengths[-1] + _LONGER)[0], move)
+                step = np.subtract(self.motion(fraction, lengths[-1] + _LONGER)[0], move)
                 forces.append(float(solution.reactions[1] @ step))
                 lengths.append(_without_force(lengths, forces))
             shape = Shape(solution)
-            move, turn = self.motion(share, lengths[-1])
+            move, turn = self.motion(fraction, lengths[-1])
             ends = shape.at(space, "start"), shape.at(space, "end", move, turn)
         return Model([Body(space, law, formulation=formulation)], ends, loads=loads)
 
@@ -191,7 +191,7 @@ class Scene:
         return named(bricks(rod, template, level * self.layers), "rod 0")
 
     def measure(self, solution: Any) -> dict[str, float]:
-        """Return what is compared of a solution, isorod's or finite elements'."""
+        """Return the compared quantities of a solution, isorod's or finite elements'."""
         return {name: float(of(solution)) for name, of in self.measured.items()}
 
 
@@ -221,16 +221,16 @@ def _coil(pitch: float) -> CenterLine:
     return helix(math.sqrt((2.0 * around) ** 2 + _PITCH**2 - pitch**2) / around, pitch, 0.5)
 
 
-def _opened(share: float, length: float) -> tuple[Vector, Vector]:
+def _opened(fraction: float, length: float) -> tuple[Vector, Vector]:
     """Return displacement and turn of the end of the quarter of a ring that is turned by up to half its angle."""
-    angle, radius = 0.5 * math.pi * (1.0 - 0.5 * share), length * _RADIUS / (1.0 - 0.5 * share)
+    angle, radius = 0.5 * math.pi * (1.0 - 0.5 * fraction), length * _RADIUS / (1.0 - 0.5 * fraction)
     move = _RADIUS - radius + radius * math.cos(angle), radius * math.sin(angle) - _RADIUS, 0.0
     return move, (0.0, 0.0, angle - 0.5 * math.pi)
 
 
-def _pulled(share: float, _: float) -> tuple[Vector, Vector]:
+def _pulled(fraction: float, _: float) -> tuple[Vector, Vector]:
     """Return displacement and turn of the spring's end where it becomes the helix of another pitch."""
-    pitch = (1.0 + 0.75 * share) * _PITCH
+    pitch = (1.0 + 0.75 * fraction) * _PITCH
     (start, first), (end, last) = _ends(_coil(_PITCH))
     (begin, before), (stop, after) = _ends(_coil(pitch))
     # How the start of the other helix has to be turned to be that of the spring.
@@ -243,12 +243,12 @@ def _pulled(share: float, _: float) -> tuple[Vector, Vector]:
 def _ends(line: CenterLine) -> list[tuple[Array, Rotation]]:
     """Return position and frame of both ends of a helix."""
     rod = line.sweep(circle(8, 0.6))
-    found = []
+    ends = []
     for u in rod.axis.breaks[[0, -1]]:
         position, jacobian = rod.grid([[0.0, 0.0]], [u])
         columns = jacobian[0, 0] / np.linalg.norm(jacobian[0, 0], axis=0)
-        found.append((position[0, 0], Rotation.from_matrix(columns)))
-    return found
+        ends.append((position[0, 0], Rotation.from_matrix(columns)))
+    return ends
 
 
 SCENES = {
@@ -257,7 +257,7 @@ SCENES = {
         lambda: straight(3.0).sweep(circle(8)),
         (2, 5, 6),
         1,
-        lambda share, _: ((0.0, 0.0, 0.6 * share), (0.0, 0.0, 0.8 * share)),
+        lambda fraction, _: ((0.0, 0.0, 0.6 * fraction), (0.0, 0.0, 0.8 * fraction)),
         {"force": _force(2), "torque": _moment(2)},
     ),
     "arc": Scene(
@@ -282,7 +282,7 @@ SCENES = {
         lambda: straight(3.0).sweep(circle(8)).with_rings((_HOLE, 1.0)),
         (4, 4, 5),
         1,
-        lambda share, _: ((0.0, 0.0, 0.3 * share), (0.0, 0.0, 0.0)),
+        lambda fraction, _: ((0.0, 0.0, 0.3 * fraction), (0.0, 0.0, 0.0)),
         {"widening": _widening, "force": _force(2)},
         0.15,
     ),

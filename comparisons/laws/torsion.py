@@ -40,7 +40,7 @@ Stored = Callable[[Any, Any, Any, Any], Any]
 
 
 class Case(NamedTuple):
-    """A law, and what it stores, written once more: ``stored(I1, I2, I4, stretches)``."""
+    """A law, and its stored energy, written independently: ``stored(I1, I2, I4, stretches)``."""
 
     law: Material
     stored: Stored
@@ -68,7 +68,7 @@ CASES = {
 }
 
 
-def taken(stored: Stored, stretch: float = 1.0, tau: float = TAU) -> tuple[float, float]:
+def taken(stored: Stored, stretch: float = 1.0) -> tuple[float, float]:
     """Return torque and axial force of the cylinder of radius 1 of any incompressible law.
 
     Of what is stored per reference length these are the derivatives by ``tau``, the twist per reference length, and by
@@ -88,16 +88,16 @@ def taken(stored: Stored, stretch: float = 1.0, tau: float = TAU) -> tuple[float
         stretches = stretch**-0.5 + 0.0 * R, np.sqrt(half + root), np.sqrt(half - root)
         return np.sum(np.pi * weights * R * stored(I1, I2, I4, stretches))
 
-    along, across = per_length(stretch, tau + _STEP * 1j), per_length(stretch + _STEP * 1j, tau)
+    along, across = per_length(stretch, TAU + _STEP * 1j), per_length(stretch + _STEP * 1j, TAU)
     return float(along.imag / _STEP), float(across.imag / _STEP)
 
 
-def twisted(law: Material, stretch: float = 1.0, tau: float = TAU, **options: Any) -> statics.Equilibrium:
+def twisted(law: Material, stretch: float = 1.0, **options: Any) -> statics.Equilibrium:
     """Return the solution of a rod of length and radius 1 whose end sections are turned, drawn in and pulled so."""
     chosen: dict[str, Any] = {"elements": 2, "degree": 5, "section_degree": 4, "quadrature": "full"} | options
     where = Space.paper(straight(1.0).sweep(circle(8)), **chosen)
     supports = []
-    for which, turned in (("start", 0.0), ("end", tau)):
+    for which, turned in (("start", 0.0), ("end", TAU)):
         nodes = Support.end(where, which).nodes
         at = where.positions[nodes]
         supports.append(Support(nodes, "xyz", _moved(at, turned, stretch) - at, space=where))
@@ -119,10 +119,10 @@ def main() -> None:
             torque, force = taken(case.stored, stretch)
             solution = twisted(case.law, stretch)
             errors = solution.moments[1, 2] / torque - 1.0, solution.reactions[1, 2] / force - 1.0
-            told = " ".join(f"{one:.1f}" for one in newton_orders(solution.residual_norms))
+            orders = " ".join(f"{one:.1f}" for one in newton_orders(solution.residual_norms))
             print(
                 f"| {name} | {stretch:g} | {torque:.6f} | {force:.6f} | {abs(errors[0]):.1e} | {abs(errors[1]):.1e} "
-                f"| {told} |"
+                f"| {orders} |"
             )
 
 

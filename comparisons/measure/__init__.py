@@ -1,1 +1,1 @@
-"""What a study measures: runs timed in fresh processes, converged values, records."""
+"""Measurements of studies: runs timed in fresh processes, converged values, records."""

@@ -15,7 +15,7 @@ from isorod.errors import SolveError
 class Limit:
     """Richardson's limit, the observed order, and how far the finest value is from the limit.
 
-    Where none can be told (`extrapolate`), the finest value, None, and how far it is from the one before.
+    Without one (`extrapolate`), the finest value, None, and how far it is from the one before.
     """
 
     value: float
@@ -36,7 +36,7 @@ def richardson(sizes: Sequence[float], values: Sequence[float]) -> Limit:
     Raises
     ------
     SolveError
-        If the values do not approach a limit monotonically, so that an order cannot be told.
+        If the values do not approach a limit monotonically, so that they have no order.
     """
     (a, b, c), (f, g, h) = sizes[-3:], values[-3:]
     if not a > b > c > 0.0:
@@ -72,29 +72,29 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float]) -> Limit:
 def limits(records: Sequence[Record], names: Iterable[str]) -> dict[str, list[Limit]]:
     """Return, by name, the extrapolated limit of each number of some quantities of records, one a mesh, fine last."""
     sizes = [1.0 / record["options"]["layers"] for record in records]
-    found = {name: [np.ravel(record[name]).tolist() for record in records] for name in names}
-    return {name: [extrapolate(sizes, one) for one in zip(*each, strict=True)] for name, each in found.items()}
+    columns = {name: [np.ravel(record[name]).tolist() for record in records] for name in names}
+    return {name: [extrapolate(sizes, one) for one in zip(*each, strict=True)] for name, each in columns.items()}
 
 
-def time_at(errors: Sequence[float], times: Sequence[float], wanted: float) -> tuple[float, str]:
+def time_at(errors: Sequence[float], times: Sequence[float], target: float) -> tuple[float, str]:
     """Return the run time to an error, on the line between two meshes in logarithms of both.
 
     Meshes go from coarse to fine.  Where none is within the error it is the time of the finest, and ``"more than"``;
     where the coarsest is, that of the coarsest, and ``"at most"``.
     """
-    logs, target = np.log(np.maximum(errors, 1e-16)), np.log(max(wanted, 1e-16))
-    (within,) = np.nonzero(logs <= target)
+    logs, log_target = np.log(np.maximum(errors, 1e-16)), np.log(max(target, 1e-16))
+    (within,) = np.nonzero(logs <= log_target)
     if not within.size:
         return float(times[-1]), "more than"
     k = int(within[0])
     if k == 0:
         return float(times[0]), "at most"
-    share = (target - logs[k - 1]) / (logs[k] - logs[k - 1])
-    return float(times[k - 1] * (times[k] / times[k - 1]) ** share), ""
+    fraction = (log_target - logs[k - 1]) / (logs[k] - logs[k - 1])
+    return float(times[k - 1] * (times[k] / times[k - 1]) ** fraction), ""
 
 
 def newton_orders(norms: Sequence[float]) -> list[float]:
     """Return the orders of convergence of Newton's method, from the norms of the residual, rounding left out."""
-    found = np.array(norms)
-    falls = np.diff(np.log(found[found > 1e-11 * found.max()]))
+    values = np.array(norms)
+    falls = np.diff(np.log(values[values > 1e-11 * values.max()]))
     return [float(after / before) for before, after in pairwise(falls)]

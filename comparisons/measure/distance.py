@@ -1,4 +1,4 @@
-"""How far a run is from finite elements: from their limit in what is measured, from the finest mesh in fields."""
+"""How far a run is from finite elements: from their limit in measured quantities, from the finest mesh in fields."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ class Judge:
             best = self.finest.fields(slice(None))
             field = self._fields(record, sample.on(self.finest.points), best, self.finest.weights)
             return self._errors(record, field | self._surface(sample.surface_von_mises))
-        here, there = sampled.shared(sample.places, self.places)
+        here, there = sampled.common(sample.places, self.places)
         if here.size >= ENOUGH * len(sample.weights):
             own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
             field = self._fields(record, own, best, sample.weights[here])
@@ -70,18 +70,18 @@ class Judge:
         if "displacement" in best:
             return {"displacement": sampled.relative(own["displacement"], best["displacement"], weights)}
         frequencies = np.array(quantities.values(record, [FREQUENCIES])[FREQUENCIES])
-        wanted = self.finest.frequencies
-        assert wanted is not None
-        partner, left = sampled.pairs(own["modes"], best["modes"], weights, (frequencies, wanted))
+        references = self.finest.frequencies
+        assert references is not None
+        partner, left = sampled.pairs(own["modes"], best["modes"], weights, (frequencies, references))
         # The last may be one of a pair, of which the other was not asked for.
-        whole = left[wanted < (1.0 - sampled.CLOSE) * wanted[-1]]
-        return {"partner": partner.tolist(), "shapes": left.tolist(), "shape": float(max(whole, default=0.0))}
+        low = left[references < (1.0 - sampled.CLOSE) * references[-1]]
+        return {"partner": partner.tolist(), "shapes": left.tolist(), "shape": float(max(low, default=0.0))}
 
-    def between(self, one: Record, own: Array | None, other: Record, better: Array | None) -> float:
+    def between(self, record: Record, own: Array | None, other: Record, better: Array | None) -> float:
         """Return how far stresses of a run of isorod are from a better one's: measured ones, or those at surfaces."""
-        known = [name for name in self.stresses if name in one["errors"]]
+        known = [name for name in self.stresses if name in record["errors"]]
         if known:
-            return max(_relative(one["values"][name], other["values"][name]) for name in known)
+            return max(_relative(record["values"][name], other["values"][name]) for name in known)
         assert own is not None and better is not None
         return apart(own, better)
 
@@ -93,25 +93,25 @@ class Judge:
         return {"peak": float(von_mises.max()), "stress": apart(von_mises, best)}
 
     def _errors(self, record: Record, field: dict[str, Any]) -> dict[str, Any]:
-        found = quantities.values(record, self.names)
+        values = quantities.values(record, self.names)
         if "partner" in field:
-            found[FREQUENCIES] = [found[FREQUENCIES][k] for k in field["partner"]]
-        errors = quantities.errors(self.reference, found)
+            values[FREQUENCIES] = [values[FREQUENCIES][k] for k in field["partner"]]
+        errors = quantities.errors(self.reference, values)
         stresses = [error for name, error in errors.items() if name in self.stresses]
         error = max((one for name, one in errors.items() if name not in self.stresses), default=0.0)
         if all(one.given for one in self.reference if one.name in {*errors} - {*self.stresses}):
-            # Nothing measured tells of the discretisation.
+            # No measured quantity depends on the discretisation.
             error = max(error, field.get("displacement", 0.0))
-        own = {"values": found, "errors": errors, "error": error, "field": field}
+        own = {"values": values, "errors": errors, "error": error, "field": field}
         stress = max(stresses, default=field.get("stress"))
         return own if stress is None else own | {"stress": stress}
 
 
-def apart(found: Array, wanted: Array) -> float:
-    """Return the largest difference of von Mises stresses ``(m,)``, relative to the largest of those wanted."""
-    return float(np.abs(found - wanted).max() / wanted.max()) if wanted.max() > 0.0 else 0.0
+def apart(values: Array, reference: Array) -> float:
+    """Return the largest difference of von Mises stresses ``(m,)``, relative to the largest reference."""
+    return float(np.abs(values - reference).max() / reference.max()) if reference.max() > 0.0 else 0.0
 
 
-def _relative(found: Sequence[float], wanted: Sequence[float]) -> float:
-    size = float(np.linalg.norm(wanted))
-    return float(np.linalg.norm(np.subtract(found, wanted))) / size if size else 0.0
+def _relative(values: Sequence[float], reference: Sequence[float]) -> float:
+    size = float(np.linalg.norm(reference))
+    return float(np.linalg.norm(np.subtract(values, reference))) / size if size else 0.0

@@ -7,7 +7,7 @@ Source: J. Lu, X. Zhou, "Cylindrical element: Isogeometric model of continuum ro
 from types import MappingProxyType
 
 # Table 1: reaction force of the spring by number of control points round the section, for each number of elements per
-# turn. (The paper labels rows and columns the wrong way round.)
+# turn. (The paper's labels of rows and columns are interchanged.)
 SPRING_ELEMENTS_PER_TURN = (4, 8, 12, 16, 20, 24)
 SPRING_FORCE = MappingProxyType(
     {
@@ -45,7 +45,7 @@ BLADE_FREQUENCIES = MappingProxyType(
 BLADE_FEM_FREQUENCIES = (0.1909, 0.8018, 1.3674, 2.063, 2.2571, 4.0258, 4.4984, 5.3152, 6.8215, 7.2485)
 BLADE_FEM_NODES = 1035
 BLADE_FEM_ELEMENTS = 686
-# Not printed, or printed without its minus signs: found by a least-squares fit over all 60 frequencies of Table 2,
+# Not printed, or printed without its minus signs: from a least-squares fit over all 60 frequencies of Table 2,
 # which then follow within 0.24 %.
 BLADE_LENGTH = 8.3
 BLADE_TWIST = 15.0  # degrees

@@ -1,4 +1,4 @@
-"""What a scene measures, as numbers of both sides: extrapolated from finite elements, and how far each run is off."""
+"""A scene's measures as numbers of both sides: finite elements' limits, and the error of each run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ FREQUENCIES = "frequencies"
 # Orders of convergence beyond these are chance: displacements of degree 2 reach 4.
 LOWEST_ORDER, HIGHEST_ORDER = 0.5, 6.0
 
-# Largest relative difference of meshes of what is the same on all.
+# Largest relative difference of meshes of a quantity that is the same on all.
 GIVEN = 1e-7
 
 
 @dataclass(frozen=True)
 class Converged:
-    """A quantity as finite elements tell it: each of its numbers extrapolated, where the meshes say whereto.
+    """A quantity by finite elements: each of its numbers extrapolated, where the meshes converge regularly.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Converged:
 
     @property
     def given(self) -> bool:
-        """Whether all meshes agree: what follows from equilibrium tells nothing of a discretisation."""
+        """Whether all meshes agree: what follows from equilibrium does not depend on the discretisation."""
         return self.spread < GIVEN
 
     @property
@@ -56,12 +56,12 @@ class Converged:
 
     @property
     def vanishes(self) -> bool:
-        """Whether it is zero as far as the meshes tell."""
+        """Whether it is zero within its uncertainty."""
         return not np.linalg.norm(self.values) > np.linalg.norm(self.uncertainties)
 
-    def error(self, found: Sequence[float]) -> float:
+    def error(self, values: Sequence[float]) -> float:
         """Return the relative error of other values of the quantity."""
-        return self._relative(np.array(found) - self.values)
+        return self._relative(np.array(values) - self.values)
 
     def _relative(self, difference: Array) -> float:
         if self.name == FREQUENCIES:
@@ -70,25 +70,25 @@ class Converged:
 
 
 def values(record: Record, names: Sequence[str]) -> dict[str, list[float]]:
-    """Return what a record has of quantities, each as a list of numbers; of frequencies those of flexible modes."""
-    found = {name: np.ravel(np.asarray(record[name], dtype=float)).tolist() for name in names}
-    if FREQUENCIES in found:
-        found[FREQUENCIES] = found[FREQUENCIES][record.get("rigid", 0) :]
-    return found
+    """Return the quantities of a record, each as a list of numbers; frequencies without those of rigid modes."""
+    result = {name: np.ravel(np.asarray(record[name], dtype=float)).tolist() for name in names}
+    if FREQUENCIES in result:
+        result[FREQUENCIES] = result[FREQUENCIES][record.get("rigid", 0) :]
+    return result
 
 
-def converged(sizes: Sequence[float], found: Sequence[Mapping[str, Sequence[float]]]) -> list[Converged]:
+def converged(sizes: Sequence[float], records: Sequence[Mapping[str, Sequence[float]]]) -> list[Converged]:
     """Return the limit of each quantity of `values` of meshes, given coarse to fine; ``sizes`` are those of cells."""
     result = []
-    for name in found[0]:
-        limits = [_limit(sizes, column) for column in zip(*(one[name] for one in found), strict=True)]
+    for name in records[0]:
+        limits = [_limit(sizes, column) for column in zip(*(one[name] for one in records), strict=True)]
         result.append(
             Converged(
                 name,
                 [limit.value for limit in limits],
                 [limit.distance for limit in limits],
                 [limit.order for limit in limits],
-                _spread([one[name] for one in found]),
+                _spread([one[name] for one in records]),
             )
         )
     return result
@@ -115,6 +115,6 @@ def _limit(sizes: Sequence[float], column: Sequence[float]) -> Limit:
     return Limit(float(column[-1] + step), limit.order, abs(step))
 
 
-def errors(reference: Sequence[Converged], found: Mapping[str, Any]) -> dict[str, float]:
+def errors(reference: Sequence[Converged], values: Mapping[str, Any]) -> dict[str, float]:
     """Return the relative error of each quantity that does not vanish."""
-    return {one.name: one.error(found[one.name]) for one in reference if not one.vanishes}
+    return {one.name: one.error(values[one.name]) for one in reference if not one.vanishes}

@@ -51,7 +51,7 @@ def family(record: Record) -> str:
 
 
 def side(record: Record) -> str:
-    """Return what a run was made with: isorod and its family of elements, or dolfinx and its version."""
+    """Return the program of a run: isorod and its family of elements, or dolfinx and its version."""
     return f"isorod, {family(record)}" if is_ours(record) else f"dolfinx {version(record)}"
 
 

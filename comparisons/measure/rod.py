@@ -18,12 +18,12 @@ from isorod.command import ending, solving
 from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.output import results
 
-# What measures a scene as ``isorod run`` has it.
+# The option that measures a scene as ``isorod run`` does.
 WHOLE = "--whole"
 
 
 def find(name: str, values: Mapping[str, Any]) -> Any:
-    """Return a scene of the package, or that of a file, with those of its fields that are not None."""
+    """Return a scene of the package or of a file, with the given fields that are not None."""
     return files.find(name).with_options(**values)
 
 
@@ -39,14 +39,14 @@ def solve(
     runs: list[dict[str, float]] = []
     solution = None
     for _ in range(repeat):
-        # What the last run left does not count as the next one's.
+        # The last run's garbage does not count as the next one's.
         solution = None
         PETSc.garbage_cleanup()
         start = process_time()
         solution, seconds = solving.solve(scene, settings)
         if whole:
-            told = solving.estimate(solution).get("estimate_seconds", 0.0)
-            seconds |= {"estimate": told, "total": seconds["total"] + told}
+            estimating = solving.estimate(solution).get("estimate_seconds", 0.0)
+            seconds |= {"estimate": estimating, "total": seconds["total"] + estimating}
         runs.append(seconds | {"processor": process_time() - start})
     return solution, runs
 
@@ -58,7 +58,7 @@ def record(
     settings: Mapping[str, Any],
     petsc: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the record of what `solve` returned: ``seconds`` are the median of the warm runs, or the only run."""
+    """Return the record of the result of `solve`: ``seconds`` are the median of the warm runs, or the only run."""
     return {
         "method": "cylindrical",
         **solving.record(scene, solution, timing.median(runs), settings, petsc),
@@ -72,17 +72,14 @@ def measure(
     name: str,
     values: dict[str, Any],
     repeat: int,
-    settings: dict[str, Any] | None = None,
     petsc: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return a record with the scene's quantities and the wall time of ``repeat`` runs, the first one cold.
 
-    ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis;
-    ``petsc`` must be what PETSc was started with.
+    ``seconds`` holds the median of the warm runs, or the only run.  ``petsc`` must be what PETSc was started with.
     """
     scene = find(name, values)
-    solution, runs = solve(scene, settings or {}, repeat)
-    return record(scene, solution, runs, settings or {}, petsc)
+    return record(scene, *solve(scene, {}, repeat), {}, petsc)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -100,21 +97,21 @@ def _main(arguments: Sequence[str]) -> int:
     parser.add_argument("--spaces", type=json.loads, help="of a file, what the spaces of its rods are, as JSON")
     parser.add_argument("--estimate", action="store_true", help="estimate the error too, apart from the time")
     parser.add_argument(WHOLE, action="store_true", help="the estimate is a part of the time, as in isorod run")
-    parser.add_argument("--at", metavar="NPZ", help="where fields are wanted (comparisons.measure.sampled.Places)")
+    parser.add_argument("--at", metavar="NPZ", help="where fields are evaluated (comparisons.measure.sampled.Places)")
     parser.add_argument("--fields", metavar="NPZ", help="write them to this file")
-    found = parser.known(ours[1:])
-    scene = find(name, field_values(found, known) | {"spaces": found.spaces})
+    given = parser.known(ours[1:])
+    scene = find(name, field_values(given, known) | {"spaces": given.spaces})
     options.initialize(theirs)
     settings = scene.settings()
-    solution, runs = solve(scene, settings, found.repeat, found.whole)
+    solution, runs = solve(scene, settings, given.repeat, given.whole)
     values = record(scene, solution, runs, settings, theirs)
-    if found.estimate:
+    if given.estimate:
         values |= solving.estimate(solution)
     first = ending.rank() == 0
-    if found.fields:
-        arrays = sampled.fields(solution, sampled.Places.read(Path(found.at)))
+    if given.fields:
+        arrays = sampled.fields(solution, sampled.Places.read(Path(given.at)))
         if first:
-            results.write_arrays(Path(found.fields), **arrays)
+            results.write_arrays(Path(given.fields), **arrays)
     if first:
         print(results.line(values), flush=True)
     return 0

@@ -24,7 +24,7 @@ GAUSS, _ = gauss("hexahedron", 3)
 # Points that are evaluated at a time.
 _AT_ONCE = 5_000
 
-# Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
+# Modes whose frequencies differ by a smaller fraction are not distinguished by either side's shapes alone.
 CLOSE = 0.02
 
 
@@ -50,7 +50,7 @@ class Places:
 
     @classmethod
     def read(cls, path: Path) -> "Places":
-        """Return what `write` wrote."""
+        """Return the places of a file of `write`."""
         with np.load(path) as arrays:
             return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
 
@@ -68,7 +68,7 @@ class Sample:
     places
         Those points.
     weights
-        The nodes' shares of the volume ``(n,)``.
+        The nodes' fractions of the volume ``(n,)``.
     points, cells, order
         The mesh, as in `meshes.mesh.Mesh`.
     displacement
@@ -157,13 +157,13 @@ def fields(solution: Any, places: Places) -> dict[str, Array]:
 
 def _displaced(solution: Any, state: Any, rods: Index, xi: Array, u: Array) -> Array:
     """Return the displacement ``(n, 3)`` of a state of a solution's model, at points of rods and bodies."""
-    found = np.empty((u.size, 3))
+    values = np.empty((u.size, 3))
     for rod in np.unique(rods):
         (here,) = np.nonzero(rods == rod)
         if rod < 0:
             functions = solution.model.solids[-1 - rod].rows(np.column_stack([xi[here], u[here]]))
             nodal = np.reshape(state.solids[-1 - rod], (-1, 3))[functions.nodes]
-            found[here] = np.einsum("qm,qma->qa", functions.values, nodal)
+            values[here] = np.einsum("qm,qma->qa", functions.values, nodal)
             continue
         space = solution.model.bodies[rod].space
         nodal = state.fields(int(rod))["displacement"].reshape(space.layers, -1, 3)
@@ -172,42 +172,42 @@ def _displaced(solution: Any, state: Any, rods: Index, xi: Array, u: Array) -> A
             first, axial, _ = space.axis.local(along[part])
             section, _ = space.basis.functions(across[part])
             near = nodal[(first[:, None] + np.arange(axial.shape[1])) % space.layers]
-            found[here[part]] = np.einsum("mj,ml,mjla->ma", axial, section, near, optimize=True)
-    return found
+            values[here[part]] = np.einsum("mj,ml,mjla->ma", axial, section, near, optimize=True)
+    return values
 
 
 def _stresses(solution: Any, rods: Index, xi: Array, u: Array) -> Array:
     """Return the von Mises stress at points of rods, in calls for those that have the same ``u``."""
-    found = np.empty(u.size)
+    values = np.empty(u.size)
     for rod in np.unique(rods):
         (here,) = np.nonzero(rods == rod)
         along, across = _within(solution.model.bodies[rod].space, xi[here], u[here])
         order = np.argsort(along, kind="stable")
         for group in np.split(order, np.flatnonzero(np.diff(along[order])) + 1):
-            found[here[group]] = solution.stress(int(rod), along[group[:1]], across[group], "von Mises")[0]
-    return found
+            values[here[group]] = solution.stress(int(rod), along[group[:1]], across[group], "von Mises")[0]
+    return values
 
 
 def _within(space: Any, xi: Array, u: Array) -> tuple[Array, Array]:
     """Return axis parameters and disk points that miss an end, or a surface, by rounding exactly there."""
     hole, size = space.rod.rings[0], np.linalg.norm(xi, axis=1)
-    wanted = np.clip(size, hole, 1.0)
-    across = xi * (wanted / np.maximum(size, 1e-300))[:, None]
+    radius = np.clip(size, hole, 1.0)
+    across = xi * (radius / np.maximum(size, 1e-300))[:, None]
     return np.clip(np.round(u, 10), *space.axis.breaks[[0, -1]]), across
 
 
-def shared(coarse: Places, fine: Places) -> tuple[Index, Index]:
+def common(coarse: Places, fine: Places) -> tuple[Index, Index]:
     """Return the numbers of those points of two meshes that are the same."""
     keys = [np.column_stack([10.0 * one.rod, one.xi, one.u]) for one in (coarse, fine)]
-    distance, found = cKDTree(keys[1]).query(keys[0])
+    distance, nearest = cKDTree(keys[1]).query(keys[0])
     same = np.flatnonzero(distance < _SAME)
-    return same, np.asarray(found[same])
+    return same, np.asarray(nearest[same])
 
 
-def relative(found: Array, wanted: Array, weights: Array) -> float:
-    """Return ``sqrt(sum w |found - wanted|^2 / sum w |wanted|^2)`` of fields ``(n,)`` or ``(n, 3)``."""
-    size = weights @ _squares(wanted)
-    return float(np.sqrt(weights @ _squares(found - wanted) / size)) if size > 0.0 else 0.0
+def relative(values: Array, reference: Array, weights: Array) -> float:
+    """Return ``sqrt(sum w |values - reference|^2 / sum w |reference|^2)`` of fields ``(n,)`` or ``(n, 3)``."""
+    size = weights @ _squares(reference)
+    return float(np.sqrt(weights @ _squares(values - reference) / size)) if size > 0.0 else 0.0
 
 
 def _squares(field: Array) -> Array:
@@ -225,7 +225,7 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     ours, theirs
         Shapes ``(modes, n, 3)`` at the same points.
     weights
-        The points' shares of the volume ``(n,)``.
+        The points' fractions of the volume ``(n,)``.
     frequencies
         Of ours and of theirs, ascending.
     """
@@ -236,7 +236,7 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     root = np.sqrt(weights)[:, None]
     first, second = ours * root, theirs * root
     apart = np.abs(frequencies[0][:, None] / frequencies[1] - 1.0)
-    # Shapes decide among what is near, frequencies among shapes that say nothing.
+    # Shapes decide among near frequencies, frequencies among shapes that do not distinguish.
     cost = np.where(apart < 10.0 * CLOSE, -mac.matrix(first, second), 1.0) + 1e-3 * apart
     rows, columns = linear_sum_assignment(cost)
     partner = np.full(len(theirs), -1, dtype=np.int64)
@@ -251,6 +251,6 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     return partner, left
 
 
-def combination(shapes: Array, wanted: Array) -> Array:
+def combination(shapes: Array, target: Array) -> Array:
     """Return the factors of shapes ``(modes, n, 3)`` whose sum is nearest to one ``(n, 3)``."""
-    return np.asarray(np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, wanted.ravel(), rcond=1e-12)[0])
+    return np.asarray(np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, target.ravel(), rcond=1e-12)[0])

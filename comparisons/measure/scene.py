@@ -1,4 +1,4 @@
-"""A scene that is measured along curves, against what finite elements on three meshes converge to."""
+"""A scene that is measured along curves, against the limit of finite elements on three meshes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -60,7 +60,7 @@ class Scene:
         return values
 
     def error(self, record: Record, values: Limits) -> float:
-        """Return the largest relative error of what a run measured."""
+        """Return the largest relative error of a run's measured quantities."""
         ratios = [np.ravel(record[name]) / np.array(values[name]) for name in self.measured]
         return max(float(np.abs(ratio - 1.0).max()) for ratio in ratios)
 

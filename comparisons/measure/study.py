@@ -1,4 +1,4 @@
-"""A study's run: where its records go, at which level, and what it shows while it works."""
+"""A study's run: the file of its records, its level, and its progress."""
 
 import contextlib
 from collections.abc import Iterator
@@ -44,9 +44,9 @@ class Run:
     def record(self, part: str, values: dict[str, Any]) -> dict[str, Any]:
         """Append a record, complete with provenance, and return it."""
         head = {"study": self.study, "run": self.identity, "level": self.level, "part": part}
-        whole = results.provenance() | values | head
-        results.append(self.path, whole)
-        return whole
+        entry = results.provenance() | values | head
+        results.append(self.path, entry)
+        return entry
 
     @contextlib.contextmanager
     def progress(self, total: int) -> Iterator["Steps"]:

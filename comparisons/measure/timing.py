@@ -20,22 +20,22 @@ _CHECKOUT = Path(__file__).parents[2]
 
 
 class Timed(Protocol):
-    """What was found, and the wall time of the parts of finding it."""
+    """A result, and the wall time of the parts of its computation."""
 
     @property
     def seconds(self) -> dict[str, float]:
         """Wall time by part."""
 
 
-Found = TypeVar("Found", bound=Timed)
+Result = TypeVar("Result", bound=Timed)
 
 
 class Failed(SolveError):
-    """A measurement that failed; ``said`` is the last line that it said."""
+    """A measurement that failed; ``last_line`` is the last one of its output."""
 
-    def __init__(self, message: str, said: str) -> None:
+    def __init__(self, message: str, last_line: str) -> None:
         super().__init__(message)
-        self.said = said
+        self.last_line = last_line
 
 
 def environment(interpreter: str = sys.executable) -> dict[str, str]:
@@ -75,8 +75,8 @@ def find_dolfinx(program: str) -> tuple[str, str]:
         [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
     )
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
-        raise InputError(f"--dolfinx {program}: finite elements do not run there ({said}); it needs dolfinx and numba")
+        last = (done.stderr.strip().splitlines() or ["no output"])[-1]
+        raise InputError(f"--dolfinx {program}: finite elements do not run there ({last}); it needs dolfinx and numba")
     return interpreter, done.stdout.strip().splitlines()[-1]
 
 
@@ -92,7 +92,7 @@ def run(
     Raises
     ------
     Failed
-        With the last line of what it said, if it fails, or when it takes too long.
+        With the last line of its output, if it fails, or when it takes too long.
     """
     command = [interpreter, "-m", module, *arguments]
     if ranks > 1:
@@ -105,32 +105,32 @@ def run(
         late = f"not done after {timeout:g} s"
         raise Failed(f"{asked}: {late}", late) from None
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
-        raise Failed(f"{asked}: exit code {done.returncode}: {said}", said.removeprefix(f"{module}: "))
+        last = (done.stderr.strip().splitlines() or ["no output"])[-1]
+        raise Failed(f"{asked}: exit code {done.returncode}: {last}", last.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
 
 
 def repeated(
-    solve: Callable[[], Found], repeat: int, begin: Callable[[], object] = gc.collect
-) -> tuple[Found, list[dict[str, float]]]:
+    solve: Callable[[], Result], repeat: int, begin: Callable[[], object] = gc.collect
+) -> tuple[Result, list[dict[str, float]]]:
     """Solve ``repeat`` times in this process.
 
-    Returns what the last run found, and the seconds of each run by part.  ``total`` is all of a run, checks of its
+    Returns the result of the last run, and the seconds of each run by part.  ``total`` is all of a run, checks of its
     result included, ``processor`` its processor time; what comes before it, ``begin``, does not count.
     """
     runs: list[dict[str, float]] = []
-    found: Found | None = None
+    result: Result | None = None
     for _ in range(repeat):
-        # What the last run left does not count as the next one's.
-        found = None
+        # The last run's garbage does not count as the next one's.
+        result = None
         begin()
         start, worked = perf_counter(), process_time()
-        found = solve()
-        parts = dict(found.seconds)
+        result = solve()
+        parts = dict(result.seconds)
         runs.append(parts | {"total": perf_counter() - start, "processor": process_time() - worked})
-    assert found is not None
-    return found, runs
+    assert result is not None
+    return result, runs
 
 
 def median(runs: Sequence[dict[str, float]]) -> dict[str, float]:
@@ -140,14 +140,14 @@ def median(runs: Sequence[dict[str, float]]) -> dict[str, float]:
 
 
 def least(works: Sequence[Callable[[], object]], turns: int) -> list[float]:
-    """Return the least processor time of each piece of work, done in turn so many times."""
+    """Return the least processor time of each function, called in turn so many times."""
     times: list[list[float]] = [[] for _ in works]
     for _ in range(turns):
-        for work, found in zip(works, times, strict=True):
+        for work, own in zip(works, times, strict=True):
             start = process_time()
             work()
-            found.append(process_time() - start)
-    return [min(found) for found in times]
+            own.append(process_time() - start)
+    return [min(own) for own in times]
 
 
 class Clock:

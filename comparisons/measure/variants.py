@@ -14,15 +14,15 @@ DEFAULT = "default"
 # The curve of runs whose bodies have meshes as fine as finite elements' of one solid.
 BODIES = "isorod, bodies refined"
 
-# What of a discretisation is told again where something else of it is changed.
+# Options of a discretisation that are repeated where another one is changed.
 _KEPT = ("section_degree", "order", "section_points", "elements", "degree", "continuity")
 
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """A discretisation: what it is called, in few letters, and the options that make it.
+    """A discretisation: a short label, and its options.
 
-    ``sequence`` says that it is one of those refined in all directions together, coarse to fine.
+    ``sequence``: one of those refined in all directions together, coarse to fine.
     """
 
     label: str
@@ -38,7 +38,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     scene, model
         The scene, and its model as it is by default.
     known
-        Of each body what was chosen, as records tell it (`isorod.model.body.Body.discretisation`).
+        Of each body what was chosen, as in records (`isorod.model.body.Body.discretisation`).
     """
     base = _common(known)
     axes = [body.space.rod.axis for body in model.bodies]
@@ -62,15 +62,15 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     elif "order" in base and len(points := {body.space.points_around for body in model.bodies}) == 1:
         across[1] = {"order": max(2, base["order"]), "section_points": 2 * points.pop()}
     both = [across[0] | along[0], across[1] | along[1]]
-    found: list[tuple[dict[str, int], bool]] = []
+    options: list[tuple[dict[str, int], bool]] = []
     for changed in (*both, *across, *along):
-        if changed and changed not in [one for one, _ in found]:
-            found.append((changed, changed in both))
-    return [Variant(_label(base, one), _words(scene, model, base, one), sequence) for one, sequence in found]
+        if changed and changed not in [one for one, _ in options]:
+            options.append((changed, changed in both))
+    return [Variant(_label(base, one), _words(scene, model, base, one), sequence) for one, sequence in options]
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
-    """Return the options of a scene that say what was chosen, but for short elements near ends."""
+    """Return the options of a scene for the chosen discretisation, except short elements near ends."""
     return " ".join(_words(scene, None, _common(known), {}))
 
 
@@ -80,7 +80,7 @@ def _common(known: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
-    """Return what is changed in the letters of the report: ``N+1``, ``2e``, ``p-1``."""
+    """Return the changes in the report's notation: ``N+1``, ``2e``, ``p-1``."""
     words = []
     for name, value in changed.items():
         if name == "elements":
@@ -99,15 +99,15 @@ def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str
         spaces = [_changed(body.space, changed, base.get("elements")) for body in model.bodies]
         return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}
-    found = []
+    words = []
     for name, value in (dict(base) | dict(changed)).items():
         # A spring counts its elements by the turn.
         if name == "elements" and name not in names:
             name, value = "elements_per_turn", scene.per_turn * value // scene.rod().axis.elements
         # The functions of control points of a section that are its rod's own.
         if name in names:
-            found += [f"--{name.replace('_', '-')}", str(value)]
-    return tuple(found)
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return tuple(words)
 
 
 def _changed(space: Any, changed: Mapping[str, int], elements: int | None) -> Any:

@@ -61,7 +61,7 @@ def fem_curves(families: Sequence[Family], method: str = "fem") -> tuple[Curve, 
 
 
 def with_others(curves: Sequence[Curve], interpreters: Sequence[str]) -> tuple[Curve, ...]:
-    """Return the curves, and those of finite elements once more for each other interpreter and its dolfinx."""
+    """Return the curves, with finite elements' repeated for each other interpreter and its dolfinx."""
     fem = [curve for curve in curves if curve.method == "fem"]
     return (*curves, *(replace(curve, interpreter=one) for one in interpreters for curve in fem))
 
@@ -89,7 +89,7 @@ class WorkPrecision:
     file
         The scene's file, where it is none of the package.
     kept
-        Runs by program, interpreter, arguments and repetitions: scenes that ask something else of the same rods share
+        Runs by program, interpreter, arguments and repetitions: scenes with other quantities of the same rods share
         them.  What is measured side by side is measured anew.
     """
 
@@ -107,9 +107,9 @@ class WorkPrecision:
         if again or key not in self.kept:
             words = [*named(method, self.scene, self.file), *arguments.split(), "--repeat", str(repeat)]
             self.kept[key] = timing.run(MODULES[method], words, interpreter=interpreter)
-        found = self.kept[key]
-        measured = {"scene": self.scene, "arguments": arguments, "error": self.error(found)}
-        return found | measured | {"interpreter": interpreter}
+        record = self.kept[key]
+        measured = {"scene": self.scene, "arguments": arguments, "error": self.error(record)}
+        return record | measured | {"interpreter": interpreter}
 
     def run(self, curves: Sequence[Curve], targets: Sequence[float], known: Mapping[float, Sequence[str]]) -> None:
         """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target.
@@ -122,7 +122,7 @@ class WorkPrecision:
             for arguments in curve.arguments:
                 with self.steps.step(f"{curve.label}: {arguments}"):
                     try:
-                        found = self._measure((curve.method, curve.interpreter), arguments, REPEAT)
+                        record = self._measure((curve.method, curve.interpreter), arguments, REPEAT)
                     except SolveError as problem:
                         refused = {
                             "scene": self.scene,
@@ -132,7 +132,7 @@ class WorkPrecision:
                         }
                         self.study.record("refused", refused)
                         continue
-                    work.append(self.study.record("work", found | {"curve": curve.label}))
+                    work.append(self.study.record("work", record | {"curve": curve.label}))
         for target in targets:
             fastest = []
             for side in _sides(curves):
@@ -149,12 +149,12 @@ class WorkPrecision:
         """
         again: list[list[dict[str, float]]] = [[] for _ in fastest]
         for _ in range(TURNS):
-            for found, seconds in zip(fastest, again, strict=True):
-                seconds.append(self._measure(_side(found), found["arguments"], REPEAT, again=True)["seconds"])
-        for found, seconds in zip(fastest, again, strict=True):
+            for record, seconds in zip(fastest, again, strict=True):
+                seconds.append(self._measure(_side(record), record["arguments"], REPEAT, again=True)["seconds"])
+        for record, seconds in zip(fastest, again, strict=True):
             totals = [one["total"] for one in seconds]
             best = seconds[totals.index(min(totals))]
-            self.study.record("confirm", found | {"seconds": best, "turns": totals})
+            self.study.record("confirm", record | {"seconds": best, "turns": totals})
 
     def _confirm(self, work: Sequence[Record], target: float, known: Sequence[str]) -> list[Record]:
         """Return the fastest run within the target that stays within it when axis or section alone is refined.
@@ -165,20 +165,20 @@ class WorkPrecision:
         recorded, as not holding.
         """
         held: list[Record] = []
-        for found in sorted(work, key=lambda record: record["seconds"]["total"]):
-            if found["error"] > target or (held and found["arguments"] not in known):
+        for record in sorted(work, key=lambda record: record["seconds"]["total"]):
+            if record["error"] > target or (held and record["arguments"] not in known):
                 continue
             finer: list[Record] = []
-            given = found["arguments"]
+            given = record["arguments"]
             if given in AS_RUN.arguments:
-                given = written(find(self.file or self.scene, {}), found["discretisation"])
-            for option, step in self.finer[found["method"]]:
+                given = written(find(self.file or self.scene, {}), record["discretisation"])
+            for option, step in self.finer[record["method"]]:
                 count = re.search(rf"{option} (\d+)", given)
                 if count is None:
                     continue
                 arguments = given.replace(count[0], f"{option} {int(count[1]) + step}")
                 try:
-                    near = self._measure(_side(found), arguments, 1)
+                    near = self._measure(_side(record), arguments, 1)
                 except SolveError:
                     finer = []
                     break
@@ -186,7 +186,7 @@ class WorkPrecision:
                 if near["error"] > target:
                     break
             holds = len(finer) > 1 and all(near["error"] <= target for near in finer)
-            confirmed = found | {"target": target, "finer": finer, "holds": holds}
+            confirmed = record | {"target": target, "finer": finer, "holds": holds}
             if holds:
                 held.append(confirmed)
             else:

@@ -48,22 +48,22 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _main(arguments: Sequence[str]) -> int:
-    found = _parser().parse_args(arguments)
-    if found.quadrature is None:
-        bricks = found.cells == "bricks"
-        found.quadrature = 2 * found.degree if bricks else max(1, 2 * found.degree - 2)
-    print(results.line(_record(found)))
+    given = _parser().parse_args(arguments)
+    if given.quadrature is None:
+        bricks = given.cells == "bricks"
+        given.quadrature = 2 * given.degree if bricks else max(1, 2 * given.degree - 2)
+    print(results.line(_record(given)))
     return 0
 
 
-def _mesh(found: argparse.Namespace) -> Mesh:
-    order = found.degree if found.cells == "bricks" else 2
-    if found.scene == "spring":
-        return spring.build(found.cells, found.around, found.layers, order, found.rings)
-    return blade.build(found.cells, found.along, found.across, found.layers, order, found.grading)
+def _mesh(given: argparse.Namespace) -> Mesh:
+    order = given.degree if given.cells == "bricks" else 2
+    if given.scene == "spring":
+        return spring.build(given.cells, given.around, given.layers, order, given.rings)
+    return blade.build(given.cells, given.along, given.across, given.layers, order, given.grading)
 
 
-def _record(found: argparse.Namespace) -> dict[str, Any]:
+def _record(given: argparse.Namespace) -> dict[str, Any]:
     import ngsolve
 
     from comparisons.ngsolve import domain, modal, statics
@@ -72,15 +72,15 @@ def _record(found: argparse.Namespace) -> dict[str, Any]:
     ngsolve.SetNumThreads(1)
     ngsolve.ngsglobals.msg_level = 0
     start = perf_counter()
-    mesh = domain.build(_mesh(found))
+    mesh = domain.build(_mesh(given))
     meshing = perf_counter() - start
-    element = found.degree, found.family, found.quadrature
+    element = given.degree, given.family, given.quadrature
     values: dict[str, Any]
     result: statics.Equilibrium | modal.Modes
-    if found.scene == "spring":
+    if given.scene == "spring":
         wire = Spring(helix="paper")
         rest, runs = timing.repeated(
-            lambda: statics.solve(mesh, (wire.E, wire.nu), wire.travel, *element), found.repeat
+            lambda: statics.solve(mesh, (wire.E, wire.nu), wire.travel, *element), given.repeat
         )
         result = rest
         values = {
@@ -93,23 +93,23 @@ def _record(found: argparse.Namespace) -> dict[str, Any]:
         wing = Blade()
         material = wing.E, wing.nu, wing.density
         modes, runs = timing.repeated(
-            lambda: modal.solve(mesh, material, MODES, *element, found.refinements), found.repeat
+            lambda: modal.solve(mesh, material, MODES, *element, given.refinements), given.repeat
         )
         result = modes
         values = {"analysis": "modal", "frequencies": modes.frequencies, "residuals": modes.residuals}
     record = results.provenance()
     record["versions"]["ngsolve"] = metadata.version("ngsolve")
     return {
-        "scene": found.scene,
+        "scene": given.scene,
         "method": "ngsolve",
         **values,
         "dofs": result.dofs,
         "cells": mesh.ne,
         "iterations": result.iterations,
-        "options": vars(found),
+        "options": vars(given),
         "petsc_options": INVERSE,
         "seconds": {"mesh": meshing} | timing.median(runs),
-        "warm": found.repeat > 1,
+        "warm": given.repeat > 1,
         "runs": runs,
         "peak_memory": timing.peak_memory(),
         **record,

@@ -30,18 +30,18 @@ def build(mesh: Mesh) -> ngsolve.Mesh:
     for number, faces in enumerate(mesh.faces.values(), 1):
         for face in faces[:, corners].tolist():
             made.Add(netgen.Element2D(number, [vertex[node] for node in face]))
-    found = ngsolve.Mesh(made)
-    found.SetDeformation(_deformation(found, mesh))
-    return found
+    result = ngsolve.Mesh(made)
+    result.SetDeformation(_deformation(result, mesh))
+    return result
 
 
 def _point(made: netgen.Mesh, x: Array) -> netgen.PointId:
     return made.Add(netgen.MeshPoint(netgen.Pnt(*x.tolist())))
 
 
-def _numbers(nodes: Array, wanted: Array) -> Index:
+def _numbers(nodes: Array, targets: Array) -> Index:
     """Return which of the nodes of a reference cell stand at some places."""
-    return np.argmin(np.linalg.norm(nodes[None] - wanted[:, None], axis=2), axis=1)
+    return np.argmin(np.linalg.norm(nodes[None] - targets[:, None], axis=2), axis=1)
 
 
 def _deformation(straight: ngsolve.Mesh, mesh: Mesh) -> ngsolve.GridFunction:
@@ -51,7 +51,7 @@ def _deformation(straight: ngsolve.Mesh, mesh: Mesh) -> ngsolve.GridFunction:
     scalar = ngsolve.H1(straight, order=mesh.order)
     where = mesh.reference
     if mesh.shape == "tetrahedron":
-        # NGSolve's coordinates are the shares of the first three corners.
+        # NGSolve's coordinates are the weights of the first three corners.
         where = np.stack([1.0 - where.sum(axis=1), where[:, 1], where[:, 0]], axis=1)
     positions = np.zeros((scalar.ndof, 3))
     for cell in straight.Elements(ngsolve.VOL):

@@ -69,7 +69,7 @@ def solve(
     """
     clock = Clock()
     space = displacements(mesh, degree, family, "start")
-    body, whole = measure(mesh, rule), measure(mesh, 2 * degree)
+    body, mass_measure = measure(mesh, rule), measure(mesh, 2 * degree)
     young, poisson, density = material
     law = LinearElastic(young, poisson)
     u, v = space.TnT()
@@ -78,9 +78,9 @@ def solve(
     stress = 2.0 * law.mu * strain + law.lame * ngsolve.Trace(strain) * ngsolve.Id(3)
     stiffness = ngsolve.BilinearForm(space, symmetric=True)
     stiffness += ngsolve.InnerProduct(stress, virtual) * body
-    one = displacements(mesh, degree, family, "start", components=1)
-    mass = ngsolve.BilinearForm(one)
-    mass += density * one.TrialFunction() * one.TestFunction() * whole
+    component = displacements(mesh, degree, family, "start", components=1)
+    mass = ngsolve.BilinearForm(component)
+    mass += density * component.TrialFunction() * component.TestFunction() * mass_measure
     clock.lap("forms")
     stiffness.Assemble()
     mass.Assemble()
@@ -107,7 +107,7 @@ def solve(
 
 
 class _Operator:
-    """A matrix of NGSolve on arrays; what is held stays zero."""
+    """A matrix of NGSolve on arrays; held unknowns stay zero."""
 
     def __init__(self, matrix: Any, free: Array) -> None:
         self.matrix, self.free = matrix, free
@@ -147,8 +147,8 @@ class _Inverse:
 
 
 def _residuals(stiffness: _Operator, mass: _Mass, values: Array, vectors: Array) -> Array:
-    found = []
+    residuals = []
     for value, vector in zip(values, vectors.T, strict=True):
         inertia = value * mass(vector)
-        found.append(np.linalg.norm(stiffness(vector) - inertia) / np.linalg.norm(inertia))
-    return np.array(found)
+        residuals.append(np.linalg.norm(stiffness(vector) - inertia) / np.linalg.norm(inertia))
+    return np.array(residuals)

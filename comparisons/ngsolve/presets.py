@@ -1,4 +1,4 @@
-"""Configurations of spring and blade for NGSolve, found as those of `comparisons.fem.presets` were.
+"""Configurations of spring and blade for NGSolve, chosen as those of `comparisons.fem.presets` were.
 
 Blocks of three components, NGSolve's own Cholesky factors (`comparisons.ngsolve.space`, `statics`, `modal`), and
 elements without inner functions (``hollow``) where they cost more than they give: cubic bricks of the blade.  Irons'

@@ -15,7 +15,7 @@ _ON_FACES = {2: 1, 3: 1, 4: 2}
 
 
 def displacements(mesh: ngsolve.Mesh, degree: int, family: str, held: str, components: int = 3) -> ngsolve.H1:
-    """Return the space: ``Lagrange``, ``S`` (serendipity), or ``hollow``, without what is inside of a cell alone.
+    """Return the space: ``Lagrange``, ``S`` (serendipity), or ``hollow``, without functions inside of a cell alone.
 
     Nodes of the boundaries ``held`` (names, joined by ``|``) are not free.
 

@@ -100,7 +100,7 @@ class _Newton:
     def run(self, moved: Any) -> None:
         """Solve from rest."""
         self._factorise()
-        # At rest there is no force but that of what is moved.
+        # At rest only the prescribed displacements cause forces.
         self.residual.data = self.form.mat * moved
         self._note()
         self.step.data = self.inverse * self.residual

@@ -1,1 +1,1 @@
-"""isorod as a solver of the package cosseratbench, whose experiments and measures of error are those of others."""
+"""isorod as a solver of the package cosseratbench, whose experiments and measures of error are others' work."""

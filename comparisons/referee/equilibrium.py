@@ -32,7 +32,7 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
     ends = dict(placed.ends())
     if CLAMPED not in ends.values() and len(ends) < 2:
         raise NotImplementedError("an equilibrium of a rod that neither a clamp nor two pins hold")
-    found = []
+    supports = []
     for which, how in ends.items():
         nodes = placed.layer(which)
         moved = placed.initial[nodes[placed.space.basis.is_control_point]].mean(axis=0)
@@ -42,10 +42,10 @@ def _supports(placed: Placed, gravity: Any) -> list[isorod.Support]:
             arm, turn = _detour(moved, gravity) if how == PINNED else (None, np.zeros(3))
             given = np.zeros(3) if turn.any() else moved * placed.space.is_control_point[some, None]
             around = None if arm is None else np.tile(arm, (some.size, 1))
-            found.append(isorod.Support(some, components, given, turn=tuple(turn), arms=around))
+            supports.append(isorod.Support(some, components, given, turn=tuple(turn), arms=around))
     if CLAMPED not in ends.values():
-        found.append(_spin(placed))
-    return found
+        supports.append(_spin(placed))
+    return supports
 
 
 def _check_clamp(placed: Placed, which: str) -> None:
@@ -59,7 +59,7 @@ def _check_clamp(placed: Placed, which: str) -> None:
 def _detour(moved: Array, gravity: Any) -> tuple[Array | None, Array]:
     """Return arm and rotation vector that take a pin to its place by half a circle, in the plane of gravity.
 
-    The ends of a straight rod then come closer with the square of the load factor, while its weight grows with the
+    The ends of a straight rod then approach with the square of the load factor, while its weight grows with the
     factor: it sags before it is pushed, and does not buckle upwards.
     """
     axis = np.cross(moved, gravity)
@@ -70,7 +70,7 @@ def _detour(moved: Array, gravity: Any) -> tuple[Array | None, Array]:
 
 
 def _spin(placed: Placed) -> isorod.Support:
-    """Return what keeps a rod between two pins from turning about the line through them; it carries nothing."""
+    """Return the support that keeps a rod between two pins from turning about their line; its reaction is zero."""
     turned = np.cross(placed.direction, arms(placed.space))
     node, component = np.unravel_index(int(np.argmax(np.abs(turned))), turned.shape)
     return isorod.Support(np.array([node]), "xyz"[component])

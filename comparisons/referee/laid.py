@@ -38,7 +38,7 @@ def takes(scenario: Any, elements: int) -> bool:
 def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
     """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rope, in equilibrium.
 
-    A pin holds two points of a section's outline, which gives way round them; so it is solved twice, the second time
+    A pin holds two points of a section's outline, which deforms round them; so it is solved twice, the second time
     with these where the section's mean is right.
     """
     up = -np.sign(np.asarray(scenario.gravity, dtype=float))
@@ -84,7 +84,7 @@ def _supports(placed: Placed, body: int, up: Array, off: Array) -> list[isorod.S
     """
     vertical = "xyz"[int(np.argmax(np.abs(up)))]
     level = "xyz".replace(vertical, "")
-    found = []
+    supports = []
     for (which, how), more in zip(placed.ends(), off, strict=True):
         nodes = placed.layer(which)
         moved = placed.initial[nodes].mean(axis=0) + more
@@ -92,6 +92,6 @@ def _supports(placed: Placed, body: int, up: Array, off: Array) -> list[isorod.S
         turn = np.pi * up if np.linalg.norm(arm) > _SMALL else np.zeros(3)
         for some, _ in held(placed, which, how):
             arms = np.tile(arm, (some.size, 1))
-            found.append(isorod.Support(some, level, body=body, turn=tuple(turn), arms=arms, during=(0.0, DOWN)))
-            found.append(isorod.Support(some, vertical, moved, body, during=(DOWN, 1.0)))
-    return found
+            supports.append(isorod.Support(some, level, body=body, turn=tuple(turn), arms=arms, during=(0.0, DOWN)))
+            supports.append(isorod.Support(some, vertical, moved, body, during=(DOWN, 1.0)))
+    return supports

@@ -10,7 +10,7 @@ from comparisons.referee.touching import contacts
 from isorod.arrays import Array
 
 # Time steps, in units of the inverse of the scenario's slowest frequency: 5e-5 of its period in error; twice as long
-# where the way to the equilibrium does not matter.
+# where the path to the equilibrium does not matter.
 STEP, STEP_SETTLING = 0.016, 0.032
 
 

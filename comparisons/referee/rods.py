@@ -1,4 +1,4 @@
-"""What a shear-deformable rod of a scenario is as a continuum: law, space, clamps, pins, and its shape at the start.
+"""A scenario's shear-deformable rod as a continuum: law, space, clamps, pins, and its shape at the start.
 
 A scenario's rod is straight and round at rest, with moduli ``E`` and ``G``.  The body is the cylinder of its radius,
 of a law that has both at rest, ``nu = E / (2 G) - 1``: stiffnesses are then ``E A``, ``E I`` and ``G J``, and shear is
@@ -29,7 +29,7 @@ ORDER, POINTS = 1, 8
 # without contact takes 0.5 itself.
 NEARLY = 0.49
 
-# A direction is along another one, and a rod straight, to this share.
+# A direction is along another one, and a rod straight, to this relative tolerance.
 _ALONG = 1e-6
 
 CLAMPED, PINNED = "clamped", "pinned"
@@ -89,7 +89,7 @@ def place(
 ) -> Placed:
     """Return a scenario's rod as a body of so many elements along the axis; ``touching`` ones have surface points.
 
-    It begins, at rest, where the scenario has its start, or as far off that as ``rest`` says, ``(3,)``.
+    It begins, at rest, at the scenario's start, or moved from there by ``rest``, ``(3,)``.
     """
     start, end = (np.asarray(given.centerline[k], dtype=float) for k in (0, -1))
     chord, start = end - start, start + np.asarray(rest)
@@ -115,12 +115,12 @@ def place(
 
 def arms(space: isorod.Space) -> Array:
     """Return the coefficients of the section's points from its centre at rest, shape ``(layer_nodes, 3)``."""
-    first, carriers = space.positions[: space.layer_nodes], space.basis.is_control_point
-    return first - carriers[:, None] * first[carriers].mean(axis=0)
+    first, control_points = space.positions[: space.layer_nodes], space.basis.is_control_point
+    return first - control_points[:, None] * first[control_points].mean(axis=0)
 
 
 def interpolation(space: isorod.Space) -> tuple[Array, Array]:
-    """Return lengths along the rod, as shares of it, and the matrix of the axis functions there, both of the layers."""
+    """Return relative lengths along the rod, one a layer, and the matrix of the axis functions there."""
     axis = space.axis
     places = bspline.greville(axis.knots, axis.degree)
     first, values, _ = axis.local(places)
@@ -131,7 +131,7 @@ def interpolation(space: isorod.Space) -> tuple[Array, Array]:
 
 
 def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, nu: float) -> Array:
-    """Return what takes a rod at rest to its start: along its curve, sections turned with it and thinner by stretch."""
+    """Return the displacement of a rod from rest to its start: sections turn with its curve and thin by stretch."""
     # Loaded where a scenario is run.
     from scipy.interpolate import CubicSpline
 
@@ -150,26 +150,26 @@ def _initial(given: Any, space: isorod.Space, direction: Array, normal: Array, n
     now = np.stack([first, np.cross(tangent, first)], axis=2) * stretch[:, :, None] ** -nu
     at_rest = arms(space) @ np.stack([normal, np.cross(direction, normal)], axis=1)
     centres = space.basis.is_control_point[:, None] * curve(along)[:, None]
-    wanted = centres + np.einsum("tab,nb->tna", now, at_rest)
-    found = np.linalg.solve(matrix, wanted.reshape(places.size, -1))
-    return found.reshape(-1, 3) - space.positions
+    targets = centres + np.einsum("tab,nb->tna", now, at_rest)
+    moved = np.linalg.solve(matrix, targets.reshape(places.size, -1))
+    return moved.reshape(-1, 3) - space.positions
 
 
 def held(placed: Placed, which: str, how: str) -> list[tuple[Index, str]]:
     """Return which nodes and components of an end a clamp or a pin holds."""
     space, nodes = placed.space, placed.layer(which)
-    carriers = space.basis.is_control_point
-    if how == PINNED and carriers.sum() == 1:
-        return [(nodes[carriers], "xyz")]
+    control_points = space.basis.is_control_point
+    if how == PINNED and control_points.sum() == 1:
+        return [(nodes[control_points], "xyz")]
     if how == PINNED:
         off = np.linalg.norm(np.cross(arms(space), placed.normal), axis=1)
-        hinge = carriers & (off < _ALONG * placed.given.radius)
+        hinge = control_points & (off < _ALONG * placed.given.radius)
         if hinge.sum() != 2:
             raise NotImplementedError("a pin of a rod that touches another, its normal not across a coordinate plane")
         return [(nodes[hinge], "xyz")]
-    if carriers.sum() != 1:
+    if control_points.sum() != 1:
         raise NotImplementedError("a clamped rod that touches something")
-    found = [(nodes[carriers], "xyz")]
+    groups = [(nodes[control_points], "xyz")]
     for node, arm in zip(nodes, arms(space), strict=True):
         if not arm.any():
             continue
@@ -177,8 +177,8 @@ def held(placed: Placed, which: str, how: str) -> list[tuple[Index, str]]:
         own = "xyz"[int(np.argmax(np.abs(arm)))]
         if np.abs(arm).max() < (1.0 - _ALONG) * np.linalg.norm(arm):
             raise NotImplementedError("a clamp of a section whose axes are not those of space")
-        found.append((np.array([node]), "xyz".replace(own, "")))
-    return found
+        groups.append((np.array([node]), "xyz".replace(own, "")))
+    return groups
 
 
 def supports(placed: Placed, body: int) -> list[isorod.Support]:
@@ -192,17 +192,17 @@ def supports(placed: Placed, body: int) -> list[isorod.Support]:
 
 def loads(placed: Placed, gravity: Any, body: int) -> list[Any]:
     """Return a rod's weight and the forces on its ends."""
-    found: list[Any] = []
+    loads: list[Any] = []
     if any(gravity):
         density = placed.given.material.density
-        found.append(isorod.BodyForce(tuple(density * component for component in gravity), body))
+        loads.append(isorod.BodyForce(tuple(density * component for component in gravity), body))
     for load in placed.given.loads:
-        found.append(isorod.SectionLoad.end(placed.space, load.at.value, tuple(load.force), body))
-    return found
+        loads.append(isorod.SectionLoad.end(placed.space, load.at.value, tuple(load.force), body))
+    return loads
 
 
 def configuration(placed: Placed, state: Any, body: int, elements: int) -> tuple[Array, Array]:
-    """Return what the package asks of a state: nodes ``(elements + 1, 3)`` and directors ``(elements, 3)``."""
+    """Return a state in the package's form: nodes ``(elements + 1, 3)`` and directors ``(elements, 3)``."""
     rod = placed.space.rod
     _, jacobian = rod.grid([(0.0, 0.0)], [0.0])
     xi = np.linalg.lstsq(jacobian[0, 0, :, :2], placed.given.radius * placed.normal, rcond=None)[0]

@@ -43,11 +43,11 @@ class Isorod:
     def settings(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> dict[str, Any]:
         """Return the numerical choices for a scenario."""
         kind = _kind(scenario, n_elements)
-        found = {"solution": kind, "degree": DEGREE, "poisson_ratio_at_most": 0.5 if kind == STATICS else NEARLY}
+        settings = {"solution": kind, "degree": DEGREE, "poisson_ratio_at_most": 0.5 if kind == STATICS else NEARLY}
         if kind in (STATICS, TOUCHING):
-            return found
+            return settings
         steps = {"time_step": motion.step(scenario, self.scale), "damping_rate": motion.damping(scenario)}
-        return found | steps
+        return settings | steps
 
     def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
         """Return the trajectory of a scenario, an equilibrium's from its second frame on.
@@ -64,16 +64,16 @@ class Isorod:
             if kind in (STATICS, TOUCHING):
                 last = (equilibrium if kind == STATICS else laid).solve(scenario, n_elements)
                 starts = [(rod.nodes(n_elements), rod.directors(n_elements)) for rod in scenario.rods]
-                found = [[start] + [end] * (n_frames - 1) for start, end in zip(starts, last, strict=True)]
+                frames = [[start] + [end] * (n_frames - 1) for start, end in zip(starts, last, strict=True)]
             elif kind == "statics, then implicit steps":
-                found = twisted.solve(scenario, n_elements, n_frames, self.scale)
+                frames = twisted.solve(scenario, n_elements, n_frames, self.scale)
             else:
                 touches = kind == "implicit steps with contact"
-                found = motion.solve(scenario, n_elements, n_frames, touches, self.scale)
+                frames = motion.solve(scenario, n_elements, n_frames, touches, self.scale)
         except isorod.SolveError as problem:
             raise Diverged(str(problem)) from None
         times = np.linspace(0.0, scenario.duration, n_frames)
-        nodes, directors = ([np.stack([frame[k] for frame in rod]) for rod in found] for k in (0, 1))
+        nodes, directors = ([np.stack([frame[k] for frame in rod]) for rod in frames] for k in (0, 1))
         return Trajectory(times, tuple(nodes), tuple(directors))
 
 

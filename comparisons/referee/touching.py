@@ -1,4 +1,4 @@
-"""What of a scenario may touch what, as contacts of isorod."""
+"""The contacts of a scenario as contacts of isorod."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from isorod.arrays import Index
 PENALTY = 0.02
 
 # Elements that start no farther from the other rod than so many diameters take part, at points no farther apart than
-# this share of a radius.
+# this fraction of a radius.
 NEAR, SPACING = 4.0, 0.3
 
 _MOST_POINTS = 64
@@ -22,20 +22,20 @@ _MOST_POINTS = 64
 
 def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
     """Return the pairs of rods of which elements start near each other."""
-    found = []
+    pairs = []
     for i, one in enumerate(scenario.rods):
         for j, other in enumerate(scenario.rods[:i]):
             if near(one, other, elements).size:
-                found.append((j, i))
-    return found
+                pairs.append((j, i))
+    return pairs
 
 
 def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[isorod.Contact]:
     """Return the contacts of rods, placed in this order, with each other, themselves and obstacles."""
-    found = []
+    contacts = []
     for first, second in pairs(scenario, elements):
         one, other = placed[first].given, placed[second].given
-        found.append(
+        contacts.append(
             isorod.Contact(
                 first,
                 second,
@@ -49,11 +49,11 @@ def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[iso
     for k, rod in enumerate(placed):
         if scenario.self_contact:
             own = _points(rod, elements)
-            found.append(isorod.Contact(k, penalty=_penalty(rod.given), points=own, friction=rod.given.friction))
+            contacts.append(isorod.Contact(k, penalty=_penalty(rod.given), points=own, friction=rod.given.friction))
         for obstacle in scenario.obstacles:
             points, friction = _points(rod, elements), max(rod.given.friction, obstacle.friction)
-            found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))
-    return found
+            contacts.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))
+    return contacts
 
 
 def _rigid(obstacle: Any) -> isorod.Plane | isorod.Cylinder:
@@ -76,9 +76,9 @@ def _points(placed: Placed, elements: int) -> tuple[int, int]:
     return around, along
 
 
-def near(one: Any, other: Any, elements: int) -> Index:
+def near(rod: Any, other: Any, elements: int) -> Index:
     """Return the elements of a rod that start near another rod."""
-    nodes, others = one.nodes(8 * elements), other.nodes(8 * elements)
+    nodes, others = rod.nodes(8 * elements), other.nodes(8 * elements)
     gaps = np.linalg.norm(nodes[:, None] - others, axis=2).min(axis=1)
-    close = gaps <= NEAR * (one.radius + other.radius)
+    close = gaps <= NEAR * (rod.radius + other.radius)
     return np.flatnonzero([close[8 * e : 8 * e + 9].any() for e in range(elements)])

@@ -38,13 +38,13 @@ def _rod(scenario: Any, given: Any, elements: int, frames: int, scale: float) ->
     turned = isorod.statics.solve(model, 1 + int(np.linalg.norm(turn) / _TURN))
     times = np.linspace(0.0, scenario.duration, frames)
     first = min(int(np.searchsorted(times, given.end_motion.times[-1] - _SMALL)), frames - 1)
-    found = [_evenly(placed, turned, time, elements) for time in times[: first + 1]]
+    configurations = [_evenly(placed, turned, time, elements) for time in times[: first + 1]]
     displacement, velocity = turned.displacement + _sideways(placed, turned).ravel(), None
-    while len(found) < frames:
-        count = min(_WATCHED, frames - len(found))
+    while len(configurations) < frames:
+        count = min(_WATCHED, frames - len(configurations))
         history = isorod.dynamics.solve(
             model,
-            float(times[len(found) - 1 + count] - times[len(found) - 1]),
+            float(times[len(configurations) - 1 + count] - times[len(configurations) - 1]),
             step(scenario, scale),
             outputs=count,
             damping=damping(scenario),
@@ -52,11 +52,11 @@ def _rod(scenario: Any, given: Any, elements: int, frames: int, scale: float) ->
             velocity=velocity,
             integrator="implicit",
         )
-        found[-1:] = [configuration(placed, state, 0, elements) for state in history]
+        configurations[-1:] = [configuration(placed, state, 0, elements) for state in history]
         displacement, velocity = history.displacement[-1], history.velocity[-1]
-        if _strayed(placed, found[-1][0]) > _FAR * given.length:
-            found += [found[-1]] * (frames - len(found))
-    return found
+        if _strayed(placed, configurations[-1][0]) > _FAR * given.length:
+            configurations += [configurations[-1]] * (frames - len(configurations))
+    return configurations
 
 
 def _strayed(placed: Placed, nodes: Array) -> float:
@@ -65,7 +65,7 @@ def _strayed(placed: Placed, nodes: Array) -> float:
 
 
 def _check(placed: Placed) -> None:
-    """Refuse what is not a straight rod between two clamps, the last of which turns about it and may slide."""
+    """Refuse scenarios other than a straight rod between two clamps, the last of which turns about it and may slide."""
     given, direction = placed.given, placed.direction
     motion = given.end_motion
     if motion is None or given.start_motion is not None or (given.start.value, given.end.value) != (CLAMPED, CLAMPED):
@@ -82,10 +82,10 @@ def _supports(placed: Placed, turn: Array) -> list[isorod.Support]:
     """Return supports: the start stays, the end turns and slides."""
     space, nodes = placed.space, placed.layer("end")
     axial = "xyz"[int(np.argmax(np.abs(placed.direction)))]
-    carrier, linear = nodes[:1], nodes[1:3]
+    control_point, linear = nodes[:1], nodes[1:3]
     return [
         *(isorod.Support(some, components) for some, components in held(placed, "start", CLAMPED)),
-        isorod.Support(carrier, "xyz".replace(axial, "")),
+        isorod.Support(control_point, "xyz".replace(axial, "")),
         # Turned, an arm's own direction is none of space's: it keeps its length.
         isorod.Support(linear, "xyz", turn=tuple(turn), arms=space.positions[linear]),
     ]
@@ -96,8 +96,8 @@ def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
     space, along = placed.space, placed.direction
     shape = (space.layers, space.layer_nodes, 3)
     initial, now = placed.initial.reshape(shape), (space.positions + turned.fields(0)["displacement"]).reshape(shape)
-    carriers = space.basis.is_control_point
-    off = initial[:, carriers].mean(axis=1)
+    control_points = space.basis.is_control_point
+    off = initial[:, control_points].mean(axis=1)
     off -= (off @ along)[:, None] * along
     places, matrix = interpolation(space)
     first, _, slopes = space.axis.local(places)
@@ -106,19 +106,19 @@ def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
         / placed.given.length
     )
     tilt = np.cross(along, np.linalg.solve(matrix, slope))
-    result = np.where(carriers[:, None], off[:, None], np.cross(tilt[:, None], now))
+    result = np.where(control_points[:, None], off[:, None], np.cross(tilt[:, None], now))
     return result.reshape(-1, 3)
 
 
 def _evenly(placed: Placed, turned: isorod.Equilibrium, time: float, elements: int) -> tuple[Array, Array]:
-    """Return nodes and directors on the way to the turned state."""
+    """Return nodes and directors between rest and the turned state."""
     given, motion = placed.given, placed.given.end_motion
-    whole = np.linalg.norm(motion.rotation[-1])
+    total = np.linalg.norm(motion.rotation[-1])
     angle = float(np.interp(time, motion.times, np.asarray(motion.rotation) @ placed.direction))
     nodes = given.nodes(elements)
     grown = turned.centre_line(0, elements + 1) - np.stack([nodes[0]] * (elements + 1))
     grown = (grown @ placed.direction - (nodes - nodes[0]) @ placed.direction)[:, None] * placed.direction
     middle = (np.arange(elements) + 0.5) / elements
-    turns = np.stack([rotation(share * angle * placed.direction) for share in middle])
+    turns = np.stack([rotation(fraction * angle * placed.direction) for fraction in middle])
     directors = np.einsum("eab,eb->ea", turns, given.directors(elements))
-    return nodes + (angle / whole) ** 2 * grown, directors
+    return nodes + (angle / total) ** 2 * grown, directors

@@ -47,7 +47,7 @@ BY_HAND = "chosen by hand"
 
 
 def how(record: Record) -> str:
-    """Return how the space of a run of isorod was chosen: by hand, or as ``isorod run`` has it."""
+    """Return how the space of a run of isorod was chosen: by hand, or as by ``isorod run``."""
     return AS_RUN.label if record["arguments"] in AS_RUN.arguments else BY_HAND
 
 
@@ -61,7 +61,7 @@ def program(record: Record) -> str:
 
 
 def bare(record: Record) -> float:
-    """Return the seconds of a run without what only proves its result, and without the estimate of its error."""
+    """Return the seconds of a run without checks of its result and without the estimate of its error."""
     seconds = record["seconds"]
     return float(seconds["total"] - seconds.get("check", 0.0) - seconds.get("estimate", 0.0))
 
@@ -100,7 +100,7 @@ def ratios(records: list[Record], target: float) -> list[tuple[Record, float, fl
 
 def rows(records: list[Record]) -> Rows:
     """Return head and rows of a scene's table."""
-    found = [
+    lines = [
         (target, one, {how(mine): mine for mine in sides if is_ours(mine)})
         for target in precision.targets(records)
         for sides in (fastest(records, target),)
@@ -108,17 +108,17 @@ def rows(records: list[Record]) -> Rows:
     ]
 
     def of(time: Callable[[Record], float], which: str = BY_HAND) -> Callable[[Any], str]:
-        """Return the function that gives the share of isorod's time in that of another program."""
+        """Return the function that gives isorod's time over that of another program."""
 
         def share(row: Any) -> str:
             _, one, mine = row
-            return precision.share(time(mine[which]), time(one)) if which in mine and not is_ours(one) else ""
+            return precision.plain_ratio(time(mine[which]), time(one)) if which in mine and not is_ours(one) else ""
 
         return share
 
     wall, processor = (partial(_seconds, name) for name in ("total", "processor"))
     return columns(
-        found,
+        lines,
         {
             "within": lambda row: f"{100 * row[0]:g} %",
             "program": lambda row: program(row[1]),
@@ -154,7 +154,7 @@ def motions(records: list[Record]) -> Rows:
 
 
 def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
-    """Return isorod's motions within the target, and the fastest curve of the others with its time there.
+    """Return isorod's motions within the target, and the other programs' fastest curve with its time there.
 
     Of isorod's the fastest by hand, and that as ``isorod run`` has it.
     """
@@ -176,18 +176,18 @@ def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
 
 def reached(records: list[Record]) -> list[tuple[str, float, Record, float, float | None]]:
     """Return scene, error, isorod's run, and the time of the best of all others over its, with and without checks."""
-    found: list[tuple[str, float, Record, float, float | None]] = []
+    reached: list[tuple[str, float, Record, float, float | None]] = []
     for scene in scenes(records):
         mine = of_scene(records, scene)
         for target in precision.targets(mine):
-            found += [(scene, target, *one) for one in ratios(mine, target)]
+            reached += [(scene, target, *one) for one in ratios(mine, target)]
     last = motion(of_scene(records, "biceps"))
     if last is not None:
         runs, _, time = last
         for one in runs:
             plain = time / one["seconds_steps"] if "seconds_steps" in one else None
-            found.append(("biceps", biceps.TARGET, one, time / one["seconds_motion"], plain))
-    return found
+            reached.append(("biceps", biceps.TARGET, one, time / one["seconds_motion"], plain))
+    return reached
 
 
 def summary(records: list[Record]) -> list[str]:

@@ -63,10 +63,10 @@ def summary(records: list[Record]) -> list[str]:
     (limit,) = part(records, "converged")
     motions = part(records, "motion")
     rests = [
-        f"{record['label']} end forces {percent(found['end_force'])}, bulge {percent(found['belly_bulge'])}, contact "
-        f"force {percent(found['contact_force'])}"
+        f"{record['label']} end forces {percent(off['end_force'])}, bulge {percent(off['belly_bulge'])}, contact "
+        f"force {percent(off['contact_force'])}"
         for record in motions
-        for found in (errors(record["equilibrium"], limit),)
+        for off in (errors(record["equilibrium"], limit),)
     ]
     lines = [f"biceps, equilibrium against converged dolfinx: {'; '.join(rests)}"]
     for record in motions:
@@ -86,8 +86,8 @@ def deviation(motion: Record, theirs: Record, name: str) -> float:
     times, values = np.array(theirs["history"]["time"]), np.array(theirs["history"][name])
     course = np.array(motion[own])
     columns = course.reshape(len(course), -1).T
-    found = np.array([np.interp(times, motion["times"], column) for column in columns]).T.reshape(values.shape)
-    return float(np.linalg.norm(found - values) / np.linalg.norm(values))
+    interpolated = np.array([np.interp(times, motion["times"], column) for column in columns]).T.reshape(values.shape)
+    return float(np.linalg.norm(interpolated - values) / np.linalg.norm(values))
 
 
 def _end(record: Record) -> float:
@@ -95,14 +95,18 @@ def _end(record: Record) -> float:
 
 
 def _clauses(motions: list[Record], limit: Record) -> str:
-    """Return the table of what is asked of the motion and the equilibrium."""
+    """Return the table of the criteria of the motion and the equilibrium."""
     rows = []
-    wanted = {name: percent(bound) for name, bound in QUANTITIES.items()}
+    bounds = {name: percent(bound) for name, bound in QUANTITIES.items()}
     for record in motions:
-        found = errors(record["equilibrium"], limit)
+        errors_at_rest = errors(record["equilibrium"], limit)
         held = [
-            (f"{name.replace('_', ' ')} at equilibrium, against converged dolfinx", found[name], QUANTITIES[name])
-            for name in wanted
+            (
+                f"{name.replace('_', ' ')} at equilibrium, against converged dolfinx",
+                errors_at_rest[name],
+                QUANTITIES[name],
+            )
+            for name in bounds
         ]
         held.append(
             (

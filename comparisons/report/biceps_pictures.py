@@ -38,7 +38,7 @@ class _Ours:
     equilibrium: Any
 
     def mesh(self, displacement: Any, activation: float = 1.0) -> Any:
-        """Return both branches, one after the other; ``activation`` is a share of the final one."""
+        """Return both branches, one after the other; ``activation`` is a fraction of the final one."""
         grids = []
         for b, body in enumerate(self.model.bodies):
             fields = {"displacement": self.model.nodal(displacement, b)}
@@ -48,8 +48,8 @@ class _Ours:
     def at(self, time: float) -> Any:
         """Return the mesh at an output."""
         k = int(np.argmin(np.abs(self.times - time)))
-        share = min(1.0, self.times[k] / self.scene.ramp) if self.scene.ramp > 0.0 else 1.0
-        return self.mesh(self.displacement[k].astype(float), share)
+        fraction = min(1.0, self.times[k] / self.scene.ramp) if self.scene.ramp > 0.0 else 1.0
+        return self.mesh(self.displacement[k].astype(float), fraction)
 
     def borders(self) -> Any:
         """Return the circles between elements, as lines, of the initial shape."""
@@ -163,7 +163,7 @@ def _scale(plotter: Any, described: dict[str, Any]) -> None:
 
 
 def _look(plotter: Any) -> None:
-    """Look at both branches, their tendons upright, in the same way in every panel."""
+    """Look at both branches, their tendons upright, from the same direction in every panel."""
     plotter.camera_position = [tuple(np.array(_MIDDLE) + 60.0 * _EYE), _MIDDLE, (0.0, 1.0, 0.0)]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = _HALF_HEIGHT

@@ -1,4 +1,4 @@
-"""The part of the report page of a scene solved both ways."""
+"""The part of the report page of a scene solved by both methods."""
 
 import html
 import shlex
@@ -20,17 +20,17 @@ from comparisons.report.html import section as section_of
 # Of what is measured, and of stress, which has an error of its own: what a default is to be within, and the errors at
 # which run times are compared.
 ERROR, STRESS = "error", "stress"
-WANTED = {ERROR: 5e-3, STRESS: 0.03}
+TOLERANCES = {ERROR: 5e-3, STRESS: 0.03}
 TARGETS = {ERROR: (1e-2, 5e-3, 1e-3, 1e-4), STRESS: (0.1, 0.03, 0.01, 3e-3)}
 
 
 def summary(records: list[Record]) -> list[str]:
     """Return the main findings, one line each."""
     name, default = _scene(records)["name"], _default(records)
-    within = f"{100 * WANTED[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
+    within = f"{100 * TOLERANCES[ERROR]:g} %: {verdict(records)}{_stress_verdict(records)}"
     lines = [f"{name}: default ({family(default)}) within {within}; {_of_default(records)}"]
-    told_of = (_beside(records), _stress_told(records), _beside(records, STRESS), _fields_told(default))
-    lines += [f"{name}: {text}" for text in told_of if text]
+    sentences = (_beside(records), _stress_sentence(records), _beside(records, STRESS), _field_sentence(default))
+    lines += [f"{name}: {text}" for text in sentences if text]
     for what, word in ((ERROR, ""), (STRESS, " stress")):
         for target, ours, theirs in _pairs(records, what):
             fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
@@ -47,11 +47,11 @@ def answer(records: list[Record]) -> list[str]:
     name, default = _scene(records)["name"], _default(records)
     lines = [
         f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod ({family(default)}) is "
-        f"{_share(default['error'])} off: within {100 * WANTED[ERROR]:g} %: <strong>{verdict(records)}</strong>"
+        f"{_percent(default['error'])} off: within {100 * TOLERANCES[ERROR]:g} %: <strong>{verdict(records)}</strong>"
         f"{_stress_verdict(records, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
-        f"<p>{_sentence(_of_default(records))} {_sentence(_stress_told(records))} "
-        f"{_sentence(_beside(records, STRESS))} {_sentence(_fields_told(default))}</p>"
+        f"<p>{_sentence(_of_default(records))} {_sentence(_stress_sentence(records))} "
+        f"{_sentence(_beside(records, STRESS))} {_sentence(_field_sentence(default))}</p>"
     ]
     rows = [
         (f"{percent(target)}{word}", ours, theirs, [theirs])
@@ -92,15 +92,15 @@ def section(records: list[Record], folder: Path) -> list[str]:
 
 
 def verdict(records: list[Record], what: str = ERROR) -> str:
-    """Return whether isorod's default is within the error that is wanted, as far as finite elements tell.
+    """Return whether isorod's default is within the target error, as far as finite elements resolve it.
 
     That of stress is the larger one of those against finite elements and against isorod's own finest space.
     """
     finer = [one["stress"] for one in part(records, "finer") if what == STRESS]
-    error, wanted, doubt = max([_default(records)[what], *finer]), WANTED[what], uncertainty(records, what)
-    word = "yes" if error <= wanted else "no"
-    if abs(error - wanted) < doubt:
-        word += f", but finite elements tell to {_share(doubt)} only"
+    error, target, doubt = max([_default(records)[what], *finer]), TOLERANCES[what], uncertainty(records, what)
+    word = "yes" if error <= target else "no"
+    if abs(error - target) < doubt:
+        word += f", but finite elements converged to {_percent(doubt)} only"
     return word
 
 
@@ -108,11 +108,11 @@ def _stress_verdict(records: list[Record], style: str = "{}") -> str:
     """Return the verdict on stress; nothing where there is none."""
     if STRESS not in _default(records):
         return ""
-    return f", stress within {100 * WANTED[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
+    return f", stress within {100 * TOLERANCES[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
 
 
 def uncertainty(records: list[Record], what: str = ERROR) -> float:
-    """Return the largest relative uncertainty of the finite elements' limits, of what is measured or of stress.
+    """Return the largest relative uncertainty of the finite elements' limits, of measured quantities or of stress.
 
     Of stress at surfaces that is how far the mesh before the finest is from that.
     """
@@ -130,12 +130,12 @@ def at_equal_error(work: Sequence[Record], error: float, what: str = ERROR) -> t
     Where all that an element has is less accurate, that of its finest mesh, and ``"more than"``; where all is more
     accurate, that of its coarsest, and ``"at most"``.  Of several elements that of the fastest.
     """
-    found = []
+    times = []
     for curve in dict.fromkeys(one["curve"] for one in work if one["method"] == "fem"):
         runs = sorted((one for one in work if one["curve"] == curve), key=lambda one: one["dofs"])
-        found.append(time_at([one[what] for one in runs], [one["seconds"]["total"] for one in runs], error))
-    reached = [one for one in found if one[1] != "more than"]
-    return min(reached or found, default=None)
+        times.append(time_at([one[what] for one in runs], [one["seconds"]["total"] for one in runs], error))
+    reached = [one for one in times if one[1] != "more than"]
+    return min(reached or times, default=None)
 
 
 def _scene(records: list[Record]) -> Record:
@@ -162,8 +162,8 @@ def _measured_stresses(records: list[Record]) -> list[str]:
 
 
 def _pairs(records: list[Record], what: str = ERROR) -> list[tuple[float, Record, Record]]:
-    """Return errors that finite elements can tell and both sides reach, each with the fastest runs within."""
-    found = []
+    """Return errors that finite elements resolve and both sides reach, each with the fastest runs within."""
+    pairs = []
     for target in TARGETS[what]:
         within = [one for one in part(records, "work") if one.get(what, np.inf) <= target]
         best = [
@@ -175,20 +175,20 @@ def _pairs(records: list[Record], what: str = ERROR) -> list[tuple[float, Record
             for method in MODULES
         ]
         if target >= uncertainty(records, what) and best[0] and best[1]:
-            found.append((target, best[0], best[1]))
-    return found
+            pairs.append((target, best[0], best[1]))
+    return pairs
 
 
 def _of_default(records: list[Record]) -> str:
     """Return the default's errors in words, its own estimate beside them."""
     default, doubt = _default(records), uncertainty(records)
-    errors = ", ".join(f"{name.replace('_', ' ')} {_share(error)}" for name, error in default["errors"].items())
-    own = f"; isorod's own estimate {_share(default['error_estimate'])}" if "error_estimate" in default else ""
-    return f"error of {errors or 'nothing measured'}; finite elements tell to {_share(doubt)}{own}"
+    errors = ", ".join(f"{name.replace('_', ' ')} {_percent(error)}" for name, error in default["errors"].items())
+    own = f"; isorod's own estimate {_percent(default['error_estimate'])}" if "error_estimate" in default else ""
+    return f"error of {errors or 'nothing measured'}; finite elements converged to {_percent(doubt)}{own}"
 
 
 def _by(default: Record) -> str:
-    # What a file does not say, some scenes choose in its place: rods that touch want control points.
+    # Some scenes choose what a file leaves open: rods in contact need control points.
     rods = default["options"].get("rod")
     silent = bool(rods) and not any(one.get("space") for one in rods.values())
     chosen = silent or all({"elements", "degree"} <= {*one["chosen"]} for one in default["discretisation"])
@@ -200,45 +200,45 @@ def _beside(records: list[Record], what: str = ERROR) -> str:
     default, doubt = _default(records), uncertainty(records, what)
     if what not in default:
         return ""
-    found = at_equal_error(part(records, "work"), max(default[what], doubt), what)
-    if found is None:
+    theirs = at_equal_error(part(records, "work"), max(default[what], doubt), what)
+    if theirs is None:
         return ""
-    fast, (slow, how) = default["seconds"]["total"], found
+    fast, (slow, how) = default["seconds"]["total"], theirs
     of = " of stress" if what == STRESS else ""
-    near = f"{_share(doubt)}{of}, which is as far as finite elements tell"
+    near = f"{_percent(doubt)}{of}, which is as far as finite elements converged"
     to = f"the same error{of}" if default[what] >= doubt else near
-    share = precision.ratio(fast, slow)
+    ratio = precision.ratio(fast, slow)
     least = {"more than": "less than ", "at most": "at least ", "": ""}[how] if fast < slow else ""
-    return f"it takes {milliseconds(fast)} ms, {least}{share} the {milliseconds(slow)} ms of dolfinx to {to}"
+    return f"it takes {milliseconds(fast)} ms, {least}{ratio} the {milliseconds(slow)} ms of dolfinx to {to}"
 
 
-def _fields_told(default: Record) -> str:
+def _field_sentence(default: Record) -> str:
     """Return how far the default's fields are from the finest mesh's."""
     field = default["field"]
     if "shape" in field:
-        return f"mode shapes within {_share(field['shape'])} of dolfinx' on its finest mesh"
-    return f"displacement field (L2) {_share(field['displacement'])} from dolfinx' on its finest mesh"
+        return f"mode shapes within {_percent(field['shape'])} of dolfinx' on its finest mesh"
+    return f"displacement field (L2) {_percent(field['displacement'])} from dolfinx' on its finest mesh"
 
 
-def _stress_told(records: list[Record]) -> str:
+def _stress_sentence(records: list[Record]) -> str:
     """Return the default's error of stress: of which stress, against what, and isorod's own estimate."""
-    default, measured = _default(records), _measured_stresses(records)
+    default, names = _default(records), ", ".join(name.replace("_", " ") for name in _measured_stresses(records))
     if STRESS not in default:
         return ""
-    names = ", ".join(name.replace("_", " ") for name in measured)
-    what = f"stress ({names})" if measured else "von Mises stress at surfaces, a diameter and more from edges,"
-    against = "the limit of dolfinx' meshes" if measured else "dolfinx' finest mesh"
-    words = f"{what} {_share(default[STRESS])} from {against}, which tells to {_share(uncertainty(records, STRESS))}"
+    what = f"stress ({names})" if names else "von Mises stress at surfaces, a diameter and more from edges,"
+    against = "the limit of dolfinx' meshes" if names else "dolfinx' finest mesh"
+    doubt = _percent(uncertainty(records, STRESS))
+    words = f"{what} {_percent(default[STRESS])} from {against}, which converged to {doubt}"
     for one in part(records, "finer"):
-        words += f", and {_share(one['stress'])} from isorod's finest space ({one['label']})"
+        words += f", and {_percent(one['stress'])} from isorod's finest space ({one['label']})"
     if "stress_error_estimate" in default:
-        words += f"; isorod's own estimate {_share(default['stress_error_estimate'])}"
+        words += f"; isorod's own estimate {_percent(default['stress_error_estimate'])}"
     return words
 
 
 def _what(records: list[Record]) -> str:
     scene, default = _scene(records), _default(records)
-    said = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
+    elements = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
     kind = {"statics": "Equilibrium", "modal": "Vibration modes", "dynamics": "Motion, in the same implicit steps"}[
         scene["analysis"]
     ]
@@ -251,8 +251,8 @@ def _what(records: list[Record]) -> str:
             "joints"
         )
     return (
-        f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {said}; "
-        f"{precision.unknowns(default)} degrees of freedom{_bodies_told(default)}. dolfinx: {cells}, "
+        f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {elements}; "
+        f"{precision.unknowns(default)} degrees of freedom{_bodies_sentence(default)}. dolfinx: {cells}, "
         f"{fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
         "freedom, solved directly; finite elements that are faster to an error may exist, none were searched for."
         + (f" Both ran on {scene['ranks']} ranks." if scene.get("ranks", 1) > 1 else "")
@@ -273,7 +273,7 @@ def _refined(records: list[Record]) -> str:
     )
 
 
-def _bodies_told(default: Record) -> str:
+def _bodies_sentence(default: Record) -> str:
     """Return the bodies' meshes in words."""
     bodies = [f"{one['cells']:,} {one['kind']} of degree {one['degree']}" for one in default.get("solids", ())]
     return f", with bodies of {' and '.join(bodies)}, as their files have them" if bodies else ""
@@ -284,7 +284,7 @@ def _measured(records: list[Record]) -> str:
     rows: list[tuple[object, ...]] = []
     for one in _reference(records):
         label = one.name.replace("_", " ")
-        found = default["values"][one.name]
+        values = default["values"][one.name]
         for k, value in enumerate(one.values):
             many = len(one.values) > 1
             each = one.name == FREQUENCIES
@@ -296,16 +296,16 @@ def _measured(records: list[Record]) -> str:
                     f"{value:.7g}",
                     f"{one.uncertainties[k]:.1g}",
                     _order(one.orders[k], one),
-                    f"{found[k]:.7g}",
-                    _share(abs(found[k] - value) / size) if size else "",
+                    f"{values[k]:.7g}",
+                    _percent(abs(values[k] - value) / size) if size else "",
                 )
             )
         if one.vanishes:
-            rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
-    said = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
+            rows.append((f"{label}: zero, as far as the meshes converged", "", "", "", "", ""))
+    text = "; ".join(f"{html.escape(one.replace('_', ' '))} {html.escape(unit)}" for one, unit in units.items() if unit)
     two = len(_meshes(records)) < 3
     head = ("", "finest mesh" if two else "limit of the meshes", "±", "order", "isorod, default", "difference")
-    told = (
+    note = (
         "<p>A third mesh was left out, and two show no limit: ± is how far the finest is from the one before.</p>"
         if two
         else "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the "
@@ -313,7 +313,7 @@ def _measured(records: list[Record]) -> str:
         "were 1), and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far "
         "that is from the mesh before.</p>"
     )
-    return (f"<p>Units: {said}.</p>" if said else "") + table(head, rows) + told
+    return (f"<p>Units: {text}.</p>" if text else "") + table(head, rows) + note
 
 
 def _order(order: float | None, one: Converged) -> str:
@@ -327,13 +327,13 @@ def _field_words(records: list[Record]) -> str:
     if scene["analysis"] == "modal":
         return (
             "<p>Of each mode shape of dolfinx' finest mesh, the part that the best combination of a run's shapes with "
-            "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
+            "frequencies within 2 % does not have, in L2 over the volume; the largest is given, without modes as high "
             "as the last, which may be one of a pair.</p>"
         )
     own, doubt = [one["field"] for one in _meshes(records) if one["field"].get("displacement", 0.0) > plots.SHOWN], ""
     if own:
-        doubt = f" dolfinx' own mesh before the finest is {_share(own[-1]['displacement'])} from it"
-        doubt += f", of stress {_share(own[-1]['stress'])}: less tells nothing." if "stress" in own[-1] else "."
+        doubt = f" dolfinx' own mesh before the finest is {_percent(own[-1]['displacement'])} from it"
+        doubt += f", of stress {_percent(own[-1]['stress'])}: less is not resolved." if "stress" in own[-1] else "."
     return (
         "<p>Against the finest mesh: the displacement in L2 over the volume, relative; von Mises stress at the same "
         "places of surfaces on both sides, as the displacement there makes it: the largest difference, relative to the "
@@ -347,16 +347,16 @@ def _field_table(records: list[Record]) -> str:
     shown: dict[str, Callable[[Record], object]] = {"run": _named, "unknowns": precision.unknowns}
     if any("shapes" in one["field"] for one in work):
         work = [one for one in work if "shapes" in one["field"]]
-        shown["largest"] = lambda one: _share(one["field"]["shape"])
+        shown["largest"] = lambda one: _percent(one["field"]["shape"])
         for k in range(len(work[0]["field"]["shapes"])):
-            shown[f"mode {k + 1}"] = lambda one, k=k: _share(one["field"]["shapes"][k])  # type: ignore[misc]
+            shown[f"mode {k + 1}"] = lambda one, k=k: _percent(one["field"]["shapes"][k])  # type: ignore[misc]
         return table(*columns(work, shown))
     shown["ms"] = precision.total
     for name in ("displacement", "stress"):
-        shown[name] = lambda one, name=name: _share(one["field"].get(name))  # type: ignore[misc]
+        shown[name] = lambda one, name=name: _percent(one["field"].get(name))  # type: ignore[misc]
     if _measured_stresses(records):
         # What counts as the error of stress, where that is another.
-        shown["stress measured"] = lambda one: _share(one.get(STRESS))
+        shown["stress measured"] = lambda one: _percent(one.get(STRESS))
     shown["largest stress"] = lambda one: f"{one['field']['peak']:.5g}" if "peak" in one["field"] else ""
     return table(*columns(work, shown))
 
@@ -389,8 +389,8 @@ def _label(record: Record) -> str:
     return record["label"] + (f", {family(record)}" if is_ours(record) else "")
 
 
-def _share(value: Any) -> str:
-    """Return a share in percent; nothing for none, and what is rounding as such."""
+def _percent(value: Any) -> str:
+    """Return a fraction in percent; nothing for none, and rounding as such."""
     if value is None:
         return ""
     return percent(value) if value > 1e-7 else "0 %"

@@ -9,7 +9,7 @@ _HEADING = re.compile(r"<h([23]) id=([\w-]+)>(.*?)</h\1>", re.DOTALL)
 
 
 def section(name: str, about: str, parts: Mapping[str, str | Sequence[str]], prefix: str | None = None) -> list[str]:
-    """Return a section: its heading, what it is about, and its parts, the HTML of each by its title.
+    """Return a section: its heading, an introduction, and its parts, the HTML of each by its title.
 
     Titles follow the name of the section, or a ``prefix`` in its place.
     """
@@ -22,7 +22,7 @@ def section(name: str, about: str, parts: Mapping[str, str | Sequence[str]], pre
 def columns(
     rows: Iterable[Any], shown: Mapping[str, Callable[[Any], object]]
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return head and rows of a table: by the heading of each column what it shows of a row, nothing for None."""
+    """Return head and rows of a table: ``shown`` maps headings to functions of a row; None is left out."""
     values = ([of(row) for of in shown.values()] for row in rows)
     return tuple(shown), [tuple("" if one is None else str(one) for one in row) for row in values]
 
@@ -79,7 +79,7 @@ def contents(body: str) -> str:
 
 
 def figure(file: str, alt: str, caption: str, fits: bool = False) -> str:
-    """Return a picture with a caption that says what to see.
+    """Return a picture with a caption.
 
     On narrow screens it scrolls in a box of its own, or ``fits`` them, shrunk.
     """
@@ -89,7 +89,7 @@ def figure(file: str, alt: str, caption: str, fits: bool = False) -> str:
 
 
 def fold(summary: str, *lines: str) -> str:
-    """Return what a click unfolds."""
+    """Return lines that a click unfolds."""
     return f"<details><summary>{html.escape(summary)}</summary>\n" + "\n".join(lines) + "\n</details>"
 
 
@@ -99,7 +99,7 @@ def commands(lines: Iterable[str]) -> str:
 
 
 def percent(value: float) -> str:
-    """Return a share in percent, two digits."""
+    """Return a fraction in percent, two digits."""
     return f"{100 * value:.2g} %"
 
 

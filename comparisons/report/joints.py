@@ -11,41 +11,41 @@ _SIDES = {"coupled": "coupled", "hexahedron": "one solid, bricks", "tetrahedron"
 
 
 def best(records: list[Record], scene: str) -> dict[float, dict[str, Record]]:
-    """Return what was measured side by side of a scene within each target, by side, the largest target first."""
-    found: dict[float, dict[str, Record]] = {}
+    """Return the confirmed runs of a scene by target and side, the largest target first."""
+    best: dict[float, dict[str, Record]] = {}
     own = [one for one in part(records, "confirm") if one["scene"] == scene]
     for one in sorted(own, key=lambda one: -one["target"]):
         side = one["side"] if one["side"] == "coupled" else one["shape"]
-        found.setdefault(one["target"], {})[side] = one
-    return found
+        best.setdefault(one["target"], {})[side] = one
+    return best
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
-    """Return the table of times and unknowns at equal error, without its head: the coupled model's share of others'."""
-    found: list[tuple[str, ...]] = []
+    """Return the table of times and unknowns at equal error, without its head, the coupled model's relative too."""
+    lines: list[tuple[str, ...]] = []
     for converged in part(records, "converged"):
         for target, sides in best(records, converged["scene"]).items():
             ours = sides.get("coupled")
             for side, name in _SIDES.items():
                 first = f"{converged['scene']}, {percent(target)}", name
                 if side not in sides:
-                    found.append((*first, "not reached", "", "", "", "", ""))
+                    lines.append((*first, "not reached", "", "", "", "", ""))
                     continue
-                one = sides[side]
-                shares = "", ""
-                if ours is not None and one is not ours:
-                    shares = _share(ours["seconds"], one["seconds"]), _share(_all(ours), _all(one))
-                found.append(
-                    (*first, one["label"], percent(one["error"]), milliseconds(one["seconds"]), _count(one), *shares)
+                run = sides[side]
+                ratios = "", ""
+                if ours is not None and run is not ours:
+                    ratios = _ratio(ours["seconds"], run["seconds"]), _ratio(_all(ours), _all(run))
+                lines.append(
+                    (*first, run["label"], percent(run["error"]), milliseconds(run["seconds"]), _count(run), *ratios)
                 )
-    return found
+    return lines
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
     """Return the study's HTML."""
     work = part(records, "work")
     scenes = part(records, "converged")
-    told = "; ".join(
+    titles = "; ".join(
         f"{one['scene']}: {one['title']}, {' and '.join(one['names'])}, which the finer mesh has to "
         f"{percent(one['uncertainty'])}"
         for one in scenes
@@ -56,7 +56,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     ]
     return [
         heading(2, "Rods with blocks, beside all of it as one solid"),
-        f"<p>Scenes: {told}. What they converge to is extrapolated from bricks of one solid. Times are of the "
+        f"<p>Scenes: {titles}. What they converge to is extrapolated from bricks of one solid. Times are of the "
         "processor, one thread, without meshes and compilation; the fastest of both sides were measured again, in "
         "turn. A run counts as reaching an error if all of its kind do that are nowhere coarser.</p>",
         table(HEAD, rows(records), text=(0, 1, 2)),
@@ -75,14 +75,14 @@ def summary(records: list[Record]) -> list[str]:
 
 def answer(records: list[Record]) -> list[str]:
     """Return the main finding as HTML."""
-    found = []
+    ratios = []
     for one in part(records, "converged"):
         for target, sides in best(records, one["scene"]).items():
             others = [side for name, side in sides.items() if name != "coupled"]
             if "coupled" in sides and others:
-                share = _share(sides["coupled"]["seconds"], min(other["seconds"] for other in others))
-                found.append(f"{one['scene']}, {percent(target)}: {share}")
-    return [f"<p>Rods coupled to blocks, time beside that of the fastest mesh of one solid: {'; '.join(found)}.</p>"]
+                ratio = _ratio(sides["coupled"]["seconds"], min(other["seconds"] for other in others))
+                ratios.append(f"{one['scene']}, {percent(target)}: {ratio}")
+    return [f"<p>Rods coupled to blocks, time beside that of the fastest mesh of one solid: {'; '.join(ratios)}.</p>"]
 
 
 def _all(record: Record) -> int:
@@ -94,5 +94,5 @@ def _count(record: Record) -> str:
     return f"{rod:,} and {solid:,}" if rod else f"{solid:,}"
 
 
-def _share(ours: float, theirs: float) -> str:
+def _ratio(ours: float, theirs: float) -> str:
     return f"1/{theirs / ours:.2g}" if theirs > 1.5 * ours else f"{ours / theirs:.2g} times"

@@ -34,6 +34,6 @@ def summary(records: list[Record]) -> list[str]:
     good = sum(laws.agrees(record) for record in pairs)
     return [
         *plain(*laws.table(pairs)),
-        f"laws: {good} of {len(pairs)} pairs of a law and a scene within {100 * laws.WANTED:g} % of finite elements of "
-        "the same energy",
+        f"laws: {good} of {len(pairs)} pairs of a law and a scene within {100 * laws.TOLERANCE:g} % of finite elements "
+        "of the same energy",
     ]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from comparisons import newcomer
 from comparisons.measure.records import Record, part
-from comparisons.report.compare import ERROR, WANTED
+from comparisons.report.compare import ERROR, TOLERANCES
 from comparisons.report.html import heading, table
 from comparisons.report.precision import rerun
 
@@ -24,10 +24,10 @@ def section(records: list[Record], folder: Path) -> list[str]:
 def summary(records: list[Record]) -> list[str]:
     """Return the main finding, one line."""
     rows = part(records, "example")
-    good = sum("failure" not in row and row["error"] <= max(WANTED[ERROR], row["told"]) for row in rows)
+    good = sum("failure" not in row and row["error"] <= max(TOLERANCES[ERROR], row["told"]) for row in rows)
     failed = [row["name"] for row in rows if "failure" in row]
     more = f"; not compared: {', '.join(failed)}" if failed else ""
     return [
-        f"newcomer: {good} of {len(rows)} scenes within {100 * WANTED[ERROR]:g} % with nothing chosen, as far as "
-        f"finite elements tell{more}"
+        f"newcomer: {good} of {len(rows)} scenes within {100 * TOLERANCES[ERROR]:g} % with nothing chosen, as far "
+        f"as finite elements converged{more}"
     ]

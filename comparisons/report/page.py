@@ -28,16 +28,16 @@ def write(folder: Path) -> Path:
     InputError
         If there is no complete run of any study, or a result file is damaged.
     """
-    found = _found(folder)
+    studies = _studies(folder)
     answers: list[str] = []
     parts: list[str] = []
-    for study, records in found.items():
+    for study, records in studies.items():
         with _read(folder, study):
             answers += ["<div>", *_answer(study, records), "</div>"]
             parts.extend(_part(study).section(records, folder))
-    with _read(folder, *found):
-        parts += [heading(2, "Where these numbers come from"), _provenance(found)]
-    parts += [heading(2, "Words and letters"), words.words(found)]
+    with _read(folder, *studies):
+        parts += [heading(2, "Where these numbers come from"), _provenance(studies)]
+    parts += [heading(2, "Words and letters"), words.words(studies)]
     body = "\n".join(parts)
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -46,7 +46,7 @@ def write(folder: Path) -> Path:
         f"<style>{_STYLE.read_text()}</style></head>\n<body>\n<h1>{words.TITLE}</h1>\n"
         + "<div class=answers>"
         + "\n".join(answers)
-        + f"</div>\n{words.introduction(found)}\n{contents(body)}\n{body}\n</body></html>\n"
+        + f"</div>\n{words.introduction(studies)}\n{contents(body)}\n{body}\n</body></html>\n"
     )
     path = folder / "report.html"
     write_beside(path, lambda where: where.write_text(page))
@@ -56,7 +56,7 @@ def write(folder: Path) -> Path:
 def summary(folder: Path, only: str | None = None) -> list[str]:
     """Return the main findings of the newest runs, or of the one of a study, one line each."""
     lines = []
-    for study, records in _found(folder).items():
+    for study, records in _studies(folder).items():
         if only not in (None, study):
             continue
         with _read(folder, study):
@@ -83,7 +83,7 @@ def _answer(study: str, records: list[Record]) -> list[str]:
 
 @contextmanager
 def _read(folder: Path, *studies: str) -> Iterator[None]:
-    """Raise `InputError` where records lack what the page is made of."""
+    """Raise `InputError` where records lack something that the page needs."""
     try:
         yield
     except InputError:
@@ -95,22 +95,22 @@ def _read(folder: Path, *studies: str) -> Iterator[None]:
         ) from problem
 
 
-def _found(folder: Path) -> dict[str, list[Record]]:
+def _studies(folder: Path) -> dict[str, list[Record]]:
     """Return the newest complete run of each study that has one."""
-    # Of comparisons of scenes each has its own.
+    # Each comparison of a scene is a study of its own.
     others = sorted(path.stem for path in folder.glob(f"{COMPARED}-*.jsonl"))
     names = [*(one for one in STUDIES if (folder / f"{one}.jsonl").is_file()), *others]
-    found = {study: newest(folder, study) for study in names}
-    found = {study: records for study, records in found.items() if records}
-    if not found:
+    studies = {study: newest(folder, study) for study in names}
+    studies = {study: records for study, records in studies.items() if records}
+    if not studies:
         raise InputError(f"results {folder}: no complete run of a study; run python -m comparisons {STUDIES[0]} first")
-    return found
+    return studies
 
 
-def _provenance(found: dict[str, list[Record]]) -> str:
+def _provenance(studies: dict[str, list[Record]]) -> str:
     known: dict[str, list[str]] = {}
     runs = []
-    for study, records in found.items():
+    for study, records in studies.items():
         for record in records:
             for name, version in record["versions"].items():
                 if version not in known.setdefault(name, []):
@@ -125,7 +125,7 @@ def _provenance(found: dict[str, list[Record]]) -> str:
     more = (
         ", <code>make verify</code> measures spring and blade at quick level and takes some minutes, <code>python -m "
         "comparisons spring</code> measures all of it"
-        if set(STUDIES) & found.keys()
+        if set(STUDIES) & studies.keys()
         else ""
     )
     return (

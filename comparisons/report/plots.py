@@ -11,7 +11,7 @@ from comparisons.measure.variants import DEFAULT
 from comparisons.report.precision import named, pairs, targets, versions
 from isorod.output.results import write_beside
 
-# Okabe and Ito's colours, told apart by colour-blind readers too: cold ones are ours, warm ones and black theirs.
+# Okabe and Ito's colours, which colour-blind readers distinguish too: cold ones ours, warm ones and black theirs.
 COLOURS = ("#0072B2", "#009E73", "#56B4E9")
 FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#000000")
 MARKERS = "oD^"
@@ -26,9 +26,9 @@ def pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot as found
+    from matplotlib import pyplot as module
 
-    return found
+    return module
 
 
 def save(figure: Any, path: Path, dpi: int) -> None:
@@ -38,7 +38,7 @@ def save(figure: Any, path: Path, dpi: int) -> None:
 
 
 def curves(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
-    """Return the runs of the few curves that tell the story, as many as there are colours.
+    """Return the runs of the most important curves, as many as there are colours.
 
     Those that are fastest within an error, the smallest and the largest first, and the named ones, of dolfinx in the
     version that is fastest within the smallest.
@@ -65,15 +65,15 @@ def curves(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) ->
 
 def looks(curves: Sequence[Record]) -> dict[str, dict[str, str]]:
     """Return colour, marker and line of each curve of the story by its name: no two have colour or marker in common."""
-    found: dict[str, dict[str, str]] = {}
+    looks: dict[str, dict[str, str]] = {}
     for method, colours, markers, line in (
         ("cylindrical", COLOURS, MARKERS, "-"),
         ("fem", FEM_COLOURS, FEM_MARKERS, "--"),
     ):
         names = dict.fromkeys(named(one) for one in curves if one["method"] == method)
         for name, colour, marker in zip(names, colours, markers, strict=False):
-            found[name] = {"color": colour, "marker": marker, "linestyle": line}
-    return found
+            looks[name] = {"color": colour, "marker": marker, "linestyle": line}
+    return looks
 
 
 def story(records: list[Record], curves: Sequence[Record], quantity: str, path: Path) -> None:
@@ -84,7 +84,7 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, path: 
     records
         All of the study: their fastest are ringed, their targets marked.
     curves
-        Runs that are drawn (`told`).
+        Runs that are drawn.
     quantity
         What the error is of.
     """
@@ -137,15 +137,15 @@ def _time(value: float, _: int) -> str:
     return f"{1e3 * value:g} ms" if value < 1.0 else f"{value:g} s"
 
 
-def labelled(work: Sequence[Record], told: Mapping[str, float], path: Path) -> None:
+def labelled(work: Sequence[Record], uncertainty: Mapping[str, float], path: Path) -> None:
     """Draw error against run time of a comparison, each run with its label: measured, of stress, and of the field.
 
     Parameters
     ----------
     work
         Its runs: those of a ``sequence`` are joined, the others stand alone.
-    told
-        Errors below which finite elements do not tell one: ``error`` of what is measured, and ``stress``.
+    uncertainty
+        Of finite elements, below which errors are not resolved: ``error`` of what is measured, and ``stress``.
     """
     field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
     panels = [("error", "error of what is measured", [one["error"] for one in work])]
@@ -157,19 +157,20 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], path: Path) -> N
     axes, labels = grid.ravel(), []
     for axis, (name, what, errors) in zip(axes, panels, strict=False):
         labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
-        if told.get(name, 0.0) > 0.0:
+        floor = uncertainty.get(name, 0.0)
+        if floor > 0.0:
             low, high = axis.get_ylim()
-            low = min(low, 0.6 * told[name])
-            axis.axhspan(low, told[name], color="black", alpha=0.06, label="less than finite elements tell")
-            axis.set_ylim(low, max(high, 1.5 * told[name]))
-    found = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+            low = min(low, 0.6 * floor)
+            axis.axhspan(low, floor, color="black", alpha=0.06, label="less than finite elements converged to")
+            axis.set_ylim(low, max(high, 1.5 * floor))
+    handles = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     look: dict[str, Any] = {"frameon": False, "fontsize": 11}
     if len(axes) > len(panels):
         # In the place that is left.
         axes[-1].axis("off")
-        axes[-1].legend(found.values(), found.keys(), loc="center", **look)
+        axes[-1].legend(handles.values(), handles.keys(), loc="center", **look)
     else:
-        figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=3, **look)
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, **look)
     # Panels have their sizes then.
     figure.draw_without_rendering()
     for axis, those in zip(axes, labels, strict=False):

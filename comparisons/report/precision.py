@@ -1,4 +1,4 @@
-"""Error against run time: what reaches an error fastest, in words and tables."""
+"""Error against run time: the fastest runs within errors, in words and tables."""
 
 import html
 from collections.abc import Callable, Iterable, Sequence
@@ -49,7 +49,7 @@ def fastest(
 
     What is confirmed within a smaller error is so within a larger one.  ``of`` is a version of dolfinx, any if None.
     """
-    found = [
+    runs = [
         one
         for one in part(records, "confirm")
         if one["method"] == method
@@ -57,32 +57,32 @@ def fastest(
         and (one["target"] <= target if holds else one["target"] == target)
         and of in (None, version(one))
     ]
-    return min(found, key=lambda one: one["seconds"]["total"], default=None)
+    return min(runs, key=lambda one: one["seconds"]["total"], default=None)
 
 
 def pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
     """Return the targets that both sides reach, and the fastest of each."""
-    found = []
+    pairs = []
     for target in targets(records):
         ours, theirs = (fastest(records, method, target) for method in ("cylindrical", "fem"))
         if ours and theirs:
-            found.append((target, ours, theirs))
-    return found
+            pairs.append((target, ours, theirs))
+    return pairs
 
 
 def ratio(ours: float, theirs: float) -> str:
-    """Return our time as a share of theirs, in words."""
+    """Return our time relative to theirs, in words."""
     return f"1/{theirs / ours:.0f} of" if theirs > 1.5 * ours else f"{ours / theirs:.1f} times"
 
 
-def shares(records: list[Record], what: str) -> str:
-    """Return our share of their ``"time"`` or ``"unknowns"``, smallest to largest over the targets, in words."""
-    found = [
+def ratio_range(records: list[Record], what: str) -> str:
+    """Return our ``"time"`` or ``"unknowns"`` relative to theirs, smallest to largest over the targets, in words."""
+    values = [
         (a["seconds"]["total"], b["seconds"]["total"]) if what == "time" else (a["dofs"], b["dofs"])
         for _, a, b in pairs(records)
     ]
-    found.sort(key=lambda pair: pair[0] / pair[1], reverse=True)
-    words = list(dict.fromkeys(ratio(*pair) for pair in (found[0], found[-1])))
+    values.sort(key=lambda pair: pair[0] / pair[1], reverse=True)
+    words = list(dict.fromkeys(ratio(*pair) for pair in (values[0], values[-1])))
     return f"{' to '.join(word.removesuffix(' of') for word in words)}{' of' if ' of' in words[-1] else ''} the {what}"
 
 
@@ -98,7 +98,7 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
     ]
     return [
         f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
-        f"{shares(records, 'time')} and {shares(records, 'unknowns')} of the fastest finite elements found.</p>",
+        f"{ratio_range(records, 'time')} and {ratio_range(records, 'unknowns')} of the fastest finite elements.</p>",
         side_by_side(rows, known, lambda one: family(one) if is_ours(one) else ""),
     ]
 
@@ -117,7 +117,7 @@ def side_by_side(
     known
         The versions.
     named
-        What is told of a run beside its time and its unknowns; may be empty.
+        Further entries of a run beside its time and its unknowns; may be empty.
     """
 
     def cost(record: Record | None) -> str:
@@ -131,26 +131,26 @@ def side_by_side(
 
 
 def faster(ours: Record, theirs: Record) -> str:
-    """Return our time as a share of theirs, ``1/7`` or ``1.2``."""
-    return share(ours["seconds"]["total"], theirs["seconds"]["total"])
+    """Return our time relative to theirs, ``1/7`` or ``1.2``."""
+    return plain_ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
 
 
-def share(ours: float, theirs: float) -> str:
-    """Return a share as `ratio` has it, without words."""
+def plain_ratio(ours: float, theirs: float) -> str:
+    """Return the number of `ratio`, without words."""
     return ratio(ours, theirs).removesuffix(" of").removesuffix(" times")
 
 
 def reach(records: list[Record]) -> str:
-    """Return the table of the fastest runs within each target, and of what only luck brings there sooner."""
-    found: list[tuple[float, Record, str]] = []
+    """Return the table of the fastest runs within each target, and of faster ones whose errors cancel by luck."""
+    reached: list[tuple[float, Record, str]] = []
     for target in targets(records):
         best = fastest(records, "fem", target)
         for method, of in (("cylindrical", None), *(("fem", one) for one in versions(records))):
             held, lucky = (fastest(records, method, target, holds, of) for holds in (True, False))
             if held:
-                found.append((target, held, faster(held, best) if best and is_ours(held) else ""))
+                reached.append((target, held, faster(held, best) if best and is_ours(held) else ""))
             if lucky and not (held and lucky["seconds"]["total"] >= held["seconds"]["total"]):
-                found.append((target, lucky, "errors cancel"))
+                reached.append((target, lucky, "errors cancel"))
     shown: dict[str, Callable[[Any], object]] = {
         "within": lambda row: percent(row[0]),
         "fastest": lambda row: side(row[1]),
@@ -163,7 +163,7 @@ def reach(records: list[Record]) -> str:
         "check ms": lambda row: timed("check")(row[1]),
         "peak MiB": lambda row: f"{row[1]['peak_memory'] / 2**20:.0f}",
     }
-    return table(*columns(found, shown), text=(0, 1, 5))
+    return table(*columns(reached, shown), text=(0, 1, 5))
 
 
 def error(record: Record) -> str:
@@ -209,7 +209,7 @@ def runs(work: Sequence[Record]) -> str:
 
 
 def _solver(record: Record) -> str:
-    """Return PETSc's options of a run, or what solved it."""
+    """Return PETSc's options of a run, or its solver."""
     options = record["petsc_options"]
     if not isinstance(options, str):
         options = " ".join(f"-{key} {value}" for key, value in options.items() if value)
@@ -222,7 +222,7 @@ def named(record: Record) -> str:
 
 
 def rerun(study: str, records: list[Record]) -> str:
-    """Return where the records are, and what to type to run the study again, and the fastest of each side alone."""
+    """Return the place of the records, and the commands that run the study, or the fastest of each side, again."""
     level, run = records[-1]["level"], records[-1]["run"]
     lines = [f"python -m comparisons {study}" + ("" if level == "full" else f" --level {level}")]
     for _, *both in pairs(records):
@@ -239,10 +239,10 @@ def rerun(study: str, records: list[Record]) -> str:
 
 
 def refused(records: list[Record]) -> list[str]:
-    """Return what was refused on the way, with its one line, as a list; nothing if all ran."""
-    found = part(records, "refused")
+    """Return the refused runs with their messages, as a list; nothing if all ran."""
+    refused = part(records, "refused")
     lines = [
-        f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in found
+        f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in refused
     ]
     return ["<p class=small>Refused:</p><ul class=small>", *lines, "</ul>"] if lines else []
 

@@ -28,7 +28,7 @@ LEVEL = "2"
 # Modes that are shown, as many as rows.
 SHAPES = 3
 
-# How many times larger what is upright must look if it is not z.
+# An axis other than z is upright only if the rods then look larger by this factor.
 LYING = 1.3
 
 _EQUILIBRIUM = (
@@ -44,7 +44,7 @@ _MODES = (
 # Nodes at which shapes are brought into line.
 _PLACES = 400
 
-# The largest displacement of a mode is drawn as this share of the rods' size.
+# The largest displacement of a mode is drawn as this fraction of the rods' size.
 EXAGGERATION = 0.12
 
 
@@ -84,9 +84,9 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
         labels[0] += f"\n{stress_error(records[0].get(STRESS_ERROR))}"
     file = f"{study.study}-picture.png"
     write_beside(study.folder / file, partial(_draw, rows, lines, _captions(rows, labels, records), ticks, modal))
-    said = _MODES if modal else _EQUILIBRIUM
+    caption = _MODES if modal else _EQUILIBRIUM
     alt = "mode shapes of both sides" if modal else "von Mises stress of both sides on the deformed rods"
-    study.record("picture", {"file": file, "alt": alt, "caption": said})
+    study.record("picture", {"file": file, "alt": alt, "caption": caption})
 
 
 def _at_rest(body: Any) -> Array:
@@ -104,11 +104,11 @@ def _most(mesh: Any) -> float:
 def _captions(rows: Sequence[Any], labels: Sequence[str], records: Sequence[Record]) -> list[list[str]]:
     if len(rows) == 1 and "frequencies" not in records[0]:
         return [list(labels)]
-    found = []
+    captions = []
     for k in range(len(rows)):
         values = [one["frequencies"][one.get("rigid", 0) + k] for one in records]
-        found.append([f"{label}\nmode {k + 1}: {value:.5g}" for label, value in zip(labels, values, strict=True)])
-    return found
+        captions.append([f"{label}\nmode {k + 1}: {value:.5g}" for label, value in zip(labels, values, strict=True)])
+    return captions
 
 
 def _equilibrium(solution: Any, sample: Sample) -> tuple[Any, Any]:
@@ -249,16 +249,16 @@ def _draw(
                 picture.add_flat(plotter, mesh, "colour", (ticks[0], ticks[-1]), bar, "motion")
                 for line in lines:
                     plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=2, lighting=False)
-                said = captions[k][column] if modal else f"{captions[k][column]}\ndisplacements × 1"
-                plotter.add_text(said, position="upper_left", font_size=11, color="black")
+                caption = captions[k][column] if modal else f"{captions[k][column]}\ndisplacements × 1"
+                plotter.add_text(caption, position="upper_left", font_size=11, color="black")
                 if column:
                     picture.add_axes(plotter, PANEL)
-                picture.look(plotter.camera, everything, view, PANEL, up, words=said)
+                picture.look(plotter.camera, everything, view, PANEL, up, words=caption)
         plotter.screenshot(str(path))
 
 
 def _direction(points: Array) -> tuple[Array, Array]:
-    """Return the direction from which points fill a panel most, and what is upright then: z, if not far better."""
+    """Return the direction of view that fills a panel most, and the upright axis: z, unless another is far better."""
 
     def height(view: Array, up: Array) -> float:
         towards = view / np.linalg.norm(view)

@@ -39,11 +39,11 @@ def section(records: list[Record], folder: Path) -> list[str]:
 
 def summary(records: list[Record]) -> list[str]:
     """Return the study's main findings, a line each."""
-    found = _wires(records, "statics", PAPER)
-    costs = [_microseconds(one) for one in found]
+    wires = _wires(records, "statics", PAPER)
+    costs = [_microseconds(one) for one in wires]
     lines = [
-        f"scaling: statics of {found[0]['unknowns']:,} to {found[-1]['unknowns']:,} unknowns take {min(costs):.1f} to "
-        f"{max(costs):.1f} µs an unknown, {_kilobytes(found[-1]):.1f} kB an unknown for the largest"
+        f"scaling: statics of {wires[0]['unknowns']:,} to {wires[-1]['unknowns']:,} unknowns take {min(costs):.1f} to "
+        f"{max(costs):.1f} µs an unknown, {_kilobytes(wires[-1]):.1f} kB an unknown for the largest"
     ]
     for _, alone, both, times, _ in _pairs(records, 2):
         lines.append(
@@ -55,9 +55,9 @@ def summary(records: list[Record]) -> list[str]:
 
 
 def _wires(records: list[Record], analysis: str, family: str) -> list[Record]:
-    wanted = (analysis, family, 1)
-    found = [one for one in part(records, "wire") if (one["analysis"], one["family"], one["ranks"]) == wanted]
-    return sorted(found, key=lambda one: int(one["unknowns"]))
+    key = (analysis, family, 1)
+    wires = [one for one in part(records, "wire") if (one["analysis"], one["family"], one["ranks"]) == key]
+    return sorted(wires, key=lambda one: int(one["unknowns"]))
 
 
 def _microseconds(record: Record) -> float:
@@ -65,21 +65,21 @@ def _microseconds(record: Record) -> float:
 
 
 def _kilobytes(record: Record) -> float:
-    """Return the peak memory of the fullest rank, less what a process has before, for each of all unknowns."""
+    """Return the growth of the largest rank's memory over the number of all unknowns."""
     return 1e-3 * (max(record["memory"]) - record["memory_before"]) / int(record["unknowns"])
 
 
 def _pairs(records: list[Record], ranks: int) -> list[tuple[str, Record, Record, float, float]]:
     """Return runs on one rank and on several, how many times as fast these are, and by how much results differ."""
-    found = []
+    pairs = []
     for both in part(records, "wire"):
         if both["ranks"] != ranks:
             continue
         alike = _wires(records, both["analysis"], both["family"])
         for alone in (one for one in alike if one["coils"] == both["coils"]):
             off = abs(both["value"] / alone["value"] - 1.0)
-            found.append((f"{both['analysis']}", alone, both, alone["total"] / both["total"], off))
-    return found
+            pairs.append((f"{both['analysis']}", alone, both, alone["total"] / both["total"], off))
+    return pairs
 
 
 def _sizes(records: list[Record]) -> str:
@@ -138,7 +138,7 @@ def _ranks(records: list[Record]) -> str:
 
 
 def _roofline(records: list[Record]) -> str:
-    found = part(records, "roofline")
+    families = part(records, "roofline")
     shown: dict[str, Callable[[Record], object]] = {
         "": itemgetter("family"),
         "points an unknown": lambda one: f"{one['points'] / one['unknowns']:.1f}",
@@ -150,10 +150,10 @@ def _roofline(records: list[Record]) -> str:
     }
     text = (
         f"<p>Processor time of the element loops, µs an unknown, and how many operations a second a tangent's products "
-        f"of matrices make of it, beside DGEMM's {1e-9 * found[0]['dgemm']:.1f} GFLOP/s on a thousand rows. What is "
+        f"of matrices make of it, beside DGEMM's {1e-9 * families[0]['dgemm']:.1f} GFLOP/s on a thousand rows. What is "
         "lost goes to the law, to moving moduli into place and to adding up entries.</p>"
     )
-    return text + table(*columns(found, shown))
+    return text + table(*columns(families, shown))
 
 
 def _cluster(records: list[Record]) -> list[str]:

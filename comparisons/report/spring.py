@@ -70,10 +70,10 @@ def section(records: list[Record], folder: Path) -> list[str]:
 
 
 def _published(records: list[Record], extra: int) -> str:
-    found = part(records, f"table 1, t = p + {extra}")
+    records_of_rule = part(records, f"table 1, t = p + {extra}")
     rows = []
     for points in published.SPRING_FORCE:
-        mine = [record for record in found if record["options"]["section_points"] == points]
+        mine = [record for record in records_of_rule if record["options"]["section_points"] == points]
         mine.sort(key=lambda record: record["options"]["elements_per_turn"])
         rows.append((f"n = {points}", "published", *(f"{record['published']:.5f}" for record in mine)))
         rows.append(("", f"ours, t = p + {extra}", *(f"{record['force']:.5f}" for record in mine)))

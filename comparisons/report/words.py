@@ -1,4 +1,4 @@
-"""What a stranger has to know to read the page."""
+"""Explanations for readers of the page."""
 
 import html
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
 
 TITLE = "Rods as solids of few unknowns, beside finite elements"
 
-# What isorod has, and which of it ran.
+# Features of isorod, and those that were run.
 _FAMILIES = (
     f"across a section it has three families of functions. <em>{PAPER.capitalize()}</em>, the cylindrical element of "
     'J. Lu and X. Zhou (2011, <a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>), has harmonic functions of '
@@ -99,14 +99,14 @@ _IN_COMPARED = {
 
 
 def introduction(studies: Iterable[str]) -> str:
-    """Return what a page is about that has these studies."""
+    """Return the introduction of a page with these studies."""
     return INTRODUCTION if set(STUDIES) & set(studies) else COMPARED
 
 
 def words(studies: Iterable[str]) -> str:
     """Return the list of letters and words of a page that has these studies."""
-    found = MEANINGS
+    meanings = MEANINGS
     if not set(STUDIES) & set(studies):
-        found = {word: (MEANINGS | _IN_COMPARED)[word] for word in _OF_COMPARED}
-    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in found.items()]
+        meanings = {word: (MEANINGS | _IN_COMPARED)[word] for word in _OF_COMPARED}
+    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in meanings.items()]
     return "<dl>" + "\n".join(items) + "</dl>"

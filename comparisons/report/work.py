@@ -1,4 +1,4 @@
-"""What the spring's and the blade's part of the page share: answers, error against run time, and every run."""
+"""Common to the spring's and the blade's part of the page: answers, error against run time, and every run."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -38,7 +38,7 @@ class Part(NamedTuple):
         return precision.answer(self.study.title(), self.asked, records)
 
     def story(self, records: list[Record], path: Path, *more: str) -> None:
-        """Draw the curves that tell the story; ``more`` are curves of ours."""
+        """Draw the most important curves; ``more`` are curves of ours."""
         curves = plots.curves(records, (*more, *self.ours), self.theirs)
         plots.story(records, curves, self.drawn, path)
 

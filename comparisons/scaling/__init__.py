@@ -35,13 +35,13 @@ class Case(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Say what it is."""
+        """A description in words."""
         on = f", {self.ranks} ranks" if self.ranks > 1 else ""
         return f"{self.analysis}, {self.family}, {self.coils} coils{on}"
 
 
 def cases(level: str) -> Iterator[Case]:
-    """Yield what is measured, small to large."""
+    """Yield the cases, small to large."""
     for coils in SIZES[level]:
         yield Case("statics", "order-1", coils)
         if coils <= OTHERS[level]:
@@ -54,13 +54,13 @@ def cases(level: str) -> Iterator[Case]:
 
 def run(study: Run) -> None:
     """Measure each case in a process of its own and record it."""
-    # Each once, though some are there to be compared with others too.
-    wanted = list(dict.fromkeys(cases(study.level)))
-    with study.progress(1 + len(wanted)) as steps:
+    # Each once, though some are in several comparisons.
+    chosen = list(dict.fromkeys(cases(study.level)))
+    with study.progress(1 + len(chosen)) as steps:
         with steps.step("tangents beside DGEMM"):
-            for found in timing.run("comparisons.scaling.roofline", [])["families"]:
-                study.record("roofline", found)
-        for case in wanted:
+            for family in timing.run("comparisons.scaling.roofline", [])["families"]:
+                study.record("roofline", family)
+        for case in chosen:
             with steps.step(case.title):
                 arguments = [case.analysis, case.family, str(case.coils)]
                 study.record("wire", timing.run("comparisons.scaling.wire", arguments, case.ranks, 7200.0))

@@ -1,9 +1,9 @@
-"""What a run of any size on any number of ranks takes, on paper: fitted to one that was measured."""
+"""A model of time and memory by size and number of ranks, fitted to a measured run."""
 
 from math import ceil, sqrt
 from typing import Any, NamedTuple
 
-# Unknowns of what is asked for; cores and GiB of a node that may be had.
+# Unknowns of the estimated model; cores and GiB of a node.
 LARGE, CORES, NODE = 100_000_000, 64, 256
 
 # Half the width of the band, unknowns: four layers of six control points.

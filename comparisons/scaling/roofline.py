@@ -15,7 +15,7 @@ from isorod.assembly.pattern import Pattern
 from isorod.output import results
 from isorod.scenes.spring import Spring
 
-# Functions that are measured: those of the study, and finer ones.
+# Spaces that are measured: the study's, and finer ones.
 FAMILIES: dict[str, dict[str, int]] = {
     **{name: fields | {"degree": wire.DEGREE} for name, fields in wire.FAMILIES.items()},
     "order 2, 8 control points, degree 4": {"section_points": 8, "order": 2, "degree": 4},

@@ -22,7 +22,7 @@ from isorod.output import results
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 
-# Section functions, and what the spring's fields say of them.
+# Section functions, by the spring's fields.
 FAMILIES: dict[str, dict[str, int]] = {
     "order-1": {"section_points": 6, "order": 1},
     "order-2": {"section_points": 6, "order": 2},
@@ -51,40 +51,40 @@ def model(family: str, coils: int, moving: bool) -> Model:
         formulation="displacement",
         **fields,
     )
-    found = scene.model()
+    pulled = scene.model()
     if not moving:
-        return found
-    (body,) = found.bodies
+        return pulled
+    (body,) = pulled.bodies
     held = [Support.end(body.space, "start"), Support.end(body.space, "end")]
-    return dataclasses.replace(found, bodies=[dataclasses.replace(body, density=DENSITY)], supports=held)
+    return dataclasses.replace(pulled, bodies=[dataclasses.replace(body, density=DENSITY)], supports=held)
 
 
 def _statics(wire: Model) -> dict[str, Any]:
-    found = statics.solve(wire)
-    return {"solves": found.newton_iterations, "value": float(found.reactions[1, 2]), "seconds": found.seconds}
+    solution = statics.solve(wire)
+    return {"solves": solution.newton_iterations, "value": float(solution.reactions[1, 2]), "seconds": solution.seconds}
 
 
 def _modes(wire: Model) -> dict[str, Any]:
-    found = modal.solve(wire, 10)
-    return {"solves": 10, "value": float(found.frequencies[0]), "seconds": found.seconds}
+    solution = modal.solve(wire, 10)
+    return {"solves": 10, "value": float(solution.frequencies[0]), "seconds": solution.seconds}
 
 
 def _implicit(wire: Model) -> dict[str, Any]:
-    found = dynamics.solve(wire, STEP, STEP, outputs=1, integrator="implicit", velocity=_velocity(wire))
-    return {"solves": found.newton_iterations, "value": float(found.kinetic[-1]), "seconds": found.seconds}
+    motion = dynamics.solve(wire, STEP, STEP, outputs=1, integrator="implicit", velocity=_velocity(wire))
+    return {"solves": motion.newton_iterations, "value": float(motion.kinetic[-1]), "seconds": motion.seconds}
 
 
 def _explicit(wire: Model) -> dict[str, Any]:
-    found = dynamics.solve(wire, SHORT, outputs=1, velocity=_velocity(wire))
-    return {"solves": found.steps, "value": float(found.kinetic[-1]), "seconds": found.seconds}
+    motion = dynamics.solve(wire, SHORT, outputs=1, velocity=_velocity(wire))
+    return {"solves": motion.steps, "value": float(motion.kinetic[-1]), "seconds": motion.seconds}
 
 
 def _velocity(wire: Model) -> Any:
     """Return a velocity of the nodes that stretches the wire, all degrees of freedom."""
     (body,) = wire.bodies
     space: Space = body.space
-    share = space.positions[:, 2] / np.abs(space.positions[:, 2]).max()
-    return (space.is_control_point[:, None] * share[:, None] * np.array([0.0, 0.0, 1e3])).ravel()
+    fraction = space.positions[:, 2] / np.abs(space.positions[:, 2]).max()
+    return (space.is_control_point[:, None] * fraction[:, None] * np.array([0.0, 0.0, 1e3])).ravel()
 
 
 ANALYSES: dict[str, Callable[[Model], dict[str, Any]]] = {
@@ -101,15 +101,15 @@ def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
     ``seconds`` and ``total`` are medians of the warm runs, ``first`` is the total of the first one, which gets its
     memory from the system.
     """
-    # Once before, small: what is compiled is read from the disk then.
+    # A small run before: compiled functions are then read from the disk.
     ANALYSES[analysis](model(family, 1, analysis != "statics"))
     before = timing.peak_memory()
     comm = PETSc.COMM_WORLD.tompi4py()
     totals, runs = [], []
     for _ in range(1 + WARM):
         wire = model(family, coils, analysis != "statics")
-        found = ANALYSES[analysis](wire)
-        parts = comm.allgather(found["seconds"])
+        result = ANALYSES[analysis](wire)
+        parts = comm.allgather(result["seconds"])
         runs.append({name: max(one[name] for one in parts) for name in parts[0]})
         totals.append(sum(value for name, value in runs[-1].items() if name not in ("total", "loop")))
         gc.collect()
@@ -119,8 +119,8 @@ def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
         "coils": coils,
         "ranks": comm.size,
         "unknowns": wire.unknowns,
-        "solves": found["solves"],
-        "value": found["value"],
+        "solves": result["solves"],
+        "value": result["value"],
         "seconds": {name: statistics.median(one[name] for one in runs[1:]) for name in runs[0]},
         "total": statistics.median(totals[1:]),
         "first": totals[0],
@@ -139,9 +139,9 @@ def main(arguments: Sequence[str]) -> int:
     ):
         raise InputError(f"got {' '.join(arguments)!r}, need {'|'.join(ANALYSES)} {'|'.join(FAMILIES)} COILS")
     options.initialize([])
-    found = measure(arguments[0], arguments[1], int(arguments[2]))
+    result = measure(arguments[0], arguments[1], int(arguments[2]))
     if PETSc.COMM_WORLD.getRank() == 0:
-        print(results.line(found))
+        print(results.line(result))
     return 0
 
 

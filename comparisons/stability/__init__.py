@@ -27,9 +27,9 @@ def find(name: str) -> Any:
 def run(study: Run, names: Sequence[str] = ()) -> None:
     """Run the cases (all where none is named) and append their records."""
     options.initialize([])
-    wanted = names or CASES
-    with study.progress(len(wanted)) as steps:
-        for name in wanted:
+    chosen = names or CASES
+    with study.progress(len(chosen)) as steps:
+        for name in chosen:
             case = find(name)
             with steps.step(case.TITLE):
                 records = [study.record("point", {"case": name} | record) for record in case.run(study.level)]

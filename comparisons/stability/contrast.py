@@ -67,7 +67,7 @@ def _contrasts(level: str) -> list[float]:
 
 
 def at_rest(level: str) -> Iterator[dict[str, Any]]:
-    """Yield those of equilibria."""
+    """Yield the points of equilibria."""
     contrasts = _contrasts(level)
     for series, options in SOLVERS.items():
         iterative = "ksp_type" in options
@@ -80,7 +80,7 @@ def at_rest(level: str) -> Iterator[dict[str, Any]]:
 
 
 def swinging(level: str) -> Iterator[dict[str, Any]]:
-    """Yield those of modes and motions."""
+    """Yield the points of modes and motions."""
     contrasts = _contrasts(level)
     for series, direction in MODE_SERIES.items():
         yield from MODES.over(contrasts, _modes, *direction, series=series)
@@ -104,22 +104,22 @@ def _stretched(contrast: float, joint: bool) -> dict[str, Any]:
     space = _space(joint)
     body = Body(space, _halves(space, NeoHookean(contrast, 0.0), NeoHookean(1.0, 0.0)))
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, STRETCH))
-    found = statics.solve(Model([body], ends))
+    solution = statics.solve(Model([body], ends))
     exact = np.pi * force_in_series(contrast, 1.0, JOINT, LENGTH - JOINT, STRETCH)
-    stiff, soft = (float(abs(sign * found.reactions[k, 2] / exact - 1.0)) for k, sign in ((0, -1.0), (1, 1.0)))
+    stiff, soft = (float(abs(sign * solution.reactions[k, 2] / exact - 1.0)) for k, sign in ((0, -1.0), (1, 1.0)))
     return {
         "error": max(stiff, soft),
         "soft_end": soft,
-        "balance": found.residual_norms[-1] / found.residual_norms[0],
-        "newton": found.newton_iterations,
+        "balance": solution.residual_norms[-1] / solution.residual_norms[0],
+        "newton": solution.newton_iterations,
     }
 
 
 def _smooth(contrast: float) -> dict[str, Any]:
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = _stretched(contrast, False)
-    return found | ({"warned": str(said[0].message)} if said else {})
+        result = _stretched(contrast, False)
+    return result | ({"warned": str(caught[0].message)} if caught else {})
 
 
 def force_in_series(first: float, second: float, first_length: float, second_length: float, pull: float) -> float:
@@ -143,8 +143,12 @@ def _bent(contrast: float) -> dict[str, Any]:
     def force(space: Space) -> tuple[float, int, float]:
         body = Body(space, _halves(space, NeoHookean(contrast, 0.3), NeoHookean(1.0, 0.3)))
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=(SIDEWAYS, 0.0, 0.0))
-        found = statics.solve(Model([body], ends))
-        return float(found.reactions[1, 0]), found.newton_iterations, found.residual_norms[-1] / found.residual_norms[0]
+        solution = statics.solve(Model([body], ends))
+        return (
+            float(solution.reactions[1, 0]),
+            solution.newton_iterations,
+            solution.residual_norms[-1] / solution.residual_norms[0],
+        )
 
     coarse, newton, balance = force(_space(True, 4, 3, 3))
     fine, _, _ = force(_space(True, 8, 5, 4))
@@ -176,10 +180,10 @@ MODE_SERIES = {
 
 def _modes(contrast: float, *powers: int) -> dict[str, Any]:
     model, exact = _halved(contrast, powers, LinearElastic, 6, 16)
-    found = modal.solve(model, 4)
+    solution = modal.solve(model, 4)
     return {
-        "error": float(np.max(np.abs(found.frequencies / exact - 1.0))),
-        "residual": float(found.residuals.max()),
+        "error": float(np.max(np.abs(solution.frequencies / exact - 1.0))),
+        "residual": float(solution.residuals.max()),
     }
 
 
@@ -192,7 +196,7 @@ def _halved(
     space = Space.paper(rod, elements=elements, section_degree=1, quadrature="auto")
     laws = _halves(space, law(first_E, 0.0), law(second_E, 0.0))
     body = Body(space, laws, _halves(space, first_density, second_density))
-    # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.
+    # Only along the axis: lateral motions of a bar with nu = 0 are modes too.
     supports = [Support(np.arange(space.nodes), "xy"), Support.end(space, "start", "z")]
     exact = longitudinal((first_E, second_E), (first_density, second_density), (JOINT, LENGTH - JOINT), 4)
     return Model([body], supports), exact
@@ -205,10 +209,10 @@ def _motion(contrast: float, integrator: str, *powers: int) -> dict[str, Any]:
     start = 1e-6 * shape / np.abs(shape).max()
     quarter = 0.25 / exact[0]
     step = quarter / STEPS if integrator == "implicit" else None
-    found = dynamics.solve(model, quarter, step, outputs=1, displacement=start, integrator=integrator)
+    motion = dynamics.solve(model, quarter, step, outputs=1, displacement=start, integrator=integrator)
     # cos(omega t) near omega t = pi / 2.
-    reached = float(found.displacement[-1] @ start / (start @ start))
-    return {"error": abs(np.arccos(reached) / (0.5 * np.pi) - 1.0), "steps": found.steps}
+    reached = float(motion.displacement[-1] @ start / (start @ start))
+    return {"error": abs(np.arccos(reached) / (0.5 * np.pi) - 1.0), "steps": motion.steps}
 
 
 def longitudinal(
@@ -227,11 +231,11 @@ def longitudinal(
         refraction = np.arctan2((ratio - 1.0) * np.sin(p) * np.cos(p), np.cos(p) ** 2 + ratio * np.sin(p) ** 2)
         return p + refraction + omega * second
 
-    found = []
+    roots = []
     for k in range(count):
         target = (k + 0.5) * np.pi
         high = 1e-12 / (first + second)
         while phase(high) < target:
             high *= 2.0
-        found.append(brentq(lambda omega, target=target: phase(omega) - target, 0.0, high, xtol=1e-300, rtol=1e-15))
-    return np.array(found) / (2.0 * np.pi)
+        roots.append(brentq(lambda omega, target=target: phase(omega) - target, 0.0, high, xtol=1e-300, rtol=1e-15))
+    return np.array(roots) / (2.0 * np.pi)

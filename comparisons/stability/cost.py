@@ -1,4 +1,4 @@
-"""What estimates of error cost: ``python -m comparisons.stability.cost``.
+"""The cost of estimates of error: ``python -m comparisons.stability.cost``.
 
 One JSON line: the time of the estimate over that of the run, default spaces, and that of ``--tolerance 5e-3`` on the
 blade over that of the best discretisation known by hand (`comparisons.blade.BEST`).  Processor time of one process,
@@ -49,10 +49,10 @@ def measure(turns: int) -> dict[str, float]:
         "blade": lambda: solving.solve(Blade(), {})[0],
     }
     hand = best()
-    found = {name: timing.least([solve, _estimates(solve)], 1 + turns) for name, solve in solves.items()}
+    times = {name: timing.least([solve, _estimates(solve)], 1 + turns) for name, solve in solves.items()}
     pair: list[Callable[[], Any]] = [partial(solving.solve, hand, {}), partial(refine.refine, Blade(), {}, TOLERANCE)]
     # The estimate is what comes after the solution.
-    ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in found.items()}
+    ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in times.items()}
     by_hand, by_itself = timing.least(pair, 1 + turns)
     return ratios | {"tolerance on the blade": by_itself / by_hand}
 

@@ -1,4 +1,4 @@
-"""How far estimates of error are from errors: what is compared, and the shares that are near.
+"""How far estimates of error are from errors: what is compared, and the fractions that are near.
 
 Stresses are compared at 20 places of the surface farther from ends and jumps of laws than the section is wide.  Without
 an estimate an error above half a percent is infinitely far from it.
@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.command import solving
 from isorod.output import held
 
-# Errors below are those of the reference, and larger than that those that need an estimate; of stress.
+# Smaller errors are the reference's own, larger ones need an estimate; of stress.
 SMALLEST, LARGE, LARGE_STRESS = 1e-6, 5e-3, 0.03
 
 # Estimates of stresses that are warned of.
@@ -23,12 +23,12 @@ WARNED_STRESS = solving.LARGE_STRESS
 # Places at which stresses are compared.
 PLACES = 20
 
-# What two references may differ by, as a share of the error.
+# Largest difference of two references, relative to the error.
 APART = (0.1, 0.5)
 
 
 def carried(solution: Any) -> list[tuple[Array, float]]:
-    """Return forces and moments of supports, and of what sizes errors of them are shares; none of modes."""
+    """Return forces and moments of supports, and the sizes to which their errors are relative; none of modes."""
     if not hasattr(solution, "reactions"):
         return []
     space, width = solution.model.bodies[0].space, float(held.width(solution.model, 0))
@@ -57,12 +57,12 @@ def stresses_at(seed: int, solution: Any) -> Array | None:
     jumps = axis.breaks if len(set(map(id, body.laws))) > 1 else axis.breaks[[0, -1]]
     u = u[held.distance(model, 0, u, jumps) > held.width(model, 0)][:PLACES]
     angle = rng.uniform(0.0, 2.0 * np.pi, u.size)
-    found = [solution.stress(0, u[k], (np.cos(angle[k]), np.sin(angle[k]))) for k in range(u.size)]
-    return np.array(found).reshape(-1, 3, 3)
+    values = [solution.stress(0, u[k], (np.cos(angle[k]), np.sin(angle[k]))) for k in range(u.size)]
+    return np.array(values).reshape(-1, 3, 3)
 
 
 def ratio(record: Mapping[str, Any], apart: float, of: str = "") -> float | None:
-    """Return error over estimate; None where it is not counted, the references being further apart than a share.
+    """Return error over estimate; None where the references are further apart than a fraction of the error.
 
     ``of`` is ``"stress "`` for that of stresses.
     """
@@ -76,8 +76,8 @@ def ratio(record: Mapping[str, Any], apart: float, of: str = "") -> float | None
     return float(error / estimate)
 
 
-def shares(ratios: Sequence[float | None]) -> dict[str, Any]:
-    """Return how many ratios count, the share within a factor of 3, and how far errors are above and below."""
+def statistics(ratios: Sequence[float | None]) -> dict[str, Any]:
+    """Return how many ratios count, the fraction within a factor of 3, and how far errors are above and below."""
     counted = [one for one in ratios if one is not None]
     if not counted:
         return {"rods": len(ratios), "counted": 0}

@@ -9,7 +9,7 @@ from comparisons.measure.records import Record
 from comparisons.report.plots import pyplot, save
 from comparisons.stability.point import sweeps
 
-# Okabe and Ito's colours: told apart by colour-blind readers too.
+# Okabe and Ito's colours, which colour-blind readers distinguish too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 # One fewer than colours, so that no two of many curves look alike.
 MARKERS = "osD^vP"
@@ -19,7 +19,7 @@ ACROSS = 3
 
 
 def draw(records: list[Record], path: Path) -> None:
-    """Draw relative error against the swept number, log-log; what failed stands as a cross on the upper edge.
+    """Draw relative error against the swept number, log-log; failures are crosses on the upper edge.
 
     Parameters
     ----------

@@ -114,8 +114,8 @@ def reference(case: str, nu: float, around: int, rings: int, layers: int) -> flo
         return float(mixed.solve(domain, law(nu, Spring.E / 2.6), held).reactions[1, 2])
     if case == BENT:
         domain = Domain.distribute(bricks(straight(LENGTH).sweep(circle(8)), template, layers, grading=2.0))
-        found = mixed.solve(domain, law(nu), [Held("start")], {"end": (0.0, FORCE, 0.0)}, steps=2)
-        return float(found.deflections["end"][1])
+        solution = mixed.solve(domain, law(nu), [Held("start")], {"end": (0.0, FORCE, 0.0)}, steps=2)
+        return float(solution.deflections["end"][1])
     domain = Domain.distribute(bricks(straight(HEIGHT).sweep(circle(8)), template, layers))
     squeezed = mixed.Guided("lateral", 1, lambda x: -SQUEEZE * bump(x[2]) * x[1])
     return float(mixed.solve(domain, law(nu), [Held("start"), Held("end"), squeezed], steps=2).reactions[2, 1])

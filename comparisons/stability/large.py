@@ -79,8 +79,8 @@ def _line(space: Space, last: int = 0) -> Index:
     return np.arange(1, space.layers - 1 + last) * space.layer_nodes
 
 
-def _counts(found: statics.Equilibrium) -> dict[str, Any]:
-    return {"steps": found.load_steps, "cuts": found.cuts, "newton": found.newton_iterations}
+def _counts(solution: statics.Equilibrium) -> dict[str, Any]:
+    return {"steps": solution.load_steps, "cuts": solution.cuts, "newton": solution.newton_iterations}
 
 
 def _roll(turns: float, length: float) -> dict[str, Any]:
@@ -90,12 +90,12 @@ def _roll(turns: float, length: float) -> dict[str, Any]:
         Support(_line(space), "y"),
         Support.end(space, "end", "y", turn=(0.0, 2.0 * np.pi * turns, 0.0), tied="xz"),
     ]
-    found = statics.solve(Model([Body(space, NeoHookean(1.0, 0.0))], supports), round(16 * turns))
+    solution = statics.solve(Model([Body(space, NeoHookean(1.0, 0.0))], supports), round(16 * turns))
     k, s = 2.0 * np.pi * turns, np.linspace(0.1, 1.0, 10)
     exact = np.stack([(1.0 - np.cos(k * s)) / k, 0.0 * s, np.sin(k * s) / k - s], axis=1)
-    shape = space.displacement(found.model.nodal(found.displacement), [[0.0, 0.0]], s)[0][:, 0] / length
-    moment = float(found.moments[2, 1] / (EI * k / length) - 1.0)
-    return {"error": float(np.abs(shape - exact).max()), "moment": moment} | _counts(found)
+    shape = space.displacement(solution.model.nodal(solution.displacement), [[0.0, 0.0]], s)[0][:, 0] / length
+    moment = float(solution.moments[2, 1] / (EI * k / length) - 1.0)
+    return {"error": float(np.abs(shape - exact).max()), "moment": moment} | _counts(solution)
 
 
 def _stretch(stretch: float) -> dict[str, Any]:
@@ -111,9 +111,9 @@ def _stretch(stretch: float) -> dict[str, Any]:
         Support(np.array([(space.layers - 1) * space.layer_nodes]), "xy"),
         Support(np.array([along]), "y"),
     ]
-    found = statics.solve(Model([Body(space, LAW)], supports))
+    solution = statics.solve(Model([Body(space, LAW)], supports))
     exact = stress * rod.volume() / 10.0
-    return {"error": float(abs(found.reactions[1, 2] / exact - 1.0))} | _counts(found)
+    return {"error": float(abs(solution.reactions[1, 2] / exact - 1.0))} | _counts(solution)
 
 
 def _twist(turns: int) -> dict[str, Any]:
@@ -123,9 +123,9 @@ def _twist(turns: int) -> dict[str, Any]:
         Support(_line(space), "xy"),
         Support.end(space, "end", turn=(0.0, 0.0, 2.0 * np.pi * turns)),
     ]
-    found = statics.solve(Model([Body(space, SOFT, formulation="mixed")], supports), 4 * turns)
+    solution = statics.solve(Model([Body(space, SOFT, formulation="mixed")], supports), 4 * turns)
     exact = 0.5 * np.pi * SOFT.mu * 2.0 * np.pi * turns / 20.0
-    return {"error": float(abs(found.moments[2, 2] / exact - 1.0))} | _counts(found)
+    return {"error": float(abs(solution.moments[2, 2] / exact - 1.0))} | _counts(solution)
 
 
 @cache
@@ -154,8 +154,8 @@ def _branch(length: float) -> Iterator[dict[str, Any]]:
         if factor > 1.0 + 20.0 / length**2:
             m = brentq(lambda m, factor=factor: (2.0 / np.pi * ellipk(m)) ** 2 - factor, 1e-14, 1.0 - 1e-12)
             gaps = w - 2.0 * np.sqrt(m) / ellipk(m), z - (2.0 * ellipe(m) / ellipk(m) - 1.0)
-            found = {"error": float(np.abs(gaps).max()), "negative": int(negative)}
-            yield BRANCH.point(float(factor), partial(dict, found))
+            result = {"error": float(np.abs(gaps).max()), "negative": int(negative)}
+            yield BRANCH.point(float(factor), partial(dict, result))
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Sweeps and their points: a value, PETSc options, what came out, and the one-line failure where nothing did."""
+"""Sweeps and their points: a value, PETSc options, and the results or the one-line failure."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from isorod.errors import InputError, SolveError
 
 
 class Sweep(NamedTuple):
-    """A swept number: its name, what results are compared with, and the largest error at which a point holds."""
+    """A swept number: its name, the reference of results, and the largest error at which a point holds."""
 
     name: str
     reference: str
@@ -26,7 +26,7 @@ class Sweep(NamedTuple):
         value
             The swept number.
         solve
-            Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else
+            Computes the point and returns its results: ``error`` (relative, against the reference) and whatever else
             the case reports. An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a
             defect and passes through.
         more
@@ -34,13 +34,13 @@ class Sweep(NamedTuple):
         """
         start = perf_counter()
         try:
-            # What overflows is refused by the solvers; numpy need not say it too.
+            # What overflows is refused by the solvers; numpy need not warn too.
             with np.errstate(all="ignore"):
-                found = dict(solve())
+                result = dict(solve())
         except (InputError, SolveError) as problem:
-            found = {"failure": str(problem)}
+            result = {"failure": str(problem)}
         known = {"sweep": self.name, "value": value, "reference": self.reference, "tolerance": self.tolerance}
-        return known | more | found | {"seconds": perf_counter() - start}
+        return known | more | result | {"seconds": perf_counter() - start}
 
     def over(
         self, values: Iterable[float], solve: Callable[..., Mapping[str, Any]], *given: Any, **more: Any
@@ -91,9 +91,9 @@ def limits(records: list[dict[str, Any]]) -> list[str]:
         for series, curve in curves.items():
             last, refused = reach(curve), sum("failure" in record for record in curve)
             errors = [record["error"] for record in curve if "error" in record]
-            told = [f"largest error {max(errors):.2g}"] if errors else []
-            told += [f"{refused} refused"] if refused else []
-            words.append(f"{series or 'holds'} {'nowhere' if last is None else f'up to {last:g}'} ({', '.join(told)})")
+            facts = [f"largest error {max(errors):.2g}"] if errors else []
+            facts += [f"{refused} refused"] if refused else []
+            words.append(f"{series or 'holds'} {'nowhere' if last is None else f'up to {last:g}'} ({', '.join(facts)})")
         tolerance = next(iter(curves.values()))[0]["tolerance"]
         lines.append(f"{sweep}, error within {tolerance:g}: {'; '.join(words)}.")
     return lines
@@ -101,7 +101,7 @@ def limits(records: list[dict[str, Any]]) -> list[str]:
 
 def sweeps(records: list[dict[str, Any]]) -> dict[str, dict[str, list[dict[str, Any]]]]:
     """Return the points by sweep and series, in the order of the records."""
-    found: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    records_by_sweep: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for record in records:
-        found.setdefault(record["sweep"], {}).setdefault(record.get("series", ""), []).append(record)
-    return found
+        records_by_sweep.setdefault(record["sweep"], {}).setdefault(record.get("series", ""), []).append(record)
+    return records_by_sweep

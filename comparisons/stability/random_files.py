@@ -1,4 +1,4 @@
-"""What `isorod run` says of random scene files, by default, against much finer spaces.
+"""Results of `isorod run` of random scene files, by default, against much finer spaces.
 
 ``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on; ``100 200 60``
 leaves out those that take more than a minute with what they are compared with.  ``coarse`` after these takes random
@@ -7,7 +7,7 @@ twists, holes and layers, laws, supports, loads, rotations, spin and contact; st
 is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of (works, forces and
 moments of supports, frequencies), the answers (reactions, moments and displacements, or frequencies) and stresses at
 20 places farther from ends than the section is wide.  A file is silent if an answer is off by more than half a
-percent, or a stress by more than three, and neither its estimate nor a warning says so.
+percent, or a stress by more than three, without an estimate or a warning of that.
 """
 
 import signal
@@ -36,7 +36,7 @@ from isorod.space import Space, choice
 # Of all but pressing: what happens, and how often.
 STATICS = ("force", "moved", "rotated", "force and moved", "pressure", "weight", "spin", "pressed")
 MODES = ("modes", "modes, pulled", "modes, spun", "modes, rotated")
-SHARES = (0.14, 0.1, 0.14, 0.08, 0.08, 0.06, 0.06, 0.06, 0.12, 0.06, 0.05, 0.05)
+CHANCES = (0.14, 0.1, 0.14, 0.08, 0.08, 0.06, 0.06, 0.06, 0.12, 0.06, 0.05, 0.05)
 
 # Points of a rod at which displacements are compared.
 _ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.9, 0.0), (-1.0, 0.0), (0.0, 1.0))
@@ -44,14 +44,14 @@ _ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.9, 0.0), (-1.0, 0.0), (0.0, 1.0))
 # Spaces of fewer functions take twice the elements: others would take minutes.
 _FEW = 1200
 
-# An answer that is a smaller share of the largest of its kind is none.
+# Results below this fraction of the largest of their kind are not compared.
 _NOTHING = 1e-6
 
 
 def draw(seed: int) -> tuple[str, str]:
-    """Return what happens to a random rod, and its scene file."""
+    """Return the kind of a random load case, and its scene file."""
     rng = np.random.default_rng([seed, 31])
-    kind = str(rng.choice(STATICS + MODES, p=SHARES))
+    kind = str(rng.choice(STATICS + MODES, p=CHANCES))
     radius = 10.0 ** rng.uniform(-1.0, 1.0)
     curve, length, straight = _curve(rng, radius, kind == "pressed")
     section, thin = _section(rng, radius, kind == "pressed")
@@ -95,13 +95,13 @@ def _curve(rng: np.random.Generator, radius: float, pressed: bool) -> tuple[str,
         return f"{{arc = {around:.6g}, angle = {angle:.4g}}}", around * np.radians(angle), False
     if kind == "helix":
         around, pitch, turns = radius * rng.uniform(3.0, 10.0), radius * rng.uniform(3.0, 8.0), rng.uniform(0.3, 3.0)
-        told = f"{{helix = {{radius = {around:.6g}, pitch = {pitch:.6g}, turns = {turns:.4g}}}}}"
-        return told, float(turns * np.hypot(2.0 * np.pi * around, pitch)), False
+        text = f"{{helix = {{radius = {around:.6g}, pitch = {pitch:.6g}, turns = {turns:.4g}}}}}"
+        return text, float(turns * np.hypot(2.0 * np.pi * around, pitch)), False
     t = np.linspace(0.0, 1.0, 9)[:, None] * rng.uniform(0.5, 1.5, size=3)
     points = 20.0 * radius * np.stack([np.sin(t[:, 0]), t[:, 1] ** 2, t[:, 2]], axis=1)
-    told = ", ".join(map(_numbers, points))
+    text = ", ".join(map(_numbers, points))
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    return f"{{polyline = {{points = [{told}], tolerance = {0.05 * radius:.3g}}}}}", length, False
+    return f"{{polyline = {{points = [{text}], tolerance = {0.05 * radius:.3g}}}}}", length, False
 
 
 def _section(rng: np.random.Generator, radius: float, pressed: bool) -> tuple[str, float]:
@@ -127,24 +127,26 @@ def _section(rng: np.random.Generator, radius: float, pressed: bool) -> tuple[st
 def _law(rng: np.random.Generator, modulus: float, loaded: bool) -> str:
     """Return a law; where modes are about a load one that knows stresses."""
     names = ["NeoHookean", "LinearElastic", "StVenantKirchhoff", "MooneyRivlin", "Hgo", "Kirchhoff", "Transverse"]
-    shares = np.array((0.35, 0.2, 0.1, 0.1, 0.1, 0.1, 0.05))
+    chances = np.array((0.35, 0.2, 0.1, 0.1, 0.1, 0.1, 0.05))
     if loaded:
-        shares[[1, 6]] = 0.0
-    name = rng.choice(names, p=shares / shares.sum())
+        chances[[1, 6]] = 0.0
+    name = rng.choice(names, p=chances / chances.sum())
     nu = float(rng.choice([0.0, 0.3, 0.45, 0.49, 0.499]))
     stiff = modulus * 10.0 ** rng.uniform(0.3, 1.3)
     if name == "MooneyRivlin":
         bulk = "inf" if rng.random() < 0.5 else f"{5.0 * modulus:.4g}"
         return f"{{MooneyRivlin = {{c10 = {modulus / 8:.5g}, c01 = {modulus / 24:.5g}, bulk = {bulk}}}}}"
     if name == "Hgo":
-        told = f"c = {modulus / 6:.5g}, k1 = {0.3 * stiff:.5g}, k2 = 1.0, bulk = {5.0 * modulus:.5g}"
-        return f"{{HolzapfelGasserOgden = {{{told}}}}}"
+        constants = f"c = {modulus / 6:.5g}, k1 = {0.3 * stiff:.5g}, k2 = 1.0, bulk = {5.0 * modulus:.5g}"
+        return f"{{HolzapfelGasserOgden = {{{constants}}}}}"
     if name == "Kirchhoff":
-        told = f"E = {_numbers([stiff, modulus, modulus])}, nu = [0.3, 0.3, 0.3], G = {_numbers([0.4 * modulus] * 3)}"
-        return f"{{OrthotropicKirchhoff = {{{told}}}}}"
+        constants = (
+            f"E = {_numbers([stiff, modulus, modulus])}, nu = [0.3, 0.3, 0.3], G = {_numbers([0.4 * modulus] * 3)}"
+        )
+        return f"{{OrthotropicKirchhoff = {{{constants}}}}}"
     if name == "Transverse":
-        told = f"E = {stiff:.5g}, E_across = {modulus:.5g}, nu = 0.3, nu_across = 0.3, G = {0.4 * modulus:.5g}"
-        return f"{{TransverselyIsotropic = {{{told}}}}}"
+        constants = f"E = {stiff:.5g}, E_across = {modulus:.5g}, nu = 0.3, nu_across = 0.3, G = {0.4 * modulus:.5g}"
+        return f"{{TransverselyIsotropic = {{{constants}}}}}"
     return f"{{{name} = {{E = {modulus:.5g}, nu = {nu:g}}}}}"
 
 
@@ -160,49 +162,53 @@ def _burden(
 ) -> list[str]:
     """Return the lines of supports, loads, spin and contact."""
     size = 10.0 ** rng.uniform(-3.0, -0.5)
-    way = rng.normal(size=3)
-    way /= np.linalg.norm(way)
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
     if straight:
         # Nothing that pushes it past buckling.
-        way[2] = abs(way[2])
-    told = ["[support.start]", 'end = "start"']
-    force = ["[load.force]", 'end = "end"', f"force = {_numbers(size * bending * way)}"]
+        direction[2] = abs(direction[2])
+    support = ["[support.start]", 'end = "start"']
+    force = ["[load.force]", 'end = "end"', f"force = {_numbers(size * bending * direction)}"]
     end = ["[support.end]", 'end = "end"']
-    moved = f"displacement = {_numbers(min(size, 0.1) * min(3.0 * radius, 0.2 * length) * way)}"
+    moved = f"displacement = {_numbers(min(size, 0.1) * min(3.0 * radius, 0.2 * length) * direction)}"
     if kind in ("force", "modes"):
-        return told + (force if kind == "force" else end * (rng.random() < 0.4))
+        return support + (force if kind == "force" else end * (rng.random() < 0.4))
     if kind == "moved":
-        return [*told, *end, moved]
+        return [*support, *end, moved]
     if kind in ("rotated", "modes, rotated"):
         # Along a straight rod as far as it likes, short of a loop; else by less.
         angle = 10.0 ** rng.uniform(0.0, 2.5 if straight else 1.5)
-        axis = np.array([0.0, 0.0, 1.0]) if straight and rng.random() < 0.6 else way
+        axis = np.array([0.0, 0.0, 1.0]) if straight and rng.random() < 0.6 else direction
         angle = angle if axis[2] == 1.0 else min(angle, 60.0)
         angle = min(angle, 5.0 * length / radius) * (1.0 if kind == "rotated" else 0.3)
-        return [*told, *end, f"rotation = {_numbers(angle * axis)}"]
+        return [*support, *end, f"rotation = {_numbers(angle * axis)}"]
     if kind == "force and moved":
-        middle = ["[load.force]", "section = 0.5", f"force = {_numbers(2.0 * size * bending * way)}"]
-        return told + [*end, moved] + (middle if straight else force[:0])
+        middle = ["[load.force]", "section = 0.5", f"force = {_numbers(2.0 * size * bending * direction)}"]
+        return support + [*end, moved] + (middle if straight else force[:0])
     if kind == "pressure":
-        return [*told, "[load.pressure]", f"pressure = {size * 0.1 * modulus:.5g}"]
+        return [*support, "[load.pressure]", f"pressure = {size * 0.1 * modulus:.5g}"]
     if kind == "weight":
-        return [*told, "[load.weight]", f"body_force = {_numbers(size * bending / (3.0 * radius**2 * length) * way)}"]
+        return [
+            *support,
+            "[load.weight]",
+            f"body_force = {_numbers(size * bending / (3.0 * radius**2 * length) * direction)}",
+        ]
     if kind in ("spin", "modes, spun"):
         # Up to the lowest frequency of a cantilever about.
         speed = 3.0 * np.sqrt(modulus / 2.0) * 0.5 * radius / length**2 * rng.uniform(0.1, 1.0)
-        return [*told, "[spin]", f"velocity = {_numbers(speed * way)}"]
+        return [*support, "[spin]", f"velocity = {_numbers(speed * direction)}"]
     if kind == "pressed":
-        # Bent over a cylinder across it, half way.
+        # Bent over a cylinder across it, in the middle.
         around = radius * rng.uniform(1.0, 5.0)
         place = (
             f"point = [0.0, {-height - around:.6g}, {0.5 * length:.6g}], axis = [1.0, 0.0, 0.0], radius = {around:.6g}"
         )
-        told += ["[obstacle.drum]", f"Cylinder = {{{place}}}"]
-        told += ["[contact.drum]", 'first = "rod"', 'second = "drum"', f"penalty = {30.0 * modulus / radius:.5g}"]
-        return [*told, *end, f"displacement = [0.0, {-min(size, 0.1) * min(3.0 * radius, 0.2 * length):.6g}, 0.0]"]
+        support += ["[obstacle.drum]", f"Cylinder = {{{place}}}"]
+        support += ["[contact.drum]", 'first = "rod"', 'second = "drum"', f"penalty = {30.0 * modulus / radius:.5g}"]
+        return [*support, *end, f"displacement = [0.0, {-min(size, 0.1) * min(3.0 * radius, 0.2 * length):.6g}, 0.0]"]
     # A string.
     pull = modulus * radius**2 * 10.0 ** rng.uniform(-4.0, -1.5)
-    return [*told, *end, 'components = "xy"', "[load.pull]", 'end = "end"', f"force = [0.0, 0.0, {pull:.5g}]"]
+    return [*support, *end, 'components = "xy"', "[load.pull]", 'end = "end"', f"force = [0.0, 0.0, {pull:.5g}]"]
 
 
 def finer(space: Space, level: int) -> Space:
@@ -216,25 +222,25 @@ def finer(space: Space, level: int) -> Space:
     else:
         whole = space.rod.rings == WHOLE
         across = {"section_degree": min(space.section_degree + level + whole, 8 if whole else 10)}
-    found = Space(space.rod, **along, **across)
-    return replace(found, quadrature=str(choice.rule(found)))
+    space = Space(space.rod, **along, **across)
+    return replace(space, quadrature=str(choice.rule(space)))
 
 
 def _works(solution: Any) -> Array:
-    """Return what the estimate is of: works of supports and loads, or frequencies."""
+    """Return the estimated quantities: works of supports and loads, or frequencies."""
     if not hasattr(solution, "reactions"):
         return cast(Array, solution.frequencies)
-    model, found = solution.model, [float(solution.work)]
+    model, works = solution.model, [float(solution.work)]
     for load in model.loads:
         nodal = getattr(load, "nodal", None)
         if nodal is not None and not getattr(load, "follows", False):
-            found.append(float(nodal(model.bodies[0].space).ravel() @ solution.displacement))
+            works.append(float(nodal(model.bodies[0].space).ravel() @ solution.displacement))
     # Of a spin, and of what follows, in proportion to it.
-    return np.array(found if np.any(found) else [solution.energy(0)])
+    return np.array(works if np.any(works) else [solution.energy(0)])
 
 
 def _answers(solution: Any) -> list[tuple[Array, float]]:
-    """Return what a person asks for, each kind by itself, and of what size an error of it is a share."""
+    """Return the quantities of interest, each kind by itself, and the size to which its error is relative."""
     if not hasattr(solution, "reactions"):
         return [(np.array([[one]]), one) for one in solution.frequencies]
     rod = solution.model.bodies[0].space.rod
@@ -243,11 +249,11 @@ def _answers(solution: Any) -> list[tuple[Array, float]]:
     return [*estimates.carried(solution), (moved, float(np.linalg.norm(moved, axis=1).max()))]
 
 
-def _stress_off(one: Array, exact: Array) -> float:
+def _stress_off(stress: Array, exact: Array) -> float:
     """Return the largest difference of stresses ``(q, 3, 3)``, relative to the largest of the exact ones."""
     if not len(exact):
         return 0.0
-    return float(np.linalg.norm(one - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
+    return float(np.linalg.norm(stress - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max())
 
 
 def coarser(space: Space, seed: int) -> Space:
@@ -262,10 +268,10 @@ def coarser(space: Space, seed: int) -> Space:
 
 
 def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
-    """Return errors and estimates of one random file, and what it warned of; ``coarse`` on a random space."""
+    """Return errors, estimates and warnings of one random file; ``coarse`` on a random space."""
     kind, text = draw(seed)
     record: dict[str, Any] = {"seed": seed, "kind": kind}
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as said:
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         path = Path(folder) / "random.toml"
         path.write_text(text)
@@ -275,38 +281,38 @@ def compare(seed: int, coarse: bool = False) -> dict[str, Any]:
         solution, seconds = solving.solve(run, run.settings())
         errors = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
         record |= {"space": str(solution.model.bodies[0].space), "seconds": seconds["total"]}
-        record["warned"] = [str(one.message) for one in said]
-        found = [solution]
+        record["warned"] = [str(one.message) for one in caught]
+        solutions = [solution]
         for level in (1, 2):
             better = scene.on([finer(space, level) for space in spaces])
-            found.append(solving.solve(better, better.settings())[0])
-    works = [_works(one) for one in found]
+            solutions.append(solving.solve(better, better.settings())[0])
+    works = [_works(one) for one in solutions]
     large = np.abs(works[2]) > _NOTHING * np.abs(works[2]).max()
     off, apart = (float(np.abs(one[large] / works[2][large] - 1.0).max()) for one in works[:2])
-    carried = [estimates.carried(one) for one in found]
+    carried = [estimates.carried(one) for one in solutions]
     off, apart = (
         max(one, estimates.off(those, carried[2])) for one, those in zip((off, apart), carried[:2], strict=True)
     )
-    answers = [_answers(one) for one in found]
+    answers = [_answers(one) for one in solutions]
     record |= {"estimate": errors[0], "error": off, "apart": apart}
     record |= {"answers": estimates.off(answers[0], answers[2]), "answers apart": estimates.off(answers[1], answers[2])}
     if hasattr(solution, "reactions"):
-        # Those that the estimate is of, and those of a person who looks somewhere.
+        # Places of the estimate, and other places.
         rings = solution.model.bodies[0].space.rod.rings
         u, xi = stresses.away(solution.model, 0), stresses.around(rings)
         if not u.size:
             return record
-        everywhere = [one.stress(0, u, xi).reshape(-1, 3, 3) for one in found]
+        everywhere = [one.stress(0, u, xi).reshape(-1, 3, 3) for one in solutions]
         beyond, near = (_stress_off(one, everywhere[2]) for one in everywhere[:2])
         record |= {"stress error": beyond, "stress estimate": errors[1] or 0.0, "stress apart": near}
-        places = [cast(Array, estimates.stresses_at(seed, one)) for one in found]
+        places = [cast(Array, estimates.stresses_at(seed, one)) for one in solutions]
         here, beside = (_stress_off(one, places[2]) for one in places[:2])
         record |= {"stress at places": here, "stress at places apart": beside}
     return record
 
 
 def silent(record: Mapping[str, Any]) -> bool:
-    """Return whether a result is off by too much, for sure, and nothing says so."""
+    """Return whether a result is certainly off by too much, without an estimate or a warning of that."""
     if record["warned"] or (record["estimate"] or 0.0) > estimates.LARGE:
         return False
     if record["answers"] - record["answers apart"] > estimates.LARGE:
@@ -325,8 +331,8 @@ def table(records: Sequence[Mapping[str, Any]], refused: Mapping[str, int]) -> l
         row: dict[str, Any] = {"kind": kind or "all", "files": len(those)}
         row["refused"] = sum(refused.values()) if not kind else refused.get(kind, 0)
         for of in ("", "stress "):
-            shares = estimates.shares([estimates.ratio(one, estimates.APART[1], of) for one in those])
-            row |= {f"{of}counted": shares["counted"], f"{of}within 3": shares.get("within 3")}
+            statistics = estimates.statistics([estimates.ratio(one, estimates.APART[1], of) for one in those])
+            row |= {f"{of}counted": statistics["counted"], f"{of}within 3": statistics.get("within 3")}
         row["stress at places"] = max((one.get("stress at places", 0.0) for one in those), default=None)
         row["answers"] = max((one["answers"] for one in those if not one["warned"]), default=None)
         row["warned"] = sum(bool(one["warned"]) or (one["estimate"] or inf) > estimates.LARGE for one in those)
@@ -358,7 +364,7 @@ def main(arguments: Sequence[str]) -> int:
             print(results.line({"seed": seed, "kind": kind, "refused": str(problem)}), flush=True)
             continue
         except Exception as problem:
-            # One that fails in another way is a finding, and no reason to stop.
+            # Other failures are results too, and no reason to stop.
             print(results.line({"seed": seed, "kind": draw(seed)[0], "failed": repr(problem)}), flush=True)
             continue
         finally:

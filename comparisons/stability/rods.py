@@ -1,4 +1,4 @@
-"""What several cases share: the shallow arch, bars of Saint-Venant's stiffness, condition numbers."""
+"""Common to several cases: the shallow arch, bars of Saint-Venant's stiffness, condition numbers."""
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
         Of the bar.
     """
     ends = [np.arange(space.layer_nodes), (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)]
-    # Rotations are linear in the position, whose coefficients are those of the rod's map.
+    # Rotations are linear in the position, which has the coefficients of the rod's map.
     axis = {"torsion": 2, "weak": 0, "strong": 1}[kind]
     turn = np.cross(
         np.eye(3)[axis] * ANGLE,
@@ -66,8 +66,8 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
         other = space.points_around // 2 if space.basis.on_surface else 1
         supports += [Support(np.array([first]), "xy"), Support(np.array([other]), "y")]
     model = Model([Body(space, LinearElastic(E, NU))], supports)
-    found = statics.solve(model)
-    moment = abs(found.moments[1, axis])
+    solution = statics.solve(model)
+    moment = abs(solution.moments[1, axis])
     exact = {
         "torsion": E / (2.0 * (1.0 + NU)) * np.pi * a**3 * b**3 / (a**2 + b**2),
         "weak": E * np.pi * a * b**3 / 4.0,
@@ -89,8 +89,8 @@ def condition(model: Model, displacement: Array | None = None) -> tuple[float, f
         assembler.tangent(assembler.state(displacement), 1.0, matrix)
     dense = matrix.convert("dense").getDenseArray()
     root = 1.0 / np.sqrt(np.abs(np.diag(dense)))
-    found = []
+    conditions = []
     for one in (dense, root[:, None] * dense * root):
         sizes = np.abs(np.linalg.eigvalsh(one))
-        found.append(float(sizes.max() / max(sizes.min(), np.finfo(float).tiny)))
-    return found[0], found[1]
+        conditions.append(float(sizes.max() / max(sizes.min(), np.finfo(float).tiny)))
+    return conditions[0], conditions[1]

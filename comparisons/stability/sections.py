@@ -81,18 +81,18 @@ def run(level: str) -> Iterator[dict[str, Any]]:
 def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]:
     n = element.get("section_points", 8)
     space = Space.paper(straight(4.0).sweep(section.ellipse(n, 1.0, 1.0 / ratio)), **element)
-    found, exact, model = stiffness(space, kind, 1.0, 1.0 / ratio, 4.0)
+    measured, exact, model = stiffness(space, kind, 1.0, 1.0 / ratio, 4.0)
     plain, scaled = condition(model)
-    return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
+    return {"error": abs(measured / exact - 1.0), "condition": plain, "scaled": scaled}
 
 
 def _short(ratio: float, kind: str) -> dict[str, Any]:
     middle = 2.0 / ratio
     line = straight(breaks=[0.0, 2.0, 2.0 + middle, 4.0 + middle], degree=3)
     space = Space.paper(line.sweep(section.ellipse(8, 1.0, 0.5)), section_degree=2)
-    found, exact, model = stiffness(space, kind, 1.0, 0.5, 4.0 + middle)
+    measured, exact, model = stiffness(space, kind, 1.0, 0.5, 4.0 + middle)
     plain, scaled = condition(model)
-    return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
+    return {"error": abs(measured / exact - 1.0), "condition": plain, "scaled": scaled}
 
 
 def thinned(ratio: float, symmetric: bool) -> np.ndarray:
@@ -111,13 +111,13 @@ def thinned(ratio: float, symmetric: bool) -> np.ndarray:
 
 def _blade(ratio: float, element: dict[str, Any], symmetric: bool) -> dict[str, Any]:
     scene = Blade()
-    whole = scene.rod()
+    original = scene.rod()
     # The scene's own sweep, of another section.
     factors = 1.0 + (scene.taper - 1.0) * np.array([0.0, 0.5, 1.0])
     angles = np.radians(scene.twist) * np.array([0.0, 0.5, 1.0])
     turns = np.array([[[np.cos(t), -np.sin(t), 0.0], [np.sin(t), np.cos(t), 0.0], [0.0, 0.0, 1.0]] for t in angles])
     heights = np.array([0.0, 0.5, 1.0])[:, None] * np.array([0.0, 0.0, scene.length])
-    rod = Rod.sweep(thinned(ratio, symmetric), whole.axis, heights, turns, factors[:, None, None] * np.eye(3))
+    rod = Rod.sweep(thinned(ratio, symmetric), original.axis, heights, turns, factors[:, None, None] * np.eye(3))
     rod.check()
 
     def frequencies(element: dict[str, Any], quadrature: str) -> np.ndarray:
@@ -125,11 +125,11 @@ def _blade(ratio: float, element: dict[str, Any], symmetric: bool) -> dict[str, 
         body = Body(space, LinearElastic(scene.E, scene.nu), scene.density)
         return modal.solve(Model([body], [Support.end(space, "start")]), 10).frequencies
 
-    found, full, fine = frequencies(element, "auto"), frequencies(element, "full"), frequencies(FINE, "full")
+    measured, full, fine = frequencies(element, "auto"), frequencies(element, "full"), frequencies(FINE, "full")
     return {
-        "error": float(np.max(np.abs(found / fine - 1.0))),
-        "rule": float(np.max(np.abs(found / full - 1.0))),
-        "first": float(found[0]),
+        "error": float(np.max(np.abs(measured / fine - 1.0))),
+        "rule": float(np.max(np.abs(measured / full - 1.0))),
+        "first": float(measured[0]),
     }
 
 
@@ -195,8 +195,8 @@ def _twisted(degrees: float, degree: int, parts: int) -> dict[str, Any]:
     turns[:, 1, 0], turns[:, 0, 1] = np.sin(angle), -np.sin(angle)
     turns[:, 2, 2] = 1.0
     rod = replace(untwisted, control_points=np.einsum("jab,jib->jia", turns, untwisted.control_points))
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         smallest = rod.check()
-    found = {"error": abs(rod.volume() / (np.pi * 0.5 * 4.0) - 1.0), "jacobian": smallest}
-    return found | ({"warned": str(said[0].message)} if said else {})
+    result = {"error": abs(rod.volume() / (np.pi * 0.5 * 4.0) - 1.0), "jacobian": smallest}
+    return result | ({"warned": str(caught[0].message)} if caught else {})

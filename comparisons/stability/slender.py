@@ -72,9 +72,9 @@ def solve(made: Space, length: float, load: float) -> tuple[float, statics.Equil
         [Support.end(made, "start")],
         loads=[SectionLoad.end(made, "end", (force, 0.0, 0.0))],
     )
-    found = statics.solve(model)
-    tip = made.displacement(model.nodal(found.displacement), [[0.0, 0.0]], [1.0])[0][0, 0, 0]
-    return float(tip) / length, found
+    solution = statics.solve(model)
+    tip = made.displacement(model.nodal(solution.displacement), [[0.0, 0.0]], [1.0])[0][0, 0, 0]
+    return float(tip) / length, solution
 
 
 def _space(length: float, given: dict[str, Any]) -> Space:
@@ -91,15 +91,15 @@ def reference(length: float, load: float) -> float:
 
 def _cantilever(length: float, load: float, space: dict[str, Any], plain: bool) -> dict[str, Any]:
     with patch.object(Assembler, "extrapolate", lambda self: None) if plain else nullcontext():
-        tip, found = solve(_space(length, space), length, load)
-    unscaled, scaled = condition(found.model, found.displacement)
+        tip, solution = solve(_space(length, space), length, load)
+    unscaled, scaled = condition(solution.model, solution.displacement)
     return {
         "error": abs(tip / reference(length, load) - 1.0),
         "elastica": abs(tip / ELASTICA[load] - 1.0),
         "condition": unscaled,
         "scaled": scaled,
-        "newton": found.newton_iterations,
-        "steps": found.load_steps,
-        "floor": found.residual_norms[-1] * length**2 / (load * 0.25 * np.pi),
-        "unknowns": found.model.unknowns,
+        "newton": solution.newton_iterations,
+        "steps": solution.load_steps,
+        "floor": solution.residual_norms[-1] * length**2 / (load * 0.25 * np.pi),
+        "unknowns": solution.model.unknowns,
     }

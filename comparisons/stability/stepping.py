@@ -40,11 +40,11 @@ TOLERANCE = 1e-3
 # More steps are not tried for accuracy.
 MOST = 4096
 
-# Of the runs in different shares of the critical step, in critical steps.
+# Duration of the runs in different fractions of the critical step, in critical steps.
 DURATION = 400
 
 BALANCE = "energy at the start"
-SHARE = Sweep("time step / critical one", BALANCE, TOLERANCE)
+FRACTION = Sweep("time step / critical one", BALANCE, TOLERANCE)
 LONG = Sweep("explicit steps taken, undamped", BALANCE, TOLERANCE)
 LARGE = Sweep("implicit time step / critical one", BALANCE, TOLERANCE)
 CONTRAST = Sweep("stiffness ratio of tendon and muscle", "the same in steps of half the length", TOLERANCE)
@@ -56,9 +56,9 @@ SERIES = "tendon clamped, muscle swinging, one period"
 def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     full = level != "quick"
-    shares = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1)
+    fractions = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1)
     for series, size in (("explicit, all modes, small", GENTLE), ("explicit, all modes, violent", VIOLENT)):
-        yield from SHARE.over(shares, _share, size, series=series)
+        yield from FRACTION.over(fractions, _fraction, size, series=series)
     yield from _long(1_000_000 if full else 100_000)
     for series, size in (("implicit, all modes, small", GENTLE), ("implicit, all modes, violent", VIOLENT)):
         yield from LARGE.over((1.0, 10.0, 100.0, 1000.0), _large, size, 100 if full else 30, series=series)
@@ -80,8 +80,8 @@ def _random(model: Model, size: float) -> Array:
 
 def _swing(model: Model, size: float) -> tuple[Array, float]:
     """Return velocities of the lowest mode, of an amplitude of so many lengths, and its period."""
-    found = modal.solve(model, 1)
-    frequency, shape = float(found.frequencies[0]), found.vectors[0]
+    solution = modal.solve(model, 1)
+    frequency, shape = float(solution.frequencies[0]), solution.vectors[0]
     scale = 2.0 * np.pi * frequency * size * LENGTH / np.abs(_end(model, shape)).max()
     return scale * shape, 1.0 / frequency
 
@@ -104,10 +104,10 @@ class _Bold(Run):
         """Add none."""
 
 
-def _share(share: float, size: float) -> dict[str, Any]:
+def _fraction(fraction: float, size: float) -> dict[str, Any]:
     model = _model()
-    step = share * _critical(model)
-    steps = round(DURATION / 8 / share)
+    step = fraction * _critical(model)
+    steps = round(DURATION / 8 / fraction)
     motion = _Bold(System(model), Settings(8 * steps * step, 8, step))
     motion.begin(np.zeros(model.dofs), np.where(model.free >= 0, _random(model, size), 0.0))
     while motion.index < motion.outputs:
@@ -129,12 +129,12 @@ def _long(steps: int) -> Iterator[dict[str, Any]]:
     """
     model = _model(elements=2)
     critical = _critical(model)
-    for name, share in (("small", 0.9), ("large", 0.9), ("large", 0.5)):
+    for name, fraction in (("small", 0.9), ("large", 0.9), ("large", 0.5)):
         velocity, _ = _swing(model, SWINGS[name])
 
         @cache
-        def errors(share: float = share, velocity: Array = velocity) -> Array:
-            step = share * critical
+        def errors(fraction: float = fraction, velocity: Array = velocity) -> Array:
+            step = fraction * critical
             return dynamics.solve(model, steps * step, step, outputs=1000, velocity=velocity).energy_error
 
         def point(count: float, errors: Callable[[], Array] = errors) -> dict[str, Any]:
@@ -144,15 +144,15 @@ def _long(steps: int) -> Iterator[dict[str, Any]]:
             return {"error": float(np.abs(here).max()), "drift": drift}
 
         counts = [float(10**k) for k in range(3, 7) if 10**k <= steps]
-        yield from LONG.over(counts, point, series=f"{name} swing, {share} critical steps")
+        yield from LONG.over(counts, point, series=f"{name} swing, {fraction} critical steps")
 
 
 def _large(steps: float, size: float, count: int) -> dict[str, Any]:
     model = _model()
     step = steps * _critical(model)
-    found = dynamics.solve(model, count * step, step, outputs=10, velocity=_random(model, size), integrator="implicit")
-    rows = {"energy_error": found.energy_error, "momentum_error": found.momentum_error}
-    return _balances(rows) | {"newton": found.newton_iterations / found.steps, "implicit_steps": found.steps}
+    motion = dynamics.solve(model, count * step, step, outputs=10, velocity=_random(model, size), integrator="implicit")
+    rows = {"energy_error": motion.energy_error, "momentum_error": motion.momentum_error}
+    return _balances(rows) | {"newton": motion.newton_iterations / motion.steps, "implicit_steps": motion.steps}
 
 
 def _contrast(ratio: float) -> dict[str, Any]:
@@ -160,18 +160,18 @@ def _contrast(ratio: float) -> dict[str, Any]:
     velocity, end_time = _swing(model, SWINGS["large"])
 
     def end(steps: int, integrator: str) -> tuple[Array, dynamics.History]:
-        found = dynamics.solve(model, end_time, end_time / steps, outputs=1, velocity=velocity, integrator=integrator)
-        return _end(model, found.displacement[-1]), found
+        motion = dynamics.solve(model, end_time, end_time / steps, outputs=1, velocity=velocity, integrator=integrator)
+        return _end(model, motion.displacement[-1]), motion
 
     def enough(steps: int, integrator: str) -> tuple[float, dynamics.History]:
         """Return the error and the run with the fewest steps that are enough, of those and 2, 4 ... times as many."""
-        place, found = end(steps, integrator)
+        place, motion = end(steps, integrator)
         while True:
             finer, next_one = end(2 * steps, integrator)
             error = float(np.abs(finer - place).max() / (SWINGS["large"] * LENGTH))
             if error <= TOLERANCE or steps >= MOST:
-                return error, found
-            steps, place, found = 2 * steps, finer, next_one
+                return error, motion
+            steps, place, motion = 2 * steps, finer, next_one
 
     error, implicit = enough(64, "implicit")
     stable = int(np.ceil(end_time / (0.9 * _critical(model))))

@@ -6,7 +6,7 @@ the largest difference of Cauchy's stress, by its Frobenius norm, over the large
 the inner one, on both sides of an interface and in the middle, farther from ends than the section is wide.  Exact is a
 finer space: of degree 6, with three times the elements and twice the degree across up to 8; where that would be no more
 with twice the elements and, of round sections, two rings of degree 6; of rings one degree more and twice the elements.
-Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
+Closed forms agree for the bars that have one (`tests/test_boundary_layers.py`).
 """
 
 import sys
@@ -127,7 +127,7 @@ class Bar:
 
 
 def every(level: str = "full") -> Iterator[Bar]:
-    """Yield all bars; at level quick those of one length."""
+    """Yield all bars; at level quick of one length."""
     for section in SECTIONS:
         for law in LAWS:
             for load in LOADS:
@@ -136,7 +136,7 @@ def every(level: str = "full") -> Iterator[Bar]:
 
 
 def scene(bar: Bar, folder: Path) -> FileScene:
-    """Write a bar's file and return what `isorod run` makes of it."""
+    """Write a bar's file and return the result of `isorod run`."""
     path = folder / "bar.toml"
     path.write_text(bar.text())
     return FileScene(str(path))
@@ -156,30 +156,30 @@ def places(model: Any) -> tuple[Array, Array]:
 
 def finer(space: Space) -> Space:
     """Return the space that a chosen one is compared with."""
-    axis, whole = space.axis, space.rod.rings == WHOLE
+    axis, solid = space.axis, space.rod.rings == WHOLE
     degree = cast(int, space.section_degree)
     # Beyond the largest degree there are rings alone, of round sections.  Those have functions enough.
     rod = choice.with_rim(space.rod) if degree == MAX_DEGREE else space.rod
-    ringed = whole and rod is not space.rod
-    parts = 3 if whole and not ringed else 2
+    ringed = solid and rod is not space.rod
+    parts = 3 if solid and not ringed else 2
     elements = parts * cast(int, space.elements)
     even = space.rod.axis.refine(elements // space.rod.axis.elements, 6, 3).breaks
-    shares = np.arange(1, parts) / parts
-    cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * shares).ravel()
+    fractions = np.arange(1, parts) / parts
+    cut = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * fractions).ravel()
     more = np.sort(np.concatenate([space.knots or (), cut]))
     apart = np.abs(more[:, None] - even).min(axis=1) > 1e-9 * np.ptp(axis.breaks)
-    across = _RINGED if ringed else min(2 * degree, MAX_DEGREE) if whole else degree + 1
+    across = _RINGED if ringed else min(2 * degree, MAX_DEGREE) if solid else degree + 1
     return Space(rod, elements, 6, 3, section_degree=across, knots=tuple(map(float, more[apart])))
 
 
-def off(found: Array, exact: Array) -> float:
+def off(values: Array, exact: Array) -> float:
     """Return the largest difference of stresses ``(t, q, 3, 3)`` over the largest stress."""
     size = np.linalg.norm(exact, axis=(2, 3)).max()
-    return float(np.linalg.norm(found - exact, axis=(2, 3)).max() / size)
+    return float(np.linalg.norm(values - exact, axis=(2, 3)).max() / size)
 
 
 def compare(bar: Bar, folder: Path) -> dict[str, Any]:
-    """Return what a bar's default space is off by, what is said of that, and its size and processor time."""
+    """Return the error of a bar's default space, its estimate and warnings, its size and processor time."""
     made = scene(bar, folder)
     start = process_time()
     solution = statics.solve(made.model())
@@ -234,9 +234,9 @@ def LIMITS(records: list[Record]) -> list[str]:
                 continue
             worst = max(own, key=lambda one: one["error"])
             counts = {name: sum(one["outcome"] == name for one in own) for name in OUTCOMES}
-            told = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+            text = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
             lines.append(
-                f"{section}, {law}: {len(own)} bars, {told}; "
+                f"{section}, {law}: {len(own)} bars, {text}; "
                 f"the worst {100.0 * worst['error']:.2g} % ({worst['bar']}), {worst['unknowns']} unknowns."
             )
     return lines

@@ -37,7 +37,7 @@ class End:
 
 
 class Branches(Numbered):
-    """Both branches as one dolfinx mesh whose parts share no node.
+    """Both branches as one dolfinx mesh whose parts have no node in common.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ class Branches(Numbered):
         self.space = compat.function_space(self.mesh, element)
         if mixed:
             pressure = compat.element(self.mesh, "Lagrange", mesh.order - 1)
-            whole = compat.function_space(self.mesh, compat.mixed_element([element, pressure]))
-            self.space, self._among = whole.sub(0).collapse()
-            self.state = dolfinx.fem.Function(whole)
+            mixed_space = compat.function_space(self.mesh, compat.mixed_element([element, pressure]))
+            self.space, self._among = mixed_space.sub(0).collapse()
+            self.state = dolfinx.fem.Function(mixed_space)
         else:
             self.state = dolfinx.fem.Function(self.space)
         self.activation = dolfinx.fem.Constant(self.mesh, 0.0)
@@ -117,9 +117,9 @@ class Branches(Numbered):
     @property
     def _materials(self) -> tuple[NeoHookean, Muscle]:
         """Isorod's laws of tendon and muscle, the latter at full activation."""
-        one = self.scene
-        tendon = NeoHookean(one.tendon_factor * one.E, one.nu)
-        return tendon, Muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, 1.0)
+        scene = self.scene
+        tendon = NeoHookean(scene.tendon_factor * scene.E, scene.nu)
+        return tendon, Muscle(scene.E, scene.nu, scene.sigma_max, scene.m1, scene.m2, 1.0)
 
     @property
     def _tendon(self) -> Energy:
@@ -179,7 +179,7 @@ class Branches(Numbered):
     def ends(self) -> list[End]:
         """Return the four held ends, in the order of `ENDS`."""
         zero = dolfinx.fem.Function(self.space)
-        found = []
+        ends = []
         for name in ENDS:
             blocks = np.sort(self.node_dofs[np.unique(self.source.faces[name])]).astype(np.int32)
             dofs = own = (3 * blocks[:, None] + np.arange(3, dtype=np.int32)).ravel()
@@ -188,5 +188,5 @@ class Branches(Numbered):
                 condition = dolfinx.fem.dirichletbc(zero, [dofs, own], self.state.function_space.sub(0))
             else:
                 condition = dolfinx.fem.dirichletbc(zero, blocks)
-            found.append(End(condition, dofs, own % 3, np.ones(dofs.size)))
-        return found
+            ends.append(End(condition, dofs, own % 3, np.ones(dofs.size)))
+        return ends

@@ -56,7 +56,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What explicit dynamics found.
+    """A motion by explicit dynamics.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Motion:
     steps
         Number of steps.
     time_step, critical_step
-        The last step taken, and the smallest critical step found, at rest or at a sample, seconds.
+        The last step taken, and the smallest critical step, at rest or at a sample, seconds.
     seconds
         ``forms``, ``setup``, ``critical`` (critical steps), and of the steps ``internal`` (assembly of internal
         forces), ``contact``, ``update``; ``step`` is the wall time of one step.
@@ -84,7 +84,7 @@ class Motion:
 def lumped_mass(branches: Branches, density: float) -> Array:
     """Return the nodes' masses, shape ``(blocks,)``, in the order of the space.
 
-    The diagonal of the consistent mass matrix, scaled to the whole mass: the row sums on linear tetrahedra, and on
+    The diagonal of the consistent mass matrix, scaled to the total mass: the row sums on linear tetrahedra, and on
     quadratic ones what Hinton, Rock, Zienkiewicz (Earthquake Eng. Struct. Dyn. 4 (1976) 245-249) propose, where row
     sums are negative at vertices.
     """
@@ -100,10 +100,10 @@ def lumped_mass(branches: Branches, density: float) -> Array:
     ones = matrix.createVecRight()
     ones.set(1.0)
     matrix.mult(ones, total)
-    whole = total.sum()
+    total_mass = total.sum()
     for thing in (matrix, total, ones):
         thing.destroy()
-    return np.asarray(diagonal * (whole / diagonal.sum()))
+    return np.asarray(diagonal * (total_mass / diagonal.sum()))
 
 
 def critical_step(branches: Branches, contact: Contact, mass: Array, free: Array, start: Array) -> tuple[float, Array]:
@@ -120,7 +120,7 @@ def critical_step(branches: Branches, contact: Contact, mass: Array, free: Array
     free
         1, or 0 where held, shape ``(blocks, 3)``.
     start
-        Where the search starts: any vector ``(3 blocks,)``, or the mode found last.
+        Where the search starts: any vector ``(3 blocks,)``, or the last mode.
     """
     matrix = compat.create_matrix(branches.tangent, None)
     compat.assemble_matrix(matrix, branches.tangent, [])

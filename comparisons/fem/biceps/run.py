@@ -32,14 +32,14 @@ _MEASURED = 8
 # Small cells along a brick's edge in pictures.
 _SMALL = 3
 
-# What the record of a run has of an equilibrium, and of a motion.
+# Attributes of an equilibrium, and of a motion, that the record of a run has.
 _AT_REST: tuple[str, ...] = ("steps", "cuts", "newton_iterations", "residual_norms")
 _MOVING: tuple[str, ...] = ("steps", "time_step", "critical_step")
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A mesh of the biceps, an element on it, and what is asked for.
+    """A mesh of the biceps, an element on it, and the analysis.
 
     Parameters
     ----------
@@ -136,12 +136,12 @@ class Configuration:
 
 def belly_bulge(mesh: Mesh, positions: Array) -> float:
     """Return half the growth of the bellies' extent in z, the larger one, as `Biceps.measure` does [length]."""
-    found = []
+    bulges = []
     for branch in biceps.BRANCHES:
-        supports, shares = surface_points(mesh, f"{branch} belly", 1 if mesh.order == 1 else _MEASURED)
-        now, rest = (np.einsum("mb,mb->m", shares, nodes[supports, 2]) for nodes in (positions, mesh.points))
-        found.append(0.5 * (np.ptp(now) - np.ptp(rest)))
-    return float(max(found))
+        supports, functions = surface_points(mesh, f"{branch} belly", 1 if mesh.order == 1 else _MEASURED)
+        now, rest = (np.einsum("mb,mb->m", functions, nodes[supports, 2]) for nodes in (positions, mesh.points))
+        bulges.append(0.5 * (np.ptp(now) - np.ptp(rest)))
+    return float(max(bulges))
 
 
 def run(
@@ -185,23 +185,23 @@ def run(
             configuration.time_step,
         )
 
-    found, record = runs.measured(once, repeat, comm, meshing)
+    result, record = runs.measured(once, repeat, comm, meshing)
     last: statics.Rest | dynamics.Sample
     more: dict[str, Any]
-    if isinstance(found, statics.Rest):
-        last, kept, more = found, _AT_REST, {"petsc_options": found.options}
-        states = [(0.0, scene.activation, found.positions)]
+    if isinstance(result, statics.Rest):
+        last, kept, more = result, _AT_REST, {"petsc_options": result.options}
+        states = [(0.0, scene.activation, result.positions)]
     else:
-        last, kept, more = found.samples[-1], _MOVING, {"history": _history(mesh, found.samples)}
-        states = [(one.time, one.activation, one.positions) for one in found.samples]
-    specific = _state(mesh, last) | {name: getattr(found, name) for name in kept} | more
+        last, kept, more = result.samples[-1], _MOVING, {"history": _history(mesh, result.samples)}
+        states = [(one.time, one.activation, one.positions) for one in result.samples]
+    specific = _state(mesh, last) | {name: getattr(result, name) for name in kept} | more
     if file is not None:
         _save(file, mesh, last.positions, Branches(scene, mesh, rule, configuration.compiler_flags), states)
     return {
         "scene": "biceps",
         "analysis": configuration.analysis,
         **specific,
-        "dofs": 3 * len(mesh.points) + getattr(found, "pressures", 0),
+        "dofs": 3 * len(mesh.points) + getattr(result, "pressures", 0),
         "nodes": len(mesh.points),
         "cells": len(mesh.cells),
         "options": asdict(configuration)
@@ -210,30 +210,30 @@ def run(
     }
 
 
-def _state(mesh: Mesh, found: statics.Rest | dynamics.Sample) -> dict[str, Any]:
-    """Return what `Biceps.measure` does, and energies."""
-    reactions, contact = found.reactions, found.contact
+def _state(mesh: Mesh, state: statics.Rest | dynamics.Sample) -> dict[str, Any]:
+    """Return the quantities of `Biceps.measure`, and energies."""
+    reactions, contact = state.reactions, state.contact
     return {
         "end_force": np.linalg.norm(reactions, axis=1),
         "end_force_x": reactions[:, 0],
         "end_force_y": reactions[:, 1],
-        "belly_bulge": belly_bulge(mesh, found.positions),
+        "belly_bulge": belly_bulge(mesh, state.positions),
         "contact_force": contact.normal_force,
         "contact_resultant": contact.force,
         "contact_area": contact.area,
         "penetration": max(0.0, -contact.gap),
-        "stored_energy": found.stored,
+        "stored_energy": state.stored,
         "contact_energy": contact.energy,
     }
 
 
 def _history(mesh: Mesh, samples: Sequence[dynamics.Sample]) -> dict[str, Any]:
-    """Return the course of the motion, one entry a sample."""
-    states = [_state(mesh, one) for one in samples]
-    shared = ("end_force", "belly_bulge", "contact_force", "contact_area", "stored_energy", "contact_energy")
+    """Return the history of the motion, one entry a sample."""
+    states = [_state(mesh, sample) for sample in samples]
+    common = ("end_force", "belly_bulge", "contact_force", "contact_area", "stored_energy", "contact_energy")
     own = {"time": "time", "activation": "activation", "kinetic_energy": "kinetic", "dissipated_energy": "dissipated"}
-    return {name: [getattr(one, key) for one in samples] for name, key in own.items()} | {
-        name: [state[name] for state in states] for name in shared
+    return {name: [getattr(sample, key) for sample in samples] for name, key in own.items()} | {
+        name: [state[name] for state in states] for name in common
     }
 
 
@@ -248,15 +248,15 @@ def _save(
     arrays |= {f"belly_{k}": mesh.faces[f"{branch} belly"] for k, branch in enumerate(biceps.BRANCHES)}
     if mesh.shape == "hexahedron":
         sampler = fields.Sampler(branches.state, branches.laws(), _SMALL)
-        shown = []
+        sampled = []
         for _, activation, nodes in states:
             branches.state.x.array[:] = branches.to_dofs(nodes - mesh.points)
             branches.activation.value = activation
-            shown.append(sampler.state())
+            sampled.append(sampler.state())
         arrays |= {"small_points": sampler.points, "small_cells": sampler.cells}
         arrays |= {"times": np.array([time for time, _, _ in states])}
         arrays |= {
-            "displacement": np.array([one for one, _ in shown]),
-            "von_mises": np.array([one for _, one in shown]),
+            "displacement": np.array([one for one, _ in sampled]),
+            "von_mises": np.array([one for _, one in sampled]),
         }
     write_arrays(path, **arrays)

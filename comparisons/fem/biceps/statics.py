@@ -89,7 +89,7 @@ def solve(
         counts = lead(newton, activate, activation, activation / steps, "activation")
         (pressing,) = newton.press(newton.force)
         assert pressing is not None
-        found = Rest(
+        result = Rest(
             positions=newton.positions(),
             reactions=newton.reactions(),
             stored=branches.stored(),
@@ -103,6 +103,6 @@ def solve(
         )
         clock.lap("solve")
         newton.destroy()
-    found.seconds["assembly"], found.seconds["contact"] = newton.seconds, newton.contact_seconds
-    found.seconds["solve"] -= newton.seconds
-    return found
+    result.seconds["assembly"], result.seconds["contact"] = newton.seconds, newton.contact_seconds
+    result.seconds["solve"] -= newton.seconds
+    return result

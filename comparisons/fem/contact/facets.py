@@ -29,7 +29,7 @@ def values_and_slopes(like: Facet, where: Array) -> tuple[Array, Array]:
 
 
 def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
-    """Return points on a named face as in `Points`, ``(m, n)`` nodes and shares.
+    """Return points on a named face as in `Points`, ``(m, n)`` nodes and their functions.
 
     A lattice of ``parts`` to an edge on each facet.
     """
@@ -37,18 +37,18 @@ def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
     a, b = (grid.ravel() for grid in np.meshgrid(*[np.arange(parts + 1) / parts] * 2, indexing="ij"))
     where = np.stack([a, b], axis=1)
     values, _ = values_and_slopes(like, where[a + b < 1.0 + 0.5 / parts] if like.triangle else where)
-    shares = np.broadcast_to(values, (len(nodes), *values.shape)).reshape(-1, values.shape[1])
-    return np.repeat(nodes, len(values), axis=0), shares
+    functions = np.broadcast_to(values, (len(nodes), *values.shape)).reshape(-1, values.shape[1])
+    return np.repeat(nodes, len(values), axis=0), functions
 
 
 def gauss(mesh: Mesh, like: Facet, face: Index, parts: int = 1) -> Points:
-    """Return Gauss points, the reference area for weight."""
+    """Return Gauss points, weighted by reference area."""
     where, weights = _split(*_rule(mesh.order, like.triangle), parts, like.triangle)
     values, slopes = values_and_slopes(like, where)
     areas = np.linalg.norm(_area_vectors(mesh, face, slopes), axis=2) * weights
-    shares = np.broadcast_to(values, (len(face), *values.shape)).reshape(-1, values.shape[1])
+    functions = np.broadcast_to(values, (len(face), *values.shape)).reshape(-1, values.shape[1])
     supports = np.repeat(face, len(where), axis=0)
-    return Points(supports, np.ascontiguousarray(shares), areas.ravel())
+    return Points(supports, np.ascontiguousarray(functions), areas.ravel())
 
 
 def outward(mesh: Mesh, like: Facet, face: Index) -> Array:
@@ -59,7 +59,7 @@ def outward(mesh: Mesh, like: Facet, face: Index) -> Array:
 
 
 def nodal(mesh: Mesh, like: Facet, face: Index) -> Points:
-    """Return the nodes, with their share of the facets' areas for weight."""
+    """Return the nodes, weighted by their fraction of the facets' areas."""
     _, slopes = values_and_slopes(like, mesh.face_reference)
     areas = np.linalg.norm(_area_vectors(mesh, face, slopes), axis=2) * (0.5 if like.triangle else 1.0) / face.shape[1]
     nodes, where = np.unique(face, return_inverse=True)
@@ -94,9 +94,9 @@ def _split(where: Array, weights: Array, parts: int, triangle: bool) -> tuple[Ar
     """Return a rule repeated on each of the ``parts^2`` equal parts of its square or triangle."""
     grid = [(i, j) for i in range(parts) for j in range(parts)]
     if not triangle:
-        pieces = [where + np.array(corner) for corner in grid]
+        copies = [where + np.array(corner) for corner in grid]
     else:
-        pieces = [where + np.array([i, j]) for i, j in grid if i + j < parts]
+        copies = [where + np.array([i, j]) for i, j in grid if i + j < parts]
         # Between those upright, the ones that stand on their heads.
-        pieces += [np.array([i + 1, j + 1]) - where for i, j in grid if i + j < parts - 1]
-    return np.concatenate(pieces) / parts, np.tile(weights, len(pieces)) / parts**2
+        copies += [np.array([i + 1, j + 1]) - where for i, j in grid if i + j < parts - 1]
+    return np.concatenate(copies) / parts, np.tile(weights, len(copies)) / parts**2

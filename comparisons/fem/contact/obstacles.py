@@ -45,12 +45,12 @@ class Obstacle:
 
     def add_forces(self, nodes: Array, out: Array) -> Pressing:
         """Add the gradient of the energy to ``out``, both arrays of shape ``(nodes, 3)``."""
-        supports, shares, weights = self._points
+        supports, functions, weights = self._points
         gaps, normals, _ = self._gaps(nodes)
         pressures = self._pressures(gaps)
         active = np.flatnonzero(pressures)
         force = -(pressures * weights)[active, None] * normals[active]
-        np.add.at(out, supports[active], shares[active][:, :, None] * force[:, None])
+        np.add.at(out, supports[active], functions[active][:, :, None] * force[:, None])
         return Pressing(
             float(0.5 * (pressures**2 / self.penalty) @ weights),
             float(pressures @ weights),
@@ -61,7 +61,7 @@ class Obstacle:
 
     def stiffness(self, nodes: Array) -> sparse.coo_array:
         """Return the second derivative of the energy, rows and columns ``3 node + component``; entries repeat."""
-        supports, shares, weights = self._points
+        supports, functions, weights = self._points
         gaps, normals, distance = self._gaps(nodes)
         pressures = self._pressures(gaps)
         active = np.flatnonzero(pressures)
@@ -71,8 +71,8 @@ class Obstacle:
         round_it = np.eye(3) - np.einsum("mi,mj->mij", normal, normal) - np.outer(self._direction, self._direction)
         local -= (pressures / distance)[active, None, None] * round_it
         local *= weights[active, None, None]
-        share, n = shares[active], 3 * shares.shape[1]
-        blocks = np.einsum("ma,mb,mij->maibj", share, share, local).reshape(len(active), n, n)
+        active_functions, n = functions[active], 3 * functions.shape[1]
+        blocks = np.einsum("ma,mb,mij->maibj", active_functions, active_functions, local).reshape(len(active), n, n)
         unknowns = (3 * supports[active][:, :, None] + np.arange(3)).reshape(len(active), n)
         rows, columns = (np.repeat(unknowns, n, axis=1), np.tile(unknowns, n))
         size = 3 * len(nodes)

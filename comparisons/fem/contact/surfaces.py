@@ -22,7 +22,7 @@ Table = TypeVar("Table", Points, Closest)
 
 
 class _Side:
-    """The points of one surface against the facets of the other; ``found`` remembers where each of them was closest."""
+    """The points of one surface against the facets of the other; ``closest`` keeps the last projections."""
 
     def __init__(self, points: Points, facets: Index, like: Facet) -> None:
         self.points, self.surface = points, Surface(np.ascontiguousarray(facets), _neighbours(facets), like)
@@ -30,11 +30,11 @@ class _Side:
         self._keep(np.arange(count), np.zeros(count, dtype=np.int64))
 
     def _keep(self, near: Index, facet: Index) -> None:
-        """Of all points keep those near the facets, and what is found for them."""
+        """Of all points keep those near the facets, and make room for their projections."""
         count = len(near)
         self.near = near
         self.kept = _take(self.points, near)
-        self.found = Closest(np.empty((count, 3)), facet, np.empty((count, 2)), np.empty(count))
+        self.closest = Closest(np.empty((count, 3)), facet, np.empty((count, 2)), np.empty(count))
 
     def search(self, nodes: Array, reach: float) -> None:
         """Keep the points within ``reach`` of the facets, starting from the facets with the nearest centres."""
@@ -48,22 +48,22 @@ class _Side:
         (near,) = np.nonzero(np.isfinite(distance))
         self._keep(near, facet[near].astype(np.int64))
         self.update(nodes)
-        close = self.found.gap < reach
-        self._keep(near[close], self.found.facet[close])
+        close = self.closest.gap < reach
+        self._keep(near[close], self.closest.facet[close])
 
     def update(self, nodes: Array) -> None:
         """Find the closest points of those near, from where they were."""
-        closest_kernel.place(nodes, self.kept, self.found.x)
-        closest_kernel.closest(nodes, self.surface, self.found)
+        closest_kernel.place(nodes, self.kept, self.closest.x)
+        closest_kernel.closest(nodes, self.surface, self.closest)
 
     def stiffness(self, nodes: Array, penalty: float) -> tuple[Index, Array]:
         """Return the unknowns ``(m, 3 n)`` of each point in contact and its second derivative ``(m, 3 n, 3 n)``."""
-        (active,) = np.nonzero(self.found.gap < 0.0)
-        points, found = _take(self.kept, active), _take(self.found, active)
+        (active,) = np.nonzero(self.closest.gap < 0.0)
+        points, closest = _take(self.kept, active), _take(self.closest, active)
         n = points.supports.shape[1] + self.surface.facets.shape[1]
         numbers = np.empty((len(active), n), dtype=np.int64)
         blocks = np.empty((len(active), 3 * n, 3 * n))
-        pressing_kernel.stiffness(nodes, points, self.surface, found, penalty, numbers, blocks)
+        pressing_kernel.stiffness(nodes, points, self.surface, closest, penalty, numbers, blocks)
         return (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n), blocks
 
 
@@ -86,10 +86,10 @@ class Contact:
         Force per volume: pressure over penetration.
     parts
         Each facet is cut in ``parts^2`` of equal shape, each with a rule exact to twice the order: contact that begins
-        inside a facet wants more points than its functions do.  0: the nodes, as usual in explicit dynamics; order 1
+        inside a facet needs more points than its functions do.  0: the nodes, as usual in explicit dynamics; order 1
         only.
     reach
-        Points farther apart than this are left alone until the surfaces have moved half of it; units of length.
+        Points farther apart than this are not checked until the surfaces have moved half of it; units of length.
     """
 
     def __init__(self, mesh: Mesh, first: str, second: str, penalty: float, parts: int = 1, reach: float = 0.1) -> None:
@@ -127,7 +127,7 @@ class Contact:
         """
         self._find(nodes)
         first, second = (
-            Pressing(*pressing_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out))
+            Pressing(*pressing_kernel.add_forces(nodes, side.kept, side.surface, side.closest, self.penalty, out))
             for side in self.sides
         )
         return Pressing(

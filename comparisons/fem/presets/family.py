@@ -19,7 +19,7 @@ class Family:
 
 
 def families(*options: str) -> Callable[..., Family]:
-    """Return what makes a family: of a label, what all have in common, and meshes, numbers for these options each.
+    """Return the function that makes a family of a label, common options, and meshes: a number for each option.
 
     ``grading`` is that of all its meshes.
     """

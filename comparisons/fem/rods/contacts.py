@@ -17,12 +17,12 @@ from isorod.model.contact import Contact, Cylinder, Plane
 from isorod.model.model import Model
 from meshes.mesh import Index, Mesh
 
-# Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
-# share of the thinner rod's radius, but few and many at most.
+# Contact begins inside a facet, whose edges are therefore divided: parts are no longer than this fraction of the
+# thinner rod's radius, within bounds on their number.
 _LONGEST = 0.5
 _FEWEST, _MOST = 3, 6
 
-# Points of two rods that are farther apart than this share of that radius are left alone for a while.
+# Points of two rods that are farther apart than this fraction of that radius are not searched in every iteration.
 _REACH = 0.5
 
 # How deep contacts may be whose penalty was not given, in radii (`isorod.model.contact.Contact`).
@@ -47,8 +47,8 @@ class Contacts:
 
     def outcome(self, newton: Pressed) -> Sequence[Touch]:
         """Return the outcome of each contact at the present state."""
-        found = newton.press(newton.force)[: len(self.all)]
-        return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in found if one is not None]
+        states = newton.press(newton.force)[: len(self.all)]
+        return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in states if one is not None]
 
     def stiffen(self, newton: Pressed) -> int:
         """Raise penalties until no point is deeper than its contact allows, as in isorod; return how often."""
@@ -61,15 +61,15 @@ class Contacts:
                 self.all[k].penalty *= _RISE
             newton.norms.clear()
             newton.solve(newton.x.copy())
-        raise SolveError(f"penetration does not fall to what is wanted in {_MOST_RISES} steps; raise the penalty")
+        raise SolveError(f"penetration does not fall to the allowed one in {_MOST_RISES} steps; raise the penalty")
 
     def _allowed(self) -> list[float]:
         """Return how deep each contact may be (`isorod.model.contact.Contact`)."""
-        found = []
+        depths = []
         for contact in self._model.contacts:
             own = np.inf if contact.penalty is not None else _DEPTH * smallest_radius(self._model, contact)
-            found.append(own if contact.penetration is None else contact.penetration)
-        return found
+            depths.append(own if contact.penetration is None else contact.penetration)
+        return depths
 
 
 def _made(elements: Elements, model: Model, k: int) -> Touching:

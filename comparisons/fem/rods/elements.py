@@ -17,42 +17,42 @@ from isorod.fenics import compat
 from isorod.geometry.rod import Rod
 from meshes.mesh import Array, Index, Mesh, match
 
-# A node is on a section where its axis parameter is that of the section to this share of the axis.
+# A node is on a section if its axis parameter is that of the section to this fraction of the axis.
 _SAME = 1e-9
 
 
 class Elements(Numbered):
-    """A mesh handed to dolfinx, and whose node, cell and facet is whose.
+    """A mesh handed to dolfinx, and which rod or body each node, cell and facet belongs to.
 
-    Parameters
-    ----------
-    mesh
-        Cells with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"``, ``"rod 0 end"``,
-        ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such); perhaps regions ``"solid 0"`` ...
-    rods
-        What it is a mesh of.
-    mixed
-        Numbers of the rods in which pressures are unknowns too, see `pressures`.
-    comm
-        The ranks among which dolfinx divides the cells.  All of them have the whole mesh.
+        Parameters
+        ----------
+        mesh
+            Cells with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"``, ``"rod 0 end"``,
+            ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such); perhaps regions ``"solid 0"`` ...
+        rods
+    Of the mesh.
+        mixed
+            Numbers of the rods in which pressures are unknowns too, see `pressures`.
+        comm
+            The ranks among which dolfinx divides the cells.  All of them have the whole mesh.
 
-    Attributes
-    ----------
-    source
-        The `Mesh`.
-    mesh, space, state
-        The dolfinx mesh, the space of displacements, and a function of all unknowns: displacements alone, or with
-        pressures.
-    mixed
-        Whether pressures are unknowns of each cell, in the source's order, shape ``(cells,)``.
-    idle
-        Unknowns that belong to no such cell: pressures, which are held at zero.
-    rows
-        Row in the source's cells of each of this rank's dolfinx cells, shape ``(cells,)``.
-    node_dofs
-        Blocked degree of freedom of each node, shape ``(nodes,)``, -1 of those that this rank's cells do not have.
-    rod_of
-        Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
+        Attributes
+        ----------
+        source
+            The `Mesh`.
+        mesh, space, state
+            The dolfinx mesh, the space of displacements, and a function of all unknowns: displacements alone, or with
+            pressures.
+        mixed
+            Whether pressures are unknowns of each cell, in the source's order, shape ``(cells,)``.
+        idle
+            Unknowns that belong to no such cell: pressures, which are held at zero.
+        rows
+            Row in the source's cells of each of this rank's dolfinx cells, shape ``(cells,)``.
+        node_dofs
+            Blocked degree of freedom of each node, shape ``(nodes,)``, -1 of those that this rank's cells do not have.
+        rod_of
+            Number of each cell's rod, -1 of those of bodies, in the source's order, shape ``(cells,)``.
     """
 
     def __init__(self, mesh: Mesh, rods: list[Rod], mixed: Sequence[int] = (), comm: MPI.Comm = MPI.COMM_SELF) -> None:
@@ -103,12 +103,12 @@ class Elements(Numbered):
 
     def _of_all(self, space: Any, values: Array) -> Array:
         """Return the sums over all ranks of their values of a space's degrees of freedom."""
-        found = dolfinx.fem.Function(space)
-        vector = compat.petsc_vector(found)
-        found.x.array[:] = values
+        function = dolfinx.fem.Function(space)
+        vector = compat.petsc_vector(function)
+        function.x.array[:] = values
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        return np.array(found.x.array)
+        return np.array(function.x.array)
 
     @cached_property
     def here(self) -> Index:
@@ -117,11 +117,11 @@ class Elements(Numbered):
 
     @cached_property
     def places(self) -> Index:  # type: ignore[override]
-        """Place of the coefficients of each node on this rank, shape ``(nodes, 3)``; negative if it has it not."""
-        found = super().places
+        """Place of the coefficients of each node on this rank, shape ``(nodes, 3)``; negative if it lacks the node."""
+        places = super().places
         if self._among is not None:
-            found[self.here] = self._among[found[self.here]]
-        return np.where(self.node_dofs[:, None] < 0, -1, found)
+            places[self.here] = self._among[places[self.here]]
+        return np.where(self.node_dofs[:, None] < 0, -1, places)
 
     @cached_property
     def _mine(self) -> Index:
@@ -142,7 +142,7 @@ class Elements(Numbered):
         return np.rint(self.to_nodes(np.arange(first, first + self.own, dtype=float))).astype(np.int64)
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as this rank's coefficients, zero for what is no displacement."""
+        """Return values by node ``(nodes, 3)`` as this rank's coefficients, zero for other unknowns."""
         result = np.zeros(self.unknowns)
         result[self.places[self.here]] = nodal[self.here]
         return result
@@ -184,11 +184,11 @@ class Elements(Numbered):
             return None
         at = compat.expression(unit * pressure, self.source.reference, flags)
         own = self.mesh.topology.index_map(3).size_local
-        found = np.zeros(self.source.cells.shape)
-        found[self.rows[:own]] = at(self.mesh, np.arange(own, dtype=np.int32))
-        found = np.asarray(self.comm.allreduce(found))
-        found[~self.mixed] = np.nan
-        return found
+        nodal = np.zeros(self.source.cells.shape)
+        nodal[self.rows[:own]] = at(self.mesh, np.arange(own, dtype=np.int32))
+        nodal = np.asarray(self.comm.allreduce(nodal))
+        nodal[~self.mixed] = np.nan
+        return nodal
 
     def cells(self, rod: int) -> Index:
         """Return the numbers of a rod's cells in the source."""
@@ -201,16 +201,16 @@ class Elements(Numbered):
         In the cells in which a closed rod meets its start, those of ``u`` that are beyond its end go on growing.  Cells
         of bodies have none, zeros.
         """
-        found = np.zeros((*self.source.cells.shape, 3))
+        parameters = np.zeros((*self.source.cells.shape, 3))
         for k, rod in enumerate(self.rods):
             cells = self.cells(k)
-            found[cells] = self.source.parameters_in(k, self.source.cells[cells])
+            parameters[cells] = self.source.parameters_in(k, self.source.cells[cells])
             if rod.closed:
                 low, high = rod.axis.breaks[[0, -1]]
-                u = found[cells, :, 2]
+                u = parameters[cells, :, 2]
                 beyond = (np.ptp(u, axis=1) > 0.5 * (high - low))[:, None] & (u < 0.5 * (low + high))
-                found[cells, :, 2] = u + (high - low) * beyond
-        return found
+                parameters[cells, :, 2] = u + (high - low) * beyond
+        return parameters
 
     def middles(self, rod: int) -> tuple[Array, Array]:
         """Return of a rod's cells the mean distance from the disk's centre and the mean axis parameter."""
@@ -222,10 +222,10 @@ class Elements(Numbered):
     def constants(self, values: Array) -> Any:
         """Return the dolfinx function with these values ``(cells, m)``, in the source's order, constant on each."""
         space = compat.function_space(self.mesh, compat.element(self.mesh, self.family, 0, values.shape[1]))
-        found = dolfinx.fem.Function(space)
+        function = dolfinx.fem.Function(space)
         where = compat.cell_dofs(space, len(self.rows))[:, 0]
-        found.x.array.reshape(-1, values.shape[1])[where] = values[self.rows]
-        return found
+        function.x.array.reshape(-1, values.shape[1])[where] = values[self.rows]
+        return function
 
     @cached_property
     def _sides(self) -> tuple[Index, Index]:
@@ -248,9 +248,9 @@ class Elements(Numbered):
         """Return this rank's dolfinx facets of a named face, sorted."""
         face = self.source.faces[name]
         corners = np.isin(self.source.face_reference, (0.0, 1.0)).all(axis=1)
-        wanted = np.sort(face[:, corners], axis=1)
+        targets = np.sort(face[:, corners], axis=1)
         sides, places = self._sides
-        numbers = np.flatnonzero(_is_among(sides, wanted))
+        numbers = np.flatnonzero(_is_among(sides, targets))
         if len(numbers) != len(face):
             raise InputError(f"mesh: face {name} is not the surface of cells")
         topology = self.mesh.topology
@@ -279,20 +279,20 @@ class Elements(Numbered):
         on = np.abs(self.parameters[self.cells(rod)][:, :, 2] - u) <= slack
         above = self.parameters[self.cells(rod)][:, :, 2].mean(axis=1) > u
         _, places = self._sides
-        found = []
+        facets = []
         for side in places:
             chosen = self.cells(rod)[above & on[:, side].all(axis=1)]
             # The side's two directions, the first one faster, as a face has them.
             position = self.source.reference[side]
             flat = np.delete(position, int(np.argmin(np.ptp(position, axis=0))), axis=1)
-            found.append(self.source.cells[chosen][:, side[match(flat, self.source.face_reference)]])
-        faces = np.concatenate(found)
+            facets.append(self.source.cells[chosen][:, side[match(flat, self.source.face_reference)]])
+        faces = np.concatenate(facets)
         if not len(faces):
             raise InputError(f"section at u = {u:g} of rod {rod}: it lies within cells of the mesh")
         return faces
 
 
-def _is_among(rows: Index, wanted: Index) -> Any:
+def _is_among(rows: Index, others: Index) -> Any:
     """Return whether each of some rows is among others, shape ``(rows,)``."""
-    inverse = np.unique(np.concatenate([rows, wanted]), axis=0, return_inverse=True)[1].ravel()
+    inverse = np.unique(np.concatenate([rows, others]), axis=0, return_inverse=True)[1].ravel()
     return np.isin(inverse[: len(rows)], inverse[len(rows) :])

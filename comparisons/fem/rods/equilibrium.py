@@ -31,16 +31,16 @@ from meshes.mesh import Array
 # A load step is halved at most this many times.
 HALVINGS = 10
 
-# Forces that no longer fall are rounding if they are below this share of those that the supports and loads exert.
+# Residuals that no longer fall are rounding if they are below this fraction of the forces of supports and loads.
 _ROUNDING = 1e-6
 _STALLED = 0.3
 
-# Where contacts come and go the forces that are left may grow at first; from the third iteration on this is too much.
+# Where contacts open and close the residual may grow at first; from the third iteration on this factor is too much.
 _WILD = 5.0
 
 
 class Loaded(Pressed):
-    """Newton's method with dead loads and contacts, and an end that knows rounding.
+    """Newton's method with dead loads and contacts, and a convergence test that recognises rounding.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Loaded(Pressed):
         """Add contacts and dead loads."""
         out.array[:] -= self.factor * self._loads
         super().add_forces(out)
-        # With what the supports take: of their size the rest must be small.
+        # With the reactions: the residual must be small beside them.
         self._carried = out.norm()
 
     def carried(self, supports: Supports) -> tuple[Array, tuple[Array, Array]]:
@@ -182,7 +182,7 @@ def solve(task: Task, load_steps: int) -> Solution:
 
 
 def _forms(elements: Elements, laws: Laws, task: Task) -> tuple[Any, Any]:
-    """Return internal forces, with those of loads that change with the displacement, and their derivative."""
+    """Return the forms of internal forces and of loads that depend on the displacement, and of their derivative."""
     model, state, (u, pressure) = task.model, elements.state, elements.split
     stored = laws.energy()
     if model.spin is not None:

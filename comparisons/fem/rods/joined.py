@@ -1,4 +1,4 @@
-"""A scene's rods and bodies, tied, as the parts of one solid that `meshes.joined` makes; what cannot be is refused."""
+"""A scene's rods and bodies, tied, as the parts of one solid for `meshes.joined`."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ _FACETS = {
 
 
 class Assembled(NamedTuple):
-    """What `meshes.joined_mesh.build` takes."""
+    """The arguments of `meshes.joined_mesh.build`."""
 
     parts: Sequence[Part]
     joins: Sequence[Join]
@@ -39,7 +39,7 @@ def assembled(
     model
         Rods, bodies, ties.
     bodies
-        What the file says of the bodies.
+        Of the file's bodies.
     names
         Of the rods.
     cuts
@@ -50,12 +50,12 @@ def assembled(
         for k, (name, body) in enumerate(zip(names, model.bodies, strict=True))
     ]
     groups = {}
-    for k, (one, solid) in enumerate(zip(bodies, model.solids, strict=True)):
-        assert one.geometry is not None
-        box = np.array([one.grid.points.min(axis=0), one.grid.points.max(axis=0)])
-        groups[len(parts)] = _groups(one)
-        name = f"solid {one.name}"
-        parts.append(BodyPart(f"solid {k}", name, one.geometry.name, one.geometry.content, box, float(solid.volume)))
+    for k, (body, solid) in enumerate(zip(bodies, model.solids, strict=True)):
+        assert body.geometry is not None
+        box = np.array([body.grid.points.min(axis=0), body.grid.points.max(axis=0)])
+        groups[len(parts)] = _groups(body)
+        name = f"solid {body.name}"
+        parts.append(BodyPart(f"solid {k}", name, body.geometry.name, body.geometry.content, box, float(solid.volume)))
     joins = []
     for k, tie in enumerate(model.ties):
         points, area = _surface(model, tie.slave)

@@ -19,7 +19,7 @@ from isorod.model.model import Model
 from meshes.mesh import Array, Index
 from meshes.within import lagrange
 
-# How far bodies at rest are taken to be compressed.
+# Compression of bodies at rest (`Laws.at_rest`).
 _SLACK = 1e-12
 
 
@@ -81,7 +81,7 @@ class Laws:
         self._fibres = self._directions()
 
     def energy(self) -> Any:
-        """Return the energy of the state, a sum of integrals; with pressures what is stationary in them."""
+        """Return the energy of the state, a sum of integrals; with pressures the functional stationary in them."""
         u, pressure = self.elements.split
         F = ufl.Identity(3) + ufl.grad(u)
         total = sum(self._density(kind, F, self.activation) * self.dx(kind) for kind in self.present)
@@ -91,7 +91,7 @@ class Laws:
         """Return the energy of a small displacement from rest, with no activation: a sum of integrals."""
         i, j, k, m = ufl.indices(4)
         u, pressure = self.elements.split
-        # From the slack side: fibres that bear tension alone bear nothing at rest, where they are 1 but for rounding.
+        # Slightly compressed: fibres that bear tension alone are slack; at rest their stretch is 1 up to rounding.
         rest, turned = ufl.variable((1.0 - _SLACK) * ufl.Identity(3)), ufl.grad(u)
         total = 0.0
         for kind in self.present:
@@ -100,30 +100,30 @@ class Laws:
         return total + self._volumetric(pressure, lambda _: ufl.div(u))
 
     def between(self, before: Any, place: Any, test: Any) -> Any:
-        """Return the virtual work of the stress at a place from 0 to 1 on the way from one displacement to the state.
+        """Return the virtual work of the stress at ``place``, 0 to 1, between a displacement and the state.
 
         See `isorod.fenics.forms.between`; of laws of small strains it is that in the middle.
         """
         u, _ = self.elements.split
-        first, last = (ufl.Identity(3) + ufl.grad(one) for one in (before, u))
+        first, last = (ufl.Identity(3) + ufl.grad(energy) for energy in (before, u))
         middle = 0.5 * (first + last)
         total = 0.0
         for kind in self.present:
-            one = self._energies[kind - 1]
-            given = self._given(one, self.activation)
-            if one.small:
+            energy = self._energies[kind - 1]
+            given = self._given(energy, self.activation)
+            if energy.small:
                 F = ufl.variable(middle)
-                stress = ufl.diff(density(one.expression, F, given, self._fibres), F)
+                stress = ufl.diff(density(energy.expression, F, given, self._fibres), F)
             else:
                 C = first.T * first
                 C = ufl.variable(C + place * (last.T * last - C))
-                slope = ufl.diff(density_of(one.expression, C, given, self._fibres), C)
+                slope = ufl.diff(density_of(energy.expression, C, given, self._fibres), C)
                 stress = middle * (slope + slope.T)
             total += ufl.inner(stress, ufl.grad(test)) * self.dx(kind)
         return total
 
     def _volumetric(self, pressure: Any, theta: Callable[[bool], Any]) -> Any:
-        """Return what pressures add to the energy, ``p theta - p^2 / (2 lame)`` where they act."""
+        """Return the pressures' part of the energy, ``p theta - p^2 / (2 lame)`` where they act."""
         total = 0.0
         for kind in self.present:
             _, mixed, logarithmic = self._kinds[kind - 1]
@@ -133,11 +133,11 @@ class Laws:
         return total
 
     def _density(self, kind: int, F: Any, activation: Any) -> Any:
-        one = self._energies[kind - 1]
-        return density(one.expression, F, self._given(one, activation), self._fibres)
+        energy = self._energies[kind - 1]
+        return density(energy.expression, F, self._given(energy, activation), self._fibres)
 
     def _given(self, stored: Any, activation: Any) -> dict[Any, Any]:
-        """Return what the symbols of an energy are: thermal strains grow with the activation."""
+        """Return the values of an energy's symbols; thermal strains grow with the activation."""
         given = {one: self._constants[k] for k, one in enumerate(stored.constants)}
         if symbols.heat in given:
             given[symbols.heat] *= activation
@@ -164,9 +164,9 @@ class Laws:
         dofs = compat.cell_dofs(space, len(elements.rows))
         made = []
         for family in range(families):
-            found = dolfinx.fem.Function(space)
-            found.x.array.reshape(-1, 3)[dofs] = fibres[elements.rows][:, :, 3 * family : 3 * family + 3]
-            made.append(found / ufl.sqrt(ufl.inner(found, found)))
+            field = dolfinx.fem.Function(space)
+            field.x.array.reshape(-1, 3)[dofs] = fibres[elements.rows][:, :, 3 * family : 3 * family + 3]
+            made.append(field / ufl.sqrt(ufl.inner(field, field)))
         return tuple(made)
 
 

@@ -22,26 +22,26 @@ from meshes.mesh import Array, Index, gradients
 from meshes.mesh import gauss as volume_rule
 from meshes.within import lagrange
 
-# Points of a section whose area is wanted.
+# Points of a section at which its area is integrated.
 _SECTION = Rule(6, 4, 1)
 
 _SURFACES = {"outer": "lateral", "inner": "inner"}
 
 
 def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region: str | None = None) -> Array:
-    """Return the nodal forces at full load of what does not change with the displacement, shape ``(nodes, 3)``.
+    """Return the nodal forces at full load of loads that do not depend on the displacement, shape ``(nodes, 3)``.
 
-    Parameters
-    ----------
-    bodies
-        What loads the model's bodies.
-    region
-        The only one whose loads are wanted: ``"rod 0"`` ..., ``"solid 0"`` ...; those of all if None.
+        Parameters
+        ----------
+        bodies
+            What loads the model's bodies.
+        region
+    Only loads of this region, ``"rod 0"`` ..., ``"solid 0"`` ...; of all if None.
 
-    Raises
-    ------
-    InputError
-        If a load is not known, or on a section within cells.
+        Raises
+        ------
+        InputError
+            If a load is not known, or on a section within cells.
     """
     result = np.zeros_like(elements.source.points)
     for load in model.loads:
@@ -55,18 +55,18 @@ def dead(elements: Elements, model: Model, bodies: Sequence[OfBody] = (), region
 
 
 def nodal(elements: Elements, model: Model, load: Any) -> Array:
-    """Return the nodal forces at full load of what of a rod's load does not change with the displacement."""
+    """Return the nodal forces at full load of a rod's load; zero where it depends on the displacement."""
     result, source = np.zeros_like(elements.source.points), elements.source
     if isinstance(load, SectionLoad):
         breaks = model.bodies[load.body].space.axis.breaks
         facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
         points = gauss(source, facet_of(source), facets)
-        shares = points.shares * (points.weights / points.weights.sum())[:, None]
+        functions = points.shares * (points.weights / points.weights.sum())[:, None]
         pull = np.tile(np.array(load.force or (0.0, 0.0, 0.0), dtype=float), (len(points.weights), 1))
         if load.moment is not None and load not in model.following:
             places = np.einsum("qn,qna->qa", points.shares, source.points[points.supports])
             pull += _turning(places, points.weights, load.moment)
-        np.add.at(result, points.supports, shares[:, :, None] * pull[:, None])
+        np.add.at(result, points.supports, functions[:, :, None] * pull[:, None])
     elif isinstance(load, Weight):
         cells = elements.cells(load.body)
         result += _volumes(elements, cells, densities_of(elements, model)[cells])[:, None] * np.array(load.acceleration)
@@ -101,11 +101,11 @@ def _along(elements: Elements, load: LineLoad) -> Array:
     areas = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1) @ area
     speed = np.linalg.norm(rod.grid(np.zeros((1, 2)), u)[1][:, 0, :, 2], axis=-1)
     density = np.linalg.norm(pulls, axis=-1) * (speed / areas)[back.ravel()]
-    shares = (det * weights * density.reshape(det.shape)) @ values
+    lengths = (det * weights * density.reshape(det.shape)) @ values
     # Cells do not fill the disk to the last digit, and the force is known.
-    shares *= np.ptp(rod.arc_length(rod.axis.breaks)) / shares.sum()
-    found = np.bincount(source.cells[cells].ravel(), shares.ravel(), len(source.points))
-    return found[:, None] * np.array(load.per_length)
+    lengths *= np.ptp(rod.arc_length(rod.axis.breaks)) / lengths.sum()
+    nodal_lengths = np.bincount(source.cells[cells].ravel(), lengths.ravel(), len(source.points))
+    return nodal_lengths[:, None] * np.array(load.per_length)
 
 
 def _add(elements: Elements, solid: int, load: Load, result: Array) -> None:
@@ -146,9 +146,9 @@ def _volumes(elements: Elements, cells: Index, densities: Array | float = 1.0) -
     slopes = gradients(source.shape, source.order, source.reference, where)
     values = lagrange(source.order, source.reference, where)
     det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))
-    shares = np.reshape(densities, (-1, 1)) * ((det * weights) @ values)
+    integrals = np.reshape(densities, (-1, 1)) * ((det * weights) @ values)
     nodes = source.cells[cells].ravel()
-    return np.asarray(np.bincount(nodes, shares.ravel(), len(source.points)), dtype=float)
+    return np.asarray(np.bincount(nodes, integrals.ravel(), len(source.points)), dtype=float)
 
 
 def centrifugal(laws: Laws, spin: Spin, u: Any) -> Any:
@@ -177,7 +177,7 @@ class Following:
         self.work = self._work(elements, rule, u, test) if self._loads else None
 
     def at(self, begin: float, end: float) -> None:
-        """Let them be their means over a time, or what they are at it."""
+        """Set them to their means over an interval, or to their values at a time."""
         for size, load in zip(self._sizes, self._loads, strict=True):
             size.value = load.pressure * load.factor(begin, end)
 
@@ -189,8 +189,8 @@ class Following:
         where, first = np.unique(np.concatenate(facets), return_index=True)
         if len(where) != sum(len(one) for one in facets):
             raise InputError("pressure: two that follow the same surface; add them up")
-        found = dolfinx.mesh.meshtags(elements.mesh, 2, where, np.concatenate(tags)[first])
-        ds = ufl.Measure("ds", domain=elements.mesh, subdomain_data=found, metadata={"quadrature_degree": rule})
+        regions = dolfinx.mesh.meshtags(elements.mesh, 2, where, np.concatenate(tags)[first])
+        ds = ufl.Measure("ds", domain=elements.mesh, subdomain_data=regions, metadata={"quadrature_degree": rule})
         F = ufl.Identity(3) + ufl.grad(u)
         normal = ufl.det(F) * ufl.inv(F).T * ufl.FacetNormal(elements.mesh)
         return sum(size * ufl.inner(normal, test) * ds(k) for k, size in enumerate(self._sizes))

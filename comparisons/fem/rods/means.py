@@ -1,6 +1,6 @@
-"""What acts on sections as a whole: supports of mean motions, springs to ground, and moments, as forces on nodes.
+"""Nodal forces of what acts on whole sections: supports of mean motions, springs to ground, and moments.
 
-What holds a mean motion is a stiff spring with a force that makes up for its stretch (an augmented Lagrangian).
+A mean motion is held by a stiff spring and a multiplier that replaces its stretch (augmented Lagrangian).
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from isorod.space.trace import Trace
 from meshes.mesh import Array, Index
 from meshes.within import Layers, lagrange
 
-# Stiffness of what is held, in shear moduli times the section's size.  Stiffer springs, without a force of their own,
+# Stiffness of held motions, in shear moduli times the section's size.  Stiffer springs, without a force of their own,
 # are as good as rigid in modes, and lose that many digits of what they carry.
 STIFF, RIGID = 1e4, 1e6
 
-# How often the force makes up for the stretch, of which each time less than 1e-3 is left.
+# Updates of the multipliers, each of which leaves less than 1e-3 of the stretch.
 TIMES = 2
 
 # Points on the line round a section.
@@ -31,13 +31,13 @@ _AROUND = 720
 
 def section_on(elements: Elements, body: int, u: float) -> Trace:
     """Return the mesh's functions on a section between its cells, the same nodes at each point."""
-    found = gauss(elements.source, facet_of(elements.source), elements.section(body, u))
-    places = np.einsum("qn,qna->qa", found.shares, elements.source.points[found.supports])
-    return _trace(places, found.weights, found.supports, found.shares)
+    points = gauss(elements.source, facet_of(elements.source), elements.section(body, u))
+    places = np.einsum("qn,qna->qa", points.shares, elements.source.points[points.supports])
+    return _trace(places, points.weights, points.supports, points.shares)
 
 
 def ring_on(elements: Elements, body: int, u: float) -> Trace:
-    """Return them on the line round a section, by points so near that cells have many; weights are lengths."""
+    """Return the functions on the line round a section, at many points a cell; weights are lengths."""
     source, rod = elements.source, elements.rods[body]
     angles = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND
     xi = rod.rings[-1] * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -45,15 +45,15 @@ def ring_on(elements: Elements, body: int, u: float) -> Trace:
     weights = np.linalg.norm(jacobian[0, ..., 1] * xi[:, :1] - jacobian[0, ..., 0] * xi[:, 1:], axis=1)
     own = elements.cells(body)
     layers = Layers(rod, source.order, source.reference, elements.parameters[own])
-    found, where = layers.find(np.column_stack([xi, np.full(len(xi), u)]))
-    shares = lagrange(source.order, source.reference, where)
-    return _trace(position[0], weights * 2.0 * np.pi / _AROUND, source.cells[own[found]], shares)
+    rows, where = layers.find(np.column_stack([xi, np.full(len(xi), u)]))
+    functions = lagrange(source.order, source.reference, where)
+    return _trace(position[0], weights * 2.0 * np.pi / _AROUND, source.cells[own[rows]], functions)
 
 
-def _trace(points: Array, weights: Array, supports: Index, shares: Array) -> Trace:
+def _trace(points: Array, weights: Array, supports: Index, functions: Array) -> Trace:
     nodes, place = np.unique(supports, return_inverse=True)
     values = np.zeros((len(points), len(nodes)))
-    np.add.at(values, (np.arange(len(points))[:, None], place.reshape(supports.shape)), shares)
+    np.add.at(values, (np.arange(len(points))[:, None], place.reshape(supports.shape)), functions)
     return Trace(points, np.zeros_like(points), weights, np.tile(nodes, (len(points), 1)), values, nodes)
 
 
@@ -65,7 +65,7 @@ class Mean:
     factor
         Load factor.
     carried
-        Force along its ways and moments about its axes on the model, ``(k,)``, of the last forces.
+        Last forces along its directions and moments about its axes, on the model, ``(k,)``.
     """
 
     def __init__(self, elements: Elements, support: MeanSupport, unit: float, stiff: float) -> None:
@@ -77,19 +77,19 @@ class Mean:
         held = stiff * unit * np.repeat([size, size**3], [len(support.directions), len(support.axes)])
         self.penalty = 0.0
         self._stiffness = held if support.stiffness is None else support.stiffness
-        self._wanted = support.values if support.stiffness is None else np.zeros(len(held))
+        self._targets = support.values if support.stiffness is None else np.zeros(len(held))
         self._known = np.zeros(len(held))
         self.carried = self._known
 
     def add_forces(self, nodes: Array, out: Array) -> None:
-        """Add what the springs pull the nodes with, positions ``(nodes, 3)``."""
+        """Add the springs' nodal forces at positions ``(nodes, 3)``."""
         moved = np.einsum("kna,na->k", self._rows, nodes[self._nodes] - self._rest[self._nodes])
-        pull = self._known + self._stiffness * (moved - self.factor * self._wanted)
+        pull = self._known + self._stiffness * (moved - self.factor * self._targets)
         out[self._nodes] += np.einsum("k,kna->na", pull, self._rows)
         self.carried = -pull
 
     def tighten(self) -> None:
-        """Let what holds know what it carries: with another solution nothing gives way any more."""
+        """Set the multipliers to the last forces: with another solution the stretch of the springs nearly vanishes."""
         if self._support.stiffness is None:
             self._known = -self.carried
 
@@ -101,8 +101,8 @@ class Mean:
     @property
     def resultant(self) -> tuple[Array, Array]:
         """Force and moment on the model, ``(3,)`` each."""
-        ways, axes = self._support.directions, self._support.axes
-        return self.carried[: len(ways)] @ ways, self.carried[len(ways) :] @ axes
+        directions, axes = self._support.directions, self._support.axes
+        return self.carried[: len(directions)] @ directions, self.carried[len(directions) :] @ axes
 
 
 class Moment(SectionMoment):
@@ -116,7 +116,7 @@ class Moment(SectionMoment):
         self.factor, self.penalty = 1.0, 0.0
 
     def add_forces(self, nodes: Array, out: Array) -> None:
-        """Take the load's forces from those inside."""
+        """Subtract the load's forces."""
         out[self._nodes] -= self.factor * self.forces(nodes[self._nodes])
 
     def stiffness(self, nodes: Array) -> sparse.coo_array:

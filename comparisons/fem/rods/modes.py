@@ -29,27 +29,26 @@ def solve(task: Task, modes: int) -> Solution:
     elements = task.elements(with_pressures(model))
     laws, supports = Laws(elements, model, task.rule), Supports(elements, model, task.bodies)
     settings = modal.Settings(modal.DIRECT if task.options is None else task.options, task.flags)
-    found = modal.lowest(
-        elements, _body(elements, model, laws, supports, settings), modes, len(free_motions(model)), settings, begin
-    )
+    body = _body(elements, model, laws, supports, settings)
+    result = modal.lowest(body, modes, len(free_motions(model)), settings, begin)
     return Solution(
         model=model,
         mesh=task.mesh,
         analysis="modal",
         cell_parameters=elements.parameters,
         place=laws.place,
-        seconds=found.seconds,
-        dofs=found.dofs,
-        unknowns=found.unknowns,
-        options=found.options,
-        peak_memory=found.peak_memory,
-        iterations={"iterations": found.iterations},
-        frequencies=found.frequencies,
-        eigenvalues=found.eigenvalues,
-        residuals=found.residuals,
-        shapes=_shapes(elements, found),
-        rigid=found.rigid,
-        below=found.below,
+        seconds=result.seconds,
+        dofs=result.dofs,
+        unknowns=result.unknowns,
+        options=result.options,
+        peak_memory=result.peak_memory,
+        iterations={"iterations": result.iterations},
+        frequencies=result.frequencies,
+        eigenvalues=result.eigenvalues,
+        residuals=result.residuals,
+        shapes=_shapes(elements, result),
+        rigid=result.rigid,
+        below=result.below,
         bodies=task.bodies,
     )
 
@@ -77,11 +76,11 @@ def _body(elements: Elements, model: Model, laws: Laws, supports: Supports, sett
     return modal.Body(*given, **more)
 
 
-def _shapes(elements: Elements, found: modal.Modes) -> Array:
+def _shapes(elements: Elements, result: modal.Modes) -> Array:
     """Return mode shapes at the nodes, shape ``(modes, nodes, 3)``."""
 
     def nodal(shape: Any) -> Array:
-        found.carry(shape)
+        result.carry(shape)
         return elements.to_nodes(elements.state.x.array).copy()
 
-    return np.array([nodal(shape) for shape in found.shapes])
+    return np.array([nodal(shape) for shape in result.shapes])

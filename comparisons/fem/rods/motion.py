@@ -1,4 +1,4 @@
-"""The motion of rods in isorod's own implicit steps, so that what is compared is space and not time.
+"""The motion of rods in isorod's own implicit steps, so that only the discretisation in space differs.
 
 Steps are those of `isorod.dynamics.implicit.assembler`: energy-momentum conserving, with the stress between two states
 of `isorod.fenics.forms.between`, and loads in the middle of the step.
@@ -87,7 +87,7 @@ class _Step(Loaded):
         super()._tangent(snes, x, J, P)
 
     def add_forces(self, out: PETSc.Vec) -> None:
-        """Add those of the other places on the way, and dead loads."""
+        """Add those of the other points between both states, and dead loads."""
         more = out.duplicate()
         for place in range(1, len(_POINTS)):
             self.forms.go(place)
@@ -117,7 +117,7 @@ def solve(task: Task, steps: Steps) -> Motion:
     clock.lap("forms")
     supports.move(1.0)
     counts = {"steps": 0, "newton_iterations": 0}
-    found: list[tuple[Array, Array]] = []
+    outputs: list[tuple[Array, Array]] = []
     with defaults(task.newton(DIRECT | {"pc_type": "lu"})):
         dead = [(load, nodal(elements, model, load)) for load in model.loads]
         nothing = np.zeros_like(task.mesh.points)
@@ -139,7 +139,7 @@ def solve(task: Task, steps: Steps) -> Motion:
             now = elements.to_dofs(loads(time, time))[:own]
             carried = elements.to_nodes(forms.carried(state, held, now, newton)).copy()
             displacement = elements.to_nodes(state.array_r).copy()
-            found.append((displacement, supports.forces(carried, displacement)[0]))
+            outputs.append((displacement, supports.forces(carried, displacement)[0]))
 
         forms.start(elements.to_dofs(_begun(elements, model)), supports.held)
         try:
@@ -157,7 +157,7 @@ def solve(task: Task, steps: Steps) -> Motion:
                     try:
                         newton.solve(guess)
                     except SolveError:
-                        # What swings faster than steps follow is nearer to where it was than to where it goes.
+                        # Fast oscillations are nearer to the last state than to the extrapolated one.
                         newton.norms.clear()
                         newton.solve(start)
                 except SolveError as problem:
@@ -175,13 +175,13 @@ def solve(task: Task, steps: Steps) -> Motion:
     last = task.solved(
         "dynamics", elements, supports, newton, clock, place=laws.place, options=options, iterations=counts
     )
-    states = [replace(last, displacement=one, reactions=carried) for one, carried in found]
+    states = [replace(last, displacement=one, reactions=carried) for one, carried in outputs]
     times = np.arange(steps.outputs + 1) * steps.end_time / steps.outputs
-    return Motion(states, times, np.array([carried for _, carried in found]))
+    return Motion(states, times, np.array([carried for _, carried in outputs]))
 
 
 def _begun(elements: Elements, model: Model) -> Array:
-    """Return the velocity of the mesh's nodes with which rods begin (`isorod.model.body.Body`), ``(nodes, 3)``."""
+    """Return the initial velocity of the mesh's nodes (`isorod.model.body.Body`), ``(nodes, 3)``."""
     result = np.zeros_like(elements.source.points)
     for b, body in enumerate(model.bodies):
         if any(body.velocity) or any(body.spin):
@@ -212,13 +212,13 @@ class _Forms:
         self.before, self.velocity, self.moment = (dolfinx.fem.Function(space) for _ in range(3))
         test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
         dt, c = (dolfinx.fem.Constant(elements.mesh, value) for value in (steps.step, steps.damping))
-        # On the regions that laws are of: of one form dolfinx 0.9 takes no others.
+        # On the regions of the laws: dolfinx 0.9 takes only one set of regions in a form.
         dx = laws.dx(metadata={"quadrature_degree": 2 * elements.source.order})
         change = u - self.before
         push = laws.density * ufl.inner((2.0 / dt**2 + c / dt) * change - (2.0 / dt) * self.velocity, test) * dx
-        # One form for all places on the way, that of the first with what there is once: it is compiled faster.
-        self._place, self._share, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
-        residual = self._once * push + self._share * laws.between(self.before, self._place, test)
+        # One form for all points between both states, at the first one with inertia and loads: it is compiled faster.
+        self._place, self._weight, self._once = (dolfinx.fem.Constant(elements.mesh, 1.0) for _ in range(3))
+        residual = self._once * push + self._weight * laws.between(self.before, self._place, test)
         now = ufl.derivative(laws.energy(), u, test) + c * laws.density * ufl.inner(self.velocity, test) * dx
         self.pressed = Following(elements, task.model, task.rule, 0.5 * (u + self.before), test)
         self.pressed_now = Following(elements, task.model, task.rule, u, test)
@@ -233,13 +233,13 @@ class _Forms:
         self._ksp: PETSc.KSP | None = None
 
     def start(self, velocity: Array, held: Index) -> None:
-        """Set the velocity at the start; what is held has none."""
+        """Set the velocity at the start, zero where held."""
         velocity[held] = 0.0
         self.velocity.x.array[:] = velocity
 
     def go(self, place: int) -> None:
-        """Go to a place on the way from one state to the other."""
-        self._place.value, self._share.value = 0.5 * (1.0 + _POINTS[place]), 0.5 * _WEIGHTS[place]
+        """Set the point between both states at which the stress is taken."""
+        self._place.value, self._weight.value = 0.5 * (1.0 + _POINTS[place]), 0.5 * _WEIGHTS[place]
         self._once.value = float(place == 0)
 
     def begin(self, state: PETSc.Vec, level: float) -> None:
@@ -253,7 +253,7 @@ class _Forms:
         compat.fill(self.velocity, 2.0 / self.steps.step * (state.array_r - before) - velocity)
 
     def carried(self, state: PETSc.Vec, held: Index, loads: Array, newton: _Step) -> Array:
-        """Return the forces on all degrees of freedom that hold them, with what their mass takes at this moment."""
+        """Return the reactions on all degrees of freedom at this moment, inertia included."""
         compat.fill(self.elements.state, state.array_r)
         balance = newton.force
         compat.assemble_vector(balance, self._now)

@@ -35,7 +35,7 @@ from isorod.statics.path import Step
 from meshes.mesh import Array, Index
 from meshes.within import lagrange
 
-# Steps are doubled until the forces change by less than this share, as isorod's by default.
+# Steps are doubled until the forces change by less than this fraction, as isorod's by default.
 CHANGE, MANY = 2.5e-3, [2**k for k in range(9)]
 
 
@@ -90,27 +90,27 @@ class Remembered:
     def _gradients(self) -> Array:
         """Return the deformation gradients of the state, ``(cells, points, 3, 3)``."""
         count = len(self._elements.rows)
-        found = self._gradient(self._elements.mesh, np.arange(count, dtype=np.int32))
-        return found.reshape(count, -1, 3, 3)
+        values = self._gradient(self._elements.mesh, np.arange(count, dtype=np.int32))
+        return values.reshape(count, -1, 3, 3)
 
-    def see(self, factor: float, wanted: bool) -> None:
-        """Set the stress of the state at a load factor, or the moduli if these are ``wanted``."""
+    def see(self, factor: float, moduli: bool) -> None:
+        """Set the stress of the state at a load factor, or the ``moduli``."""
         F = self._gradients()
-        found, size = (self._moduli, 81) if wanted else (self._stress, 9)
+        field, size = (self._moduli, 81) if moduli else (self._stress, 9)
         for cells, law in self._own:
             reached = law.reached(factor)
-            values = reached.tangent(F[cells]) if wanted else reached.stress(F[cells])
-            where = self._dofs[wanted][cells]
-            found.x.array.reshape(-1, size)[where] = values.reshape(*where.shape, size)
+            values = reached.tangent(F[cells]) if moduli else reached.stress(F[cells])
+            where = self._dofs[moduli][cells]
+            field.x.array.reshape(-1, size)[where] = values.reshape(*where.shape, size)
 
     def go_on(self, factor: float) -> None:
-        """Let the laws go on from the state, an equilibrium at a load factor."""
+        """Advance the laws to the state, an equilibrium at a load factor."""
         F = self._gradients()
         self._own = [(cells, law.advanced(F[cells], factor)) for cells, law in self._own]
 
 
 class _Flowing(Loaded):
-    """Newton's method on them; loads are those of `carry`, at the load factor ``time``."""
+    """Newton's method with `Remembered` laws; loads are those of `carry`, at the load factor ``time``."""
 
     def __init__(self, elements: Elements, laws: Remembered, supports: Supports) -> None:
         super().__init__(elements, laws.forms, supports, np.zeros_like(elements.source.points), [], True)
@@ -121,7 +121,7 @@ class _Flowing(Loaded):
         self._copy(x)
         self._laws.see(self.time, False)
         if snes.getIterationNumber() == 0:
-            # What supports are moved by is lifted by the tangent.
+            # The supports' displacements are lifted by the tangent.
             self._laws.see(self.time, True)
         super()._residual(snes, x, out)
 
@@ -135,19 +135,19 @@ def solve(task: Task, load_steps: int | None, end_time: float | None) -> Solutio
     """Return the equilibrium at full load, or at the end of a time, see `comparisons.fem.rods.solve`.
 
     Where no number of steps from one kink of tables to the next is given, they double as isorod's do, until forces and
-    moments of supports change by less than `CHANGE` of the largest on the way.
+    moments of supports change by less than `CHANGE` of the largest along the path.
     """
     task = task if end_time is None else replace(task, model=until(task.model, end_time))
     if load_steps is not None:
         return _in_steps(task, load_steps)
     before, seconds = None, dict[str, float]()
     for steps in MANY:
-        found = _in_steps(task, steps)
-        seconds = {name: seconds.get(name, 0.0) + value for name, value in found.seconds.items()}
-        if before is not None and _apart(before, found) < CHANGE:
+        solution = _in_steps(task, steps)
+        seconds = {name: seconds.get(name, 0.0) + value for name, value in solution.seconds.items()}
+        if before is not None and _apart(before, solution) < CHANGE:
             break
-        before = found
-    return replace(found, seconds=seconds)
+        before = solution
+    return replace(solution, seconds=seconds)
 
 
 def _apart(before: Solution, after: Solution) -> float:
@@ -162,7 +162,7 @@ def _apart(before: Solution, after: Solution) -> float:
 
 
 def _in_steps(task: Task, load_steps: int) -> Solution:
-    """Return the equilibrium that so many steps from each kink of a table to the next lead to."""
+    """Return the equilibrium after ``load_steps`` steps from each kink of a table to the next."""
     clock, model, elements = Clock(), task.model, task.elements()
     supports = Supports(elements, model)
     refuse_free(model)
@@ -177,12 +177,12 @@ def _in_steps(task: Task, load_steps: int) -> Solution:
 
         def load(factor: float) -> None:
             newton.time = factor
-            shares = [model.amplitude(one.history, factor) for one in model.loads]
-            newton.carry(sum((a * b for a, b in zip(shares, dead, strict=True)), np.zeros_like(task.mesh.points)))
+            fractions = [model.amplitude(one.history, factor) for one in model.loads]
+            newton.carry(sum((a * b for a, b in zip(fractions, dead, strict=True)), np.zeros_like(task.mesh.points)))
             supports.move(factor)
 
         def reached(factor: float) -> None:
-            """Note an equilibrium, and go on from it."""
+            """Record an equilibrium, and advance the laws to it."""
             displacement, (reactions, moments) = newton.carried(supports)
             past.append(Past(factor, displacement))
             path.append(Step(factor, reactions, moments=moments))

@@ -22,7 +22,7 @@ from meshes import joined_mesh as one_solid
 from meshes.joined_mesh import Joined
 from meshes.mesh import Mesh
 
-# What a record has of what is found.
+# Attributes of the solution that a record has.
 _KEPT = {
     "statics": ("residual_norms", "reactions", "moments"),
     "modal": ("residuals", "rigid", "below"),
@@ -77,7 +77,7 @@ def mesh_of(model: Model, level: int = 1, degree: int = 2, cells: rods.Cells | N
 
 
 def joined_mesh(scene: Any, model: Model, level: int) -> tuple[Joined, list[str]]:
-    """Return the mesh of a model with ties as one solid, and what was done to it, in words."""
+    """Return the mesh of a model with ties as one solid, and notes on it."""
     planes = [cuts.planes(model, b) for b in range(len(model.bodies))]
     parts, joins, groups = joined.assembled(model, scene.bodies(), scene.rod_names(), planes)
     return one_solid.build(parts, joins, groups, level)
@@ -109,35 +109,35 @@ def run(
             if not tied:
                 return mesh_of(model, configuration.level, configuration.degree, configuration.counted), []
             _refuse_cells(configuration)
-            whole, told = joined_mesh(scene, model, configuration.level)
+            solid, notes = joined_mesh(scene, model, configuration.level)
             if configuration.bodies:
-                for one, alone in zip(bodies, whole.bodies, strict=True):
+                for one, alone in zip(bodies, solid.bodies, strict=True):
                     gmsh_model.write(alone, one_solid.body_file(configuration.bodies, one.name))
-            return whole, told
+            return solid, notes
 
-        mesh, told = runs.shared(build, comm)
+        mesh, notes = runs.broadcast(build, comm)
         meshing = perf_counter() - start
         asked = {"steps": known.Steps(**settings)} if scene.analysis == "dynamics" else settings
 
         def once() -> Any:
             return solve(model, mesh, scene.analysis, flags=configuration.flags, bodies=bodies, comm=comm, **asked)
 
-        found, record = runs.measured(once, repeat, comm, meshing)
+        result, record = runs.measured(once, repeat, comm, meshing)
     # Of a motion that in the end.
-    solution = found[-1] if scene.analysis == "dynamics" else found
+    solution = result[-1] if scene.analysis == "dynamics" else result
     if fields is not None and comm.rank == 0:
         write_arrays(fields, **solution.fields())
     return {
         "scene": scene.name,
         "analysis": scene.analysis,
-        **scene.measure(found),
-        **{name: getattr(found, name) for name in _KEPT[scene.analysis]},
+        **scene.measure(result),
+        **{name: getattr(result, name) for name in _KEPT[scene.analysis]},
         **({"contacts": [one._asdict() for one in solution.contacts]} if solution.contacts else {}),
         "dofs": solution.dofs,
         "unknowns": solution.unknowns,
         "cells": solution.cells,
         "shape": mesh.shape,
-        **({"mesh_notes": told} if told else {}),
+        **({"mesh_notes": notes} if notes else {}),
         **solution.iterations,
         "formulation": "mixed" if known.with_pressures(model) else "displacement",
         "units": scene.units,

@@ -1,4 +1,4 @@
-"""What a finite element solution of rods answers: the same questions as isorod's, by the same names."""
+"""A finite element solution of rods, evaluated by the same functions as isorod's."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ from meshes.joined_mesh import Joined
 from meshes.mesh import Array, Index, Mesh, gauss, gradients
 from meshes.within import Layers, Places, lagrange
 
-# Points of cells at which gradients are wanted: the same of all, or one of each.
+# Gradients at the same points of all cells, or at one point of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
 
 # Points round a surface at which stresses are compared, wherever cells meet.
@@ -132,9 +132,9 @@ class Solution:
     def at(self, rod: int, u: ArrayLike, xi: ArrayLike | None = None) -> Array:
         """Return the displacement at points of a rod, as `isorod.output.state.Deformation.at` does."""
         points, cells, where = self._located(rod, u, xi)
-        found = np.einsum("mn,mna->ma", self._functions(where), self._nodal[self.mesh.cells[cells]])
-        found = found.reshape(len(points.u), len(points.xi), 3)
-        return (found.mean(axis=1) if points.mean else found).reshape(*points.shape, 3)
+        values = np.einsum("mn,mna->ma", self._functions(where), self._nodal[self.mesh.cells[cells]])
+        values = values.reshape(len(points.u), len(points.xi), 3)
+        return (values.mean(axis=1) if points.mean else values).reshape(*points.shape, 3)
 
     def deformation_gradient(self, rod: int, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the deformation gradient at points of a rod, as `isorod.output.state.State` does."""
@@ -146,8 +146,8 @@ class Solution:
         points, cells, where = self._located(rod, u, xi)
         F, _ = self._gradients(cells, where, _EACH)
         gone = self._gone(cells, where, _EACH)
-        found = self._pk1(cells, F[:, None], self._functions(where)[:, None], [one[:, None] for one in gone])[:, 0]
-        return (found if kind == "pk1" else _cauchy(found, F)).reshape(*points.shape, 3, 3)
+        values = self._pk1(cells, F[:, None], self._functions(where)[:, None], [one[:, None] for one in gone])[:, 0]
+        return (values if kind == "pk1" else _cauchy(values, F)).reshape(*points.shape, 3, 3)
 
     def energy(self, rod: int) -> float:
         """Return the energy stored in a rod."""
@@ -173,12 +173,12 @@ class Solution:
         stress = self._pk1(cells, F, self._functions(where), self._gone(cells, where, _ALL))
         slopes = gradients(self.mesh.shape, self.mesh.order, self.mesh.reference, where)
         pull = stress @ np.linalg.inv(jacobian).swapaxes(2, 3) * (weights * determinant(jacobian))[:, :, None, None]
-        found = np.zeros_like(self.mesh.points)
-        np.add.at(found, self.mesh.cells[cells], np.einsum("cqab,qnb->cna", pull, slopes))
-        return found
+        forces = np.zeros_like(self.mesh.points)
+        np.add.at(forces, self.mesh.cells[cells], np.einsum("cqab,qnb->cna", pull, slopes))
+        return forces
 
     def section_forces(self, rod: int, u: ArrayLike) -> SectionForces:
-        """Return what sections of a rod carry, as `isorod.output.state.State` does, of the stress there."""
+        """Return the section forces of a rod, as `isorod.output.state.State` does, from the stress there."""
         space = self.model.bodies[rod].space
         given = parameters(space, u)
         where = given.ravel()
@@ -189,8 +189,8 @@ class Solution:
         places = rest + self.at(rod, where, xi)
         centroid = centroids(places, np.linalg.norm(normals(moved, area), axis=2))
         moment = np.cross(places - centroid[:, None], pull).sum(axis=1)
-        found = pull.sum(axis=1), moment, centroid, frames(moved, area)
-        return SectionForces(*(one.reshape(*given.shape, *one.shape[1:]) for one in found))
+        results = pull.sum(axis=1), moment, centroid, frames(moved, area)
+        return SectionForces(*(one.reshape(*given.shape, *one.shape[1:]) for one in results))
 
     def rotation(self, rod: int, u: ArrayLike, about: ArrayLike | None = None) -> Array:
         """Return the mean rotation of a section, as `isorod.output.state.Deformation` does, up to half a turn."""
@@ -210,7 +210,7 @@ class Solution:
 
     def _located(self, rod: int, u: ArrayLike, xi: ArrayLike | None) -> tuple[Any, Index, Array]:
         """Return points of a rod, and the cell and the reference position of each."""
-        # What u and xi may be, and what they mean, is told by isorod itself.
+        # u and xi are checked and interpreted by isorod itself.
         points = Deformation(self.model, np.empty(0))._points(rod, u, xi)
         t, q = len(points.u), len(points.xi)
         if isinstance(self.mesh, Joined):
@@ -221,7 +221,7 @@ class Solution:
         return points, self.mesh.regions[f"rod {points.number}"][cell], where
 
     def _gone(self, cells: Index, where: Array, which: str) -> list[Array]:
-        """Return the deformation gradients of each state gone through."""
+        """Return the deformation gradients of each past state."""
         return [self._gradients(cells, where, which, one.displacement)[0] for one in self.past]
 
     def _gradients(self, cells: Index, where: Array, which: str, nodal: Array | None = None) -> tuple[Array, Array]:
@@ -234,7 +234,7 @@ class Solution:
     def _laws(self, cells: Index, parameters: Array, gone: Sequence[Array]) -> Iterator[tuple[Index, Any]]:
         """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``.
 
-        Its state is that after the deformation gradients of what the points have gone through.
+        Its state is that after the deformation gradients of the past states.
         """
         laws: list[tuple[Rod | None, Any]] = [(body.space.rod, law) for body in self.model.bodies for law in body.laws]
         laws += [(None, solid.law) for solid in self.model.solids]
@@ -255,15 +255,15 @@ class Solution:
             Those of the nodes at the points: ``(q, nodes)``, or ``(c, q, nodes)`` where they differ by cell.
         """
         which = "qn,cnp->cqp" if functions.ndim == 2 else "cqn,cnp->cqp"
-        found, parameters = np.empty_like(F), np.einsum(which, functions, self.cell_parameters[cells])
+        stress, parameters = np.empty_like(F), np.einsum(which, functions, self.cell_parameters[cells])
         for own, law in self._laws(cells, parameters, gone):
             p = self._pressures(cells[own], functions if functions.ndim == 2 else functions[own])
             if p is None:
-                found[own] = law.stress(F[own])
+                stress[own] = law.stress(F[own])
             else:
                 change = np.linalg.inv(F[own]).swapaxes(-1, -2) if law.logarithmic else np.eye(3)
-                found[own] = law.shear.stress(F[own]) + p[..., None, None] * change
-        return found
+                stress[own] = law.shear.stress(F[own]) + p[..., None, None] * change
+        return stress
 
     def _pressures(self, cells: Index, functions: Array) -> Array | None:
         """Return the pressures ``(c, q)`` at points of cells of one law; None where there are none."""
@@ -307,7 +307,7 @@ class Solution:
         for k in reversed(range(len(self.model.bodies))):
             nodes = mesh.cells[mesh.regions[f"rod {k}"]]
             node_rod[nodes], where[nodes] = k, mesh.parameters_in(k, nodes)
-        found = {
+        arrays = {
             "points": mesh.points,
             "parameters": where,
             "node_rod": node_rod,
@@ -317,8 +317,8 @@ class Solution:
             **({"reference": mesh.reference} if mesh.shape == "tetrahedron" else {}),
         }
         if self.displacement is None:
-            return found | {"modes": self.shapes, "frequencies": self.frequencies}
-        return found | {"displacement": self.displacement} | self._stress() | self._surface()
+            return arrays | {"modes": self.shapes, "frequencies": self.frequencies}
+        return arrays | {"displacement": self.displacement} | self._stress() | self._surface()
 
     def _stress(self) -> dict[str, Array]:
         """Return the von Mises stress at Gauss points, of tetrahedra at nodes, and where these are."""
@@ -343,17 +343,17 @@ class Solution:
         }
 
     def _surface(self) -> dict[str, Array]:
-        """Return the von Mises stress at surfaces, where stresses of both sides are compared."""
-        rods, parameters, found = [], [], []
+        """Return the von Mises stress at surfaces, where stresses of both methods are compared."""
+        rods, parameters, values = [], [], []
         for b, body in enumerate(self.model.bodies):
             u, xi = stresses.away(self.model, b), stresses.around([body.space.rod.rings[k] for k in (0, -1)], _AROUND)
             rods.append(np.full(u.size * len(xi), b))
             parameters.append(np.column_stack([np.tile(xi, (u.size, 1)), np.repeat(u, len(xi))]))
-            found.append(von_mises(self.stress(b, u, xi)).ravel() if u.size else np.empty(0))
+            values.append(von_mises(self.stress(b, u, xi)).ravel() if u.size else np.empty(0))
         return {
             "surface_rod": np.concatenate(rods),
             "surface_parameters": np.concatenate(parameters),
-            "surface_von_mises": np.concatenate(found),
+            "surface_von_mises": np.concatenate(values),
         }
 
 

@@ -33,38 +33,38 @@ def solve(
 ) -> Any:
     """Return a `Solution`, or of dynamics a `motion.Motion`, of displacement elements with the nodes of the mesh.
 
-    Parameters
-    ----------
-    model
-        Rods, supports, loads and contacts; with ties and bodies on a mesh of all as one solid.
-    mesh
-        Hexahedra of the rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
-        (`meshes.rods.build`), or tetrahedra of rods and bodies (`meshes.joined_mesh.build`).
-    analysis
-        ``"statics"``, ``"modal"`` about the state of rest, or ``"dynamics"``.
-    modes
-        Number of modes besides the rigid ones.
-    options
-        PETSc options that the user's own override; MUMPS if not given.
-    flags
-        C compiler flags for the forms.
-    load_steps
-        Equal steps to start with (statics): 1, or with laws with memory as many as their error wants.
-    end_time
-        Of histories of laws with memory (statics).
-    bodies
-        What holds and loads the model's bodies, which have that of their own meshes alone.
-    steps
-        Those of dynamics.
-    comm
-        The ranks; each has the whole model and mesh, and all of the solution.
+        Parameters
+        ----------
+        model
+            Rods, supports, loads and contacts; with ties and bodies on a mesh of all as one solid.
+        mesh
+            Hexahedra of the rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
+            (`meshes.rods.build`), or tetrahedra of rods and bodies (`meshes.joined_mesh.build`).
+        analysis
+            ``"statics"``, ``"modal"`` about the state of rest, or ``"dynamics"``.
+        modes
+            Number of modes besides the rigid ones.
+        options
+            PETSc options that the user's own override; MUMPS if not given.
+        flags
+            C compiler flags for the forms.
+        load_steps
+            Equal steps to start with (statics): 1, or with laws with memory as many as their error needs.
+        end_time
+            Of histories of laws with memory (statics).
+        bodies
+            What holds and loads the model's bodies, which have that of their own meshes alone.
+        steps
+            Those of dynamics.
+        comm
+            The ranks; each has the whole model and mesh, and all of the solution.
 
-    Raises
-    ------
-    InputError
-        If something in the model is not known here.
-    SolveError
-        If the solution is not found.
+        Raises
+        ------
+        InputError
+    If finite elements do not have something of the model.
+        SolveError
+            If no solution is reached.
     """
     refuse(model, analysis, bodies)
     if (model.ties or model.solids) and not isinstance(mesh, Joined):

@@ -23,7 +23,7 @@ class Condition(NamedTuple):
 
 
 class _HeldFacets:
-    """What holds facets of a body."""
+    """A support of facets of a body."""
 
     def __init__(self, elements: Elements, solid: int, held: HeldGroup) -> None:
         self.nodes: Index = np.unique(elements.source.faces[f"solid {solid} {held.group}"])
@@ -36,7 +36,7 @@ class _HeldFacets:
 
 
 class Supports:
-    """All supports of a model, and what holds its bodies.
+    """All supports of a model and of its bodies.
 
     Attributes
     ----------
@@ -54,13 +54,13 @@ class Supports:
         self._elements = elements
         self._objective = [all(law.objective for law in body.laws) for body in model.bodies]
         self._all, self._count = all_of(elements.source, model), max(1, len(model.supports))
-        # Of several supports on a node the last one holds it, as in isorod, and those of rods what bodies share.
+        # Of several supports on a node the last one holds it, as in isorod; supports of rods come after bodies'.
         self._owner = np.full((len(elements.source.points), 3), -1)
         facets = [_HeldFacets(elements, k, held) for k, body in enumerate(bodies) for held in body.held]
         count = len(model.supports)
         self._every: list[tuple[int, Held | _HeldFacets]] = [*enumerate(facets, count), *self._all.items()]
-        for k, one in self._every:
-            self._owner[one.nodes[:, None], one.components] = k
+        for k, support in self._every:
+            self._owner[support.nodes[:, None], support.components] = k
         self._nodal = np.zeros_like(elements.source.points)
         count = (self._owner >= 0).sum(axis=1)
         rows, components = np.nonzero((self._owner >= 0) & (elements.node_dofs >= 0)[:, None])
@@ -74,7 +74,7 @@ class Supports:
         elements = self._elements
         space, blocks = elements.space, elements.node_dofs
         if self.whole:
-            # Also where none of those held is this rank's: functions are made by all together.
+            # Also if no held node is this rank's: making a function is collective.
             if (self._owner < 0).all():
                 return []
             value = dolfinx.fem.Function(space)
@@ -86,7 +86,7 @@ class Supports:
         every = [(displacements.sub(c), np.sort(elements.places[rows[components == c], c])) for c in range(3)]
         if elements.split[1] is not None:
             every.append((unknowns.sub(1), elements.idle))
-        found = []
+        conditions = []
         for part, dofs in every:
             plain, back = compat.collapsed(part)
             value = dolfinx.fem.Function(plain)
@@ -94,14 +94,14 @@ class Supports:
             here[back] = np.arange(len(back))
             self._values.append((value, back))
             both = [dofs.astype(np.int32), here[dofs]]
-            found.append(Condition(dolfinx.fem.dirichletbc(value, both, part), dofs))
-        return found
+            conditions.append(Condition(dolfinx.fem.dirichletbc(value, both, part), dofs))
+        return conditions
 
     def move(self, factor: float) -> None:
         """Set the displacements of a load factor."""
-        for k, one in self._every:
-            mine = self._owner[one.nodes] == k
-            self._nodal[one.nodes] = np.where(mine, one.displacement(factor), self._nodal[one.nodes])
+        for k, support in self._every:
+            mine = self._owner[support.nodes] == k
+            self._nodal[support.nodes] = np.where(mine, support.displacement(factor), self._nodal[support.nodes])
         coefficients = self._elements.to_dofs(self._nodal)
         for value, back in self._values:
             value.x.array[:] = coefficients if back is None else coefficients[back]
@@ -115,15 +115,15 @@ class Supports:
         Parameters
         ----------
         nodal
-            What holds the nodes: internal forces less loads, shape ``(nodes, 3)``.
+            Reactions at nodes: internal forces less loads, shape ``(nodes, 3)``.
         displacement
             Shape ``(nodes, 3)``.
         """
         reactions, moments = (np.zeros((self._count, 3)) for _ in range(2))
-        for k, one in self._all.items():
-            own = np.where(self._owner[one.nodes] == k, nodal[one.nodes], 0.0)
-            moved = self._objective[one.body]
-            arms = self._elements.source.points[one.nodes] + moved * displacement[one.nodes]
-            arms -= one.centre(displacement, moved)
+        for k, support in self._all.items():
+            own = np.where(self._owner[support.nodes] == k, nodal[support.nodes], 0.0)
+            moved = self._objective[support.body]
+            arms = self._elements.source.points[support.nodes] + moved * displacement[support.nodes]
+            arms -= support.centre(displacement, moved)
             reactions[k], moments[k] = own.sum(axis=0), np.cross(arms, own).sum(axis=0)
         return reactions, moments

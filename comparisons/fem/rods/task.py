@@ -1,4 +1,4 @@
-"""What is asked of finite elements of rods, and what equilibria and motions of them return alike."""
+"""The problem that finite elements of rods solve, and the fields common to equilibria and motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

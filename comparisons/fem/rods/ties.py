@@ -1,4 +1,4 @@
-"""What ties of parts of one solid carry: internal forces of the slave alone, at the nodes that it shares."""
+"""Forces in ties of parts of one solid: internal forces of the slave alone at the common nodes."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from meshes.mesh import Array
 
 
 class Carried(NamedTuple):
-    """What a tie carries, as in `isorod.checks.tie_result.TieResult`: on the slave, moments about ``center``."""
+    """Force and moment of a tie on the slave, as in `isorod.checks.tie_result.TieResult`; moments about ``center``."""
 
     force: Array
     moment: Array
@@ -24,11 +24,11 @@ class Carried(NamedTuple):
 
 
 def carried(solution: Solution, elements: Elements, rule: int, bodies: Sequence[OfBody]) -> list[Carried]:
-    """Return what each tie carries at full load; ``rule`` is the degree of the energy's quadrature."""
+    """Return force and moment of each tie at full load; ``rule`` is the degree of the energy's quadrature."""
     source, model = solution.mesh, solution.model
     shape = getattr(basix.CellType, source.shape)
     points, weights = (np.asarray(one) for one in basix.make_quadrature(shape, rule))
-    found = []
+    results = []
     for k, tie in enumerate(model.ties):
         slave = tie.slave
         region = f"solid {slave.solid}" if isinstance(slave, SolidSurface) else f"rod {slave.body}"
@@ -40,5 +40,5 @@ def carried(solution: Solution, elements: Elements, rule: int, bodies: Sequence[
         center = on.weights @ places / on.weights.sum()
         nodes = np.unique(facets)
         moment = np.cross(source.points[nodes] - center, nodal[nodes]).sum(axis=0)
-        found.append(Carried(nodal[nodes].sum(axis=0), moment, center))
-    return found
+        results.append(Carried(nodal[nodes].sum(axis=0), moment, center))
+    return results
