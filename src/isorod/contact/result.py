@@ -128,6 +128,14 @@ class ContactResult:
         return self.projections
 
     @property
+    def peak_place(self) -> str:
+        """Where the pressure is largest, in words."""
+        k = int(np.argmax(self.pressure))
+        if self.on_facets:
+            return "facets at " + ", ".join(f"{x:.4g}" for x in self.positions[k])
+        return f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
+
+    @property
     def stretched(self) -> float:
         """Work of friction on the elastic displacement of sticking points."""
         sticks = (self.pressure > 0.0) & ~self.slips
@@ -154,10 +162,7 @@ class ContactResult:
             )
         if not self.points_across:
             return None
-        k = int(np.argmax(self.pressure))
-        where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
-        if self.on_facets:
-            where = "facets at " + ", ".join(f"{x:.4g}" for x in self.positions[k])
+        where = self.peak_place
         # The compliance of rods at lines is in the estimated error.
         if self.cells_across < quality.CELLS and not self.at_lines:
             times = min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across))

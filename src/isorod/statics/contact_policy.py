@@ -301,8 +301,14 @@ class ContactPolicy:
                 if depth <= 1.0:
                     return count
                 if count >= CONTROL.updates:
+                    deepest = max(
+                        self._contact.results(self._displacement(factor)),
+                        key=lambda contact: contact.relative_penetration,
+                    )
                     raise SolveError(
-                        f"{text} after {CONTROL.updates} augmented Lagrangian updates; increase the penalty"
+                        f"{text} after {CONTROL.updates} augmented Lagrangian updates, largest pressure on "
+                        f"{deepest.peak_place}; a surface held by a support there cannot give way: hold it elsewhere; "
+                        "else increase the penalty"
                     )
                 if stalls and raised < CONTROL.stiffenings:
                     self._contact.stiffen(CONTROL.stiffer)
