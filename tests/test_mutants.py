@@ -93,6 +93,21 @@ def apply(x):
 def other(x=0):
     return x
 '''
+CHOOSER = """def first():
+    from isorod.adding import add
+
+    return add
+
+
+def other():
+    from isorod.stranger import outer as add
+
+    return add
+
+
+def named():
+    return import_module("two_kernel")
+"""
 TESTS = '''"""Tests."""
 
 from isorod import Offered, kernel
@@ -134,6 +149,9 @@ def reach(tmp_path):
     (place / "writer.py").write_text('_NAMES = {"isorod.adding": "add"}\n\n\ndef text():\n    return _NAMES\n')
     seen = {"src/isorod/user.py": {7: {"applies"}, 11: {"others"}}, "src/isorod/stranger.py": {2: {"strange"}}}
     seen["src/isorod/writer.py"] = {5: {"writes"}}
+    (place / "two_kernel.py").write_text("@njit\ndef add(x):\n    return x\n")
+    (place / "chooser.py").write_text(CHOOSER)
+    seen["src/isorod/chooser.py"] = {4: {"chooses the first"}, 10: {"chooses the other"}, 14: {"chooses by name"}}
     tests = "test_it[1] test_it[2] test_other test_offered test_listed[no]".split()
     seconds = {f"tests/test_kernel.py::{test}": 1.0 for test in tests}
     return Reach(tmp_path, covered.Covered(seconds, {}, {}, seen, []))
@@ -154,7 +172,9 @@ def reach(tmp_path):
             {f"tests/test_kernel.py::{test}" for test in ("test_offered", "test_listed[no]")},
         ),  # by the package
         ("stranger.py", 2, {"strange"}),
-        ("adding.py", 3, {"writes"}),  # compiled, in code that is written at run time
+        # compiled: by code written at run time, and by a function that imports it by a name that another uses too
+        ("adding.py", 3, {"writes", "chooses the first"}),
+        ("two_kernel.py", 3, {"chooses by name"}),  # a module named by a text
     ],
 )
 def test_tests_are_those_that_run_the_line_or_what_uses_it(reach, path, line, tests):

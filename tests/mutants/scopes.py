@@ -43,8 +43,8 @@ class Code:
         self._made = {path: set().union(*map(_made, parsed.body)) for path, parsed in self.parsed.items()}
         self.scopes = {path: list(self._scopes(path, parsed.body, "")) for path, parsed in self.parsed.items()}
 
-    def _imports(self, parsed: ast.Module) -> dict[str, tuple[str, str]]:
-        """Return what names stand for: (module, "") or (module, name in it)."""
+    def _imports(self, parsed: ast.AST) -> dict[str, tuple[str, str]]:
+        """Return what names imported there stand for: (module, "") or (module, name in it)."""
         found = {}
         for node in ast.walk(parsed):
             if isinstance(node, ast.Import):
@@ -58,9 +58,11 @@ class Code:
 
     def _trace(self, path: str, name: str) -> Name | None:
         """Return where a name of a module is made, through those that only hand it on."""
-        if name in self._made[path]:
-            return path, name
-        module, inner = self._imported[path].get(name, ("", ""))
+        return (path, name) if name in self._made[path] else self._origin(self._imported[path].get(name, ("", "")))
+
+    def _origin(self, imported: tuple[str, str]) -> Name | None:
+        """Return where an imported name is made."""
+        module, inner = imported
         return self._trace(self._paths[module], inner) if inner and module in self._paths else None
 
     def _scopes(self, path: str, body: list[ast.stmt], owner: str) -> Iterator[Scope]:
@@ -89,14 +91,19 @@ class Code:
 
     def _uses(self, path: str, nodes: list[ast.AST], own: set[str]) -> frozenset[Name]:
         found: set[Name | None] = set()
+        # Two functions may import different things by one name.
+        local = {name: it for top in nodes for name, it in self._imports(top).items()}
         for node in (one for top in nodes for one in _without_types(top)):
             if isinstance(node, ast.Dict):
                 found |= self._listed(node)
+            if isinstance(node, ast.Constant) and str(node.value).endswith("_kernel"):
+                kernel = str(Path(path).with_name(f"{node.value}.py"))
+                found |= {(kernel, name) for name in self._made.get(kernel, set())}
             if isinstance(node, ast.Name) and node.id not in own:
-                found.add(self._trace(path, node.id))
+                found.add(self._origin(local[node.id]) if node.id in local else self._trace(path, node.id))
             if isinstance(node, ast.Attribute):
                 base = node.value.id if isinstance(node.value, ast.Name) else ""
-                module, inner = self._imported[path].get(base, ("", ""))
+                module, inner = local.get(base, self._imported[path].get(base, ("", "")))
                 known = self._paths.get(module) if not inner and base not in own else None
                 found.add(self._trace(known, node.attr) if known else ("", node.attr))
         return frozenset(name for name in found if name)
