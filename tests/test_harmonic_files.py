@@ -25,6 +25,7 @@ from isorod import (
     random,
     straight,
 )
+from isorod.command import vibrations
 from isorod.command.cli import main
 from isorod.output import curves
 
@@ -188,3 +189,11 @@ def shaken():
     at = 0, 0.5, (0.6, 0.6)
     scale = np.abs(one.stress(*at)).max()
     assert both.stress(*at) == pytest.approx(one.stress(*at), abs=1e-6 * scale)
+
+
+def test_the_highest_peaks_are_printed_by_frequency():
+    peaks = [[float(10 * k), size] for k, size in enumerate((3.0, 1.0, 7.0, 2.0, 5.0, 6.0, 0.5, 4.0), 1)]
+    record = {"peaks": {"tip_z": peaks}, "resonances": [], "ratios": [], "about": "rest"}
+    (name, text), *_ = vibrations.rows(record | {"left_out": {"shapes": 1, "modes": 1, "share": 1e-3}})
+    assert name == "peaks tip z"
+    assert text == "3 at 10; 7 at 30; 2 at 40; 5 at 50; 6 at 60; 4 at 80; 2 lower ones"

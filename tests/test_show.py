@@ -265,3 +265,13 @@ def test_help_names_the_options_and_no_petsc(capsys):
 def test_every_kind_of_obstacle_can_be_drawn():
     """Those that files may name are those above."""
     assert len(schema.OBSTACLES) == len(OBSTACLES)
+
+
+def test_lines_go_through_their_own_points():
+    drawn = []
+    plotter = type("Plotter", (), {"add_mesh": lambda self, mesh, **_: drawn.append(mesh)})()
+    lines = [np.arange(6.0).reshape(2, 3), 10.0 + np.arange(9.0).reshape(3, 3)]
+    picture.add_lines(plotter, lines, "black", 1.0)
+    (mesh,) = drawn
+    for k, line in enumerate(lines):
+        assert mesh.get_cell(k).points == pytest.approx(line)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import isorod
-from isorod.model.history import TimeTable
+from isorod.model.history import Clock, TimeTable
 
 E, DENSITY, LENGTH, RADIUS = 100.0, 3.0, 1.0, 0.1
 AREA = np.pi * RADIUS**2
@@ -54,6 +54,20 @@ def test_a_jump_has_both_its_values():
     table = TimeTable.of(TABLES[1])
     assert table.at(0.2) == -1.0 and table.at(0.2, before=True) == 0.3
     assert table.slope(0.2) == pytest.approx(6.0) and table.slope(0.2, before=True) == 0.0 and table.jumps
+
+
+@pytest.mark.parametrize("spins", [False, True])
+@pytest.mark.parametrize("rows", [None, [[0, 0], [0.1, 1], [0.5, 3], [0.6, -1.0]]])
+def test_clocks_have_the_rates_of_their_factors(spins, rows):
+    clock, h = Clock(rows and TimeTable.of(rows), spins), 1e-6
+    for time in (0.05, 0.3, 0.57):
+        rate = (clock.at(time + h) - clock.at(time - h)) / (2 * h)
+        assert clock.rate(time, False) == pytest.approx(rate, abs=1e-8)
+        acceleration = (clock.rate(time + h, False) - clock.rate(time - h, False)) / (2 * h)
+        assert clock.acceleration(time) == pytest.approx(acceleration, abs=1e-8)
+    # At a kink of what turns the mean of both sides.
+    if spins and rows:
+        assert clock.acceleration(0.1) == pytest.approx(0.5 * (10.0 + 5.0))
 
 
 @pytest.mark.parametrize(
