@@ -204,7 +204,7 @@ def test_a_rod_with_a_field_of_temperatures_moves_alike_in_both_integrators():
         ("expansion = [1e-5, 2e-5]", "got 2 numbers, need one"),
         ("expansion = []", "need numbers"),
         ("expansion = 1e-5\nstiffness = [[0, 1], [50, 0.5]]", "its table is from 0 to 50, the"),
-        ("expansion = 1e-5\nstiffness = [[0, 1], [200, 0]]", "a share of 0"),
+        ("expansion = 1e-5\nstiffness = [[0, 1], [200, 0]]", "a factor of 0"),
         (
             "expansion = 1e-5\nstiffness = [[0, 1], [200, 0.5]]\ntemperature_history = [[0, 0], [1, 3], [2, 0]]",
             "its table is from 0 to 200, the temperature runs through 300",
