@@ -20,9 +20,9 @@ from isorod import InputError, NeoHookean, SolveError, Space, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.contact import cells, quality
 from isorod.contact.facets import nodes_of
-from isorod.contact.passing import Tunnelling
 from isorod.contact.quality import widths
 from isorod.contact.tables import pack
+from isorod.contact.tunnelling import Tunnelling
 from isorod.fenics import compat
 from isorod.fenics.solid import Solid
 from isorod.model import Body, Contact, Model, Support

@@ -10,7 +10,7 @@ from surfaces import falling, fit_pressure, pin, press_fit, strip, tube
 from touching import LAW, moved
 
 from isorod import Body, Contact, Model, Space, dynamics, statics
-from isorod.contact.passing import Tunnelling
+from isorod.contact.tunnelling import Tunnelling
 
 
 @pytest.mark.parametrize("hollow", [False, True])

@@ -9,7 +9,7 @@ import pytest
 
 from isorod import InputError, files
 from isorod.command import solving
-from isorod.design import evaluations, optimise, parameters, wanted
+from isorod.design import constraints, evaluations, optimise, parameters
 from isorod.files.rewritten import rewritten
 from isorod.statics.differences import Unavailable
 
@@ -343,7 +343,7 @@ def test_a_file_is_rewritten_in_place():
 
 def test_what_varies_may_be_all_of_a_table(beam):
     scene = files.find("beam.toml")
-    names = [one.name for one in wanted.varied(["rod.beam.law"], scene)]
+    names = [one.name for one in constraints.varied(["rod.beam.law"], scene)]
     assert names == ["rod.beam.law.LinearElastic.E", "rod.beam.law.LinearElastic.nu"]
 
 

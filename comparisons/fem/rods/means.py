@@ -10,7 +10,7 @@ from scipy import sparse
 
 from comparisons.fem.contact.facets import facet_of, gauss
 from comparisons.fem.rods.elements import Elements
-from isorod.assembly.twisting import SectionMoment, spread_of
+from isorod.assembly.section_moment import SectionMoment, spread_of
 from isorod.model.load import SectionLoad
 from isorod.model.mean import MeanSupport
 from isorod.model.model import Model

@@ -12,7 +12,7 @@ from isorod.assembly.parts import Parts
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
-    from isorod.assembly.pressing import FollowerLoads
+    from isorod.assembly.follower import FollowerLoads
 
 
 class Loaded(Parts):
@@ -30,7 +30,7 @@ class Loaded(Parts):
         loads = self.model.following
         if not loads:
             return []
-        from isorod.assembly.pressing import FollowerLoads
+        from isorod.assembly.follower import FollowerLoads
 
         self.note("following loads")
         return [FollowerLoads(one, [load for load in loads if load.body == one.which]) for one in self.element_ranges]

@@ -18,9 +18,9 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.gradients import deformation_gradients, pulled_stress
 from isorod.assembly.part import Part
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import ElementRange
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.space.space import Table

@@ -10,10 +10,10 @@ from isorod.assembly import element_kernel
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Last
 from isorod.assembly.gradients import deformation_gradients, displacement_gradients
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import Layers
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
-from isorod.assembly.split import ElementRange
 from isorod.geometry.quadrature import Rule
 from isorod.material.along_rod import Laws
 from isorod.model.load import Spin

@@ -11,8 +11,8 @@ from isorod import memory
 from isorod.arrays import Array, Index
 from isorod.assembly.mass import masses
 from isorod.assembly.part import Part
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import Pattern
-from isorod.assembly.split import ElementRange
 from isorod.assembly.unknowns import Unknowns
 from isorod.model.model import Model
 from isorod.petsc.matrix import componentwise, create_matrix, keep_symmetric, set_values

@@ -16,7 +16,7 @@ from isorod.assembly.pattern import Pattern, add
 from isorod.space.space import Table
 
 if TYPE_CHECKING:
-    from isorod.assembly.pressing import FollowerLoads
+    from isorod.assembly.follower import FollowerLoads
 
 
 def entries(

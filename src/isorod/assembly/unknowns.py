@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.split import Partition
+from isorod.assembly.partition import Partition
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.model import Model

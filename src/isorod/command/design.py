@@ -75,13 +75,13 @@ def more(parser: Parser, scene: Any) -> None:
 
 def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
     from isorod.command import solving
-    from isorod.design import curves, evaluations, optimise, wanted
+    from isorod.design import constraints, curves, evaluations, optimise
 
     several = {name: scene.with_options(case=name) for name in scene.cases} if scene.cases and not scene.case else {}
     if several and args.table:
         raise InputError("--table: the file has load cases; choose one with --case")
     several = several or {"": scene}
-    varied = wanted.varied(args.vary, scene)
+    varied = constraints.varied(args.vary, scene)
     scene = next(iter(several.values()))
     _check(scene, args, {parameter.name: parameter.start for parameter in varied})
     table = read_table(args, scene, varied)
@@ -98,9 +98,9 @@ def _design(scene: Any, args: argparse.Namespace) -> dict[str, Any]:
         ending.announce(
             f"a solve takes some {duration(seconds)}; a design takes 5 to 30, at most {optimise.SOLVES} a round"
         )
-    known = wanted.Known(before.values, [*several] if table else [])
-    asked = wanted.constraints(args.target, "--target", "=", known)
-    asked += wanted.constraints(args.limit, "--limit", "<>", known)
+    known = constraints.Known(before.values, [*several] if table else [])
+    asked = constraints.constraints(args.target, "--target", "=", known)
+    asked += constraints.constraints(args.limit, "--limit", "<>", known)
     objective = None if table is None else (evaluations.MISFIT, 1.0)
     if args.minimise or args.maximise:
         option = "--minimise" if args.minimise else "--maximise"

@@ -58,9 +58,9 @@ def _identify(scene: Any, args: Any) -> dict[str, Any]:
         report_progress,
         solve_anew,
     )
-    from isorod.design import curves, evaluations, identify, wanted
+    from isorod.design import constraints, curves, evaluations, identify
 
-    several = wanted.varied(args.vary, scene)
+    several = constraints.varied(args.vary, scene)
     table = read_table(args, scene, several)
     names = [one.name for one in several]
     own = evaluations.Evaluations(

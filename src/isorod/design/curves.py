@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.design import parameters
-from isorod.design.wanted import Variable
+from isorod.design.constraints import Variable
 from isorod.errors import InputError
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from isorod.arrays import Array
+from isorod.design.constraints import Variable
 from isorod.design.curves import Curve
 from isorod.design.evaluations import Evaluations, Results
-from isorod.design.wanted import Variable
 from isorod.errors import InputError
 
 # Relative tolerance on parameters, misfit and gradient.

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import lsq_linear, minimize
 
 from isorod.arrays import Array
+from isorod.design.constraints import Constraint, Variable
 from isorod.design.evaluations import MISFIT, Evaluations, Results
-from isorod.design.wanted import Constraint, Variable
 from isorod.errors import InputError, SolveError
 
 # Relative tolerances of targets and limits, and of the objective.

@@ -28,7 +28,7 @@ from isorod.output.solids import owned
 from isorod.petsc.options import in_force
 
 if TYPE_CHECKING:
-    from isorod.dynamics.sight import PeakContacts
+    from isorod.dynamics.contact_resolution import PeakContacts
 
 # Displacement error of implicit steps above which a warning is given.
 _LARGE = 0.005
@@ -226,7 +226,7 @@ def _go(run: Run, file: "_Checkpoint", every: float, progress: bool) -> tuple[fl
 
 
 def _peak_contacts(run: Run) -> "PeakContacts":
-    from isorod.dynamics.sight import PeakContacts
+    from isorod.dynamics.contact_resolution import PeakContacts
 
     return PeakContacts(run)
 

@@ -15,7 +15,7 @@ from isorod.geometry.fitting import evaluate, inside
 from isorod.geometry.frames import Frames
 from isorod.geometry.given import check_length, finite_points
 from isorod.geometry.line import CenterLine
-from isorod.geometry.pieces import tensors
+from isorod.geometry.segments import tensors
 
 __all__ = ["CenterLine", "nurbs", "polyline", "straight"]
 

@@ -13,7 +13,7 @@ from isorod.geometry.coils import Winding, check_angle, wound
 from isorod.geometry.frames import ArcLength, Frames
 from isorod.geometry.given import check_length, finite_points
 from isorod.geometry.line import CenterLine
-from isorod.geometry.pieces import Segment, joined, tensors
+from isorod.geometry.segments import Segment, joined, tensors
 from isorod.tensors import rotation
 
 # Largest gap between end and start of a closed chain, relative to its length, and between directions, radians.

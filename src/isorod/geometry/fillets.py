@@ -7,8 +7,8 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.pieces import Segment, joined
 from isorod.geometry.reading import turns
+from isorod.geometry.segments import Segment, joined
 
 # Turns below this, radians, need no fillet; segments below this fraction of the longest chord are left out.
 _STRAIGHT = 1e-9

@@ -24,10 +24,10 @@ from isorod.output.progress import Reporter
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics import stability
+from isorod.statics.checkpoints import CheckpointOptions, CheckpointWriter
 from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome, warn_of
 from isorod.statics.equilibrium import Equilibrium
-from isorod.statics.kept import CheckpointOptions, CheckpointWriter
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
-from isorod.statics.kept import CheckpointWriter, Reached
+from isorod.statics.checkpoints import CheckpointWriter, Reached
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY

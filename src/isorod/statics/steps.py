@@ -10,7 +10,7 @@ from isorod.checks.turning import Turning
 from isorod.statics.convergence import squeezed
 
 if TYPE_CHECKING:
-    from isorod.contact.passing import Tunnelling
+    from isorod.contact.tunnelling import Tunnelling
 
 
 class Diverged(Exception):
@@ -38,18 +38,18 @@ class Steps:
         self._assembler = assembler
         self.turning = Turning(assembler.model)
         self.watched = self.careful = False
-        self._passing: Tunnelling | None = None
+        self._tunnelling: Tunnelling | None = None
         if assembler.contact is not None:
-            from isorod.contact import passing
+            from isorod.contact import tunnelling
 
-            self._passing = passing.Tunnelling(assembler.model)
+            self._tunnelling = tunnelling.Tunnelling(assembler.model)
 
     def free(self, start: PETSc.Vec, end: PETSc.Vec, before: float, factor: float) -> float:
         """Return the fraction of an increment without bodies passing through each other: 1 where not ``careful``."""
-        if self._passing is None or not self.careful:
+        if self._tunnelling is None or not self.careful:
             return 1.0
         state = self._assembler.touching
-        return self._passing.free(state(start, before), state(end, factor), (before, factor))
+        return self._tunnelling.free(state(start, before), state(end, factor), (before, factor))
 
     def refuse_squeezed(self, before: list[Array], trial: PETSc.Vec, factor: float) -> None:
         """Raise `Diverged` if an element has lost most of its volume."""
@@ -60,15 +60,15 @@ class Steps:
     def refuse(self, start: PETSc.Vec, before: float, end: PETSc.Vec, factor: float) -> None:
         """Raise `Diverged` if rotating supports turned a body too far, or bodies passed through each other."""
         watches, contact = self.turning.watches, self._assembler.contact
-        if not watches and self._passing is None:
+        if not watches and self._tunnelling is None:
             return
         states = self._assembler.touching(start, before), self._assembler.touching(end, factor)
         problem = self.turning.lost(*(state[: self._assembler.model.dofs] for state in states)) if watches else None
         if problem is not None:
             raise Diverged(problem)
-        if self._passing is not None and contact is not None:
+        if self._tunnelling is not None and contact is not None:
             # In careful steps each iteration was checked; their sum need not be straight.
-            passed = None if self.careful else self._passing.passed(*states, (before, factor))
-            problem = self._passing.deep(contact.packed) or passed
+            passed = None if self.careful else self._tunnelling.passed(*states, (before, factor))
+            problem = self._tunnelling.deep(contact.packed) or passed
             if problem is not None:
                 raise TooDeep(f"{problem} at the minimum step size; increase the penalty, or add a support")

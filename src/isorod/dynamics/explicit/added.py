@@ -8,9 +8,9 @@ from scipy.sparse import csr_matrix
 from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.assembly.gradients import deformation_gradients
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.assembly.region import regions
-from isorod.assembly.split import ElementRange
 from isorod.material.law import Material
 from isorod.material.places import alone
 from isorod.space.space import Table

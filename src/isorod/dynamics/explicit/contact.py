@@ -12,7 +12,7 @@ from isorod.compiled import F1, F2, I1, U1
 from isorod.contact import facets, friction, tables
 from isorod.contact import ranks as dealt
 from isorod.contact.packed import FRICTION, PACKED, Friction, Packed
-from isorod.contact.passing import limits
+from isorod.contact.tunnelling import limits
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
@@ -33,7 +33,7 @@ class StepContact(NamedTuple):
     positions, forces
         Work space of all nodes of contact (`isorod.contact.packed`), ``(., 3)``.
     limits
-        Largest penetration of each pass before points come out at the far side (`isorod.contact.passing`).
+        Largest penetration of each pass before points come out at the far side (`isorod.contact.tunnelling`).
     carries
         1 for control points, else 0: the resultant is the sum of their forces, ``(nodes,)``.
     shared

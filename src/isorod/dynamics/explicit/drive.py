@@ -15,7 +15,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.assembly import averages, exerted
 from isorod.assembly.constraints import Constraints
-from isorod.assembly.pressing import FollowerLoads
+from isorod.assembly.follower import FollowerLoads
 from isorod.dynamics.explicit.step_kernel import DISSIPATED, FOLLOWED, PUSHED, Course
 from isorod.errors import InputError
 

@@ -1,4 +1,4 @@
-"""Partition of a model in motion over ranks: each has the elements of `isorod.assembly.split`; sums over all ranks.
+"""Partition of a model in motion over ranks: each has the elements of `isorod.assembly.partition`; sums over all ranks.
 
 State vectors are those of the full model on every rank.  In an interval of steps a rank updates the entries of its
 elements.  Momenta and forces of nodes shared with other ranks, those on edges, are then its contribution, velocity and
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly.split import ElementRange, Partition
+from isorod.assembly.partition import ElementRange, Partition
 from isorod.model.model import Model
 
 

@@ -24,9 +24,9 @@ from isorod.assembly.exchange import Exchange
 from isorod.assembly.exerted import carried
 from isorod.assembly.gradients import add_stress
 from isorod.assembly.part import ROUNDING, Part
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import ElementRange
 from isorod.dynamics.explicit import states
 from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.model.mean import MeanSupport

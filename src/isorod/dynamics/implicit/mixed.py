@@ -22,9 +22,9 @@ from isorod.arrays import Array
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.mixed import MixedAssembler, MixedPart, coupling
 from isorod.assembly.part import Part
+from isorod.assembly.partition import ElementRange
 from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.split import ElementRange
 from isorod.dynamics.implicit.assembler import StepAssembler, StepPart
 from isorod.material.along_rod import complementary, volume_between, volume_change
 from isorod.model.model import Model

@@ -25,7 +25,7 @@ from isorod.petsc.library import solver_types
 from isorod.tensors import rotation
 
 if TYPE_CHECKING:
-    from isorod.contact.passing import Tunnelling
+    from isorod.contact.tunnelling import Tunnelling
 
 # Maximum number of halvings of a step, and of cuts in it: with more of these the next steps would need as many, and the
 # user should take a shorter step.
@@ -66,11 +66,11 @@ class Run(run.Run):
         self.newton = Newton(self.assembler)
         # Largest number of cuts up to the end of this step, and the shortest part of it that converged.
         self._allowed, self._shortest = _CUTS, np.inf
-        self._passing: Tunnelling | None = None
+        self._tunnelling: Tunnelling | None = None
         if self.assembler.contact is not None:
-            from isorod.contact import passing
+            from isorod.contact import tunnelling
 
-            self._passing = passing.Tunnelling(system.model)
+            self._tunnelling = tunnelling.Tunnelling(system.model)
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -193,10 +193,10 @@ class Run(run.Run):
             change = self.newton.solve(guesses[1], level)
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
-        if change is not None and self._passing is not None and self.assembler.contact is not None:
+        if change is not None and self._tunnelling is not None and self.assembler.contact is not None:
             at = self.assembler.contact_displacement
             ends = at(displacement), at(displacement + change), (time, time + dt)
-            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(*ends)
+            through = self._tunnelling.deep(self.assembler.contact.packed) or self._tunnelling.passed(*ends)
             change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
@@ -251,10 +251,10 @@ class Run(run.Run):
 
     def _refuse_deep(self, time: float) -> None:
         """Raise `SolveError` if the penetration is too large at the start of a step already: no shorter one helps."""
-        if self._passing is None or self.assembler.contact is None:
+        if self._tunnelling is None or self.assembler.contact is None:
             return
         self.assembler.contact.forces(np.zeros(self.assembler.contact.start.size))
-        deep = self._passing.deep(self.assembler.contact.packed)
+        deep = self._tunnelling.deep(self.assembler.contact.packed)
         if deep is not None:
             raise SolveError(f"step {self.taken + 1}, time {time:.6g}: {deep} before the step{self._jumped()}")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isorod import Body, Model, NeoHookean, Space
-from isorod.assembly.split import Partition
+from isorod.assembly.partition import Partition
 from isorod.assembly.unknowns import Unknowns
 from isorod.scenes.ring import Ring
 

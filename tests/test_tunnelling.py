@@ -10,7 +10,7 @@ from pushed import ACROSS, LAW, outcome, rods
 
 from comparisons.contact.capstan import Capstan
 from isorod import NeoHookean, Rod, SolveError, Space, circle, dynamics, helix, statics
-from isorod.contact.passing import Tunnelling
+from isorod.contact.tunnelling import Tunnelling
 from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Sphere, Support
 
 

@@ -8,7 +8,7 @@ has no potential.
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import ElementRange
+from isorod.assembly.partition import ElementRange
 from isorod.model.load import SectionLoad
 from isorod.tensors import cross
 

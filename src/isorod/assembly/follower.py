@@ -1,4 +1,4 @@
-"""Follower loads, which depend on the state: pressure on a surface, and moments (`isorod.assembly.twisting`).
+"""Follower loads, which depend on the state: pressure on a surface, and moments (`isorod.assembly.section_moment`).
 
 Of pressure ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du`` with the present position ``x`` of the surface.
 """
@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.split import ElementRange
-from isorod.assembly.twisting import SectionMoment
+from isorod.assembly.partition import ElementRange
+from isorod.assembly.section_moment import SectionMoment
 from isorod.model.load import Pressure, SectionLoad
 
 # Permutation symbol: ``(a x b)_i = _CROSS[i, j, k] a_j b_k``.
