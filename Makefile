@@ -45,8 +45,10 @@ bench:
 	@$(PYTHON) -m comparisons bench --level $(LEVEL) \
 		$(addprefix --dolfinx ,$(wildcard .venv-wheels/bin/python)) $(BENCH)
 
-# Files of tests side by side; more than a few at once would be in the way of those that start ranks.
-PYTEST := -m pytest -n auto --maxprocesses 4 --dist loadfile
+# Files of tests side by side, one more than there are processors, as some wait for a browser or a disk; more than four
+# would be in the way of those that start ranks.
+WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
+PYTEST := -m pytest -n $(WORKERS) --dist loadfile
 
 test: install
 	@$(PYTHON) $(PYTEST) -m "not slow"
